@@ -1,9 +1,10 @@
-"""Laws built into module types: what stands where afterwards, and what its plan gives."""
+"""Effects for tests, built into module types: what stands where afterwards, and what it gives."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +13,164 @@ import yaml
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 
+from rulec.commands.check_files import collect
 from rulec.effects.model_builder import ModelBuilder, open_builder, reference_readings
 from rulec.effects.places import parameter_values
+from rulec.effects.write_module import write_module
+from rulec.knowledge.effect import Driver, Effect, EffectLaw, EffectParameter, Join
+from rulec.language.expression import parse
+from rulec.language.origin import Origin
+from rulec.language.units import UNKNOWN, Unit
 from rulec.passes.lower import Lowering, lower_module
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT
-from tests.effects import ALL, LAMINAR, OFFSET, SPEED, WARM, with_effects
 
-PLANTS = (
-    "abc",
-    "mixing-rig",
-    "hsy-pumping",
-    "zema-hydraulic",
-    "zema-hydraulic/without-temperature.yaml",
+
+def join(
+    law: str,
+    *,
+    gives: str = "",
+    reads: str = "",
+    falls_with: str = "",
+    rises_with: str = "",
+    measured: bool = False,
+    substitutes: Mapping[str, Mapping[str, str]] | None = None,
+) -> Join:
+    """A join; `substitutes` is ``{"law_1": {"dp": "0"}}`` for a law with ``law_1`` in it."""
+    table = {
+        key: {driver: parse(by) for driver, by in replaced.items()}
+        for key, replaced in (substitutes or {}).items()
+    }
+    return Join(
+        reads=reads,
+        gives=gives,
+        falls_with=falls_with,
+        rises_with=rises_with,
+        measured=measured,
+        law=EffectLaw(law, parse(law), table),
+    )
+
+
+def driver(quantity: str, where: str = "own") -> Driver:
+    return Driver("", quantity, where, quantity)
+
+
+def parameter(
+    null: float | None = 0.0,
+    lowest: float = -1e9,
+    highest: float = 1e9,
+    starts: tuple[float, ...] = (),
+    of: str | None = None,
+    fixed: bool = False,
+    unit: str = "1",
+) -> EffectParameter:
+    return EffectParameter(
+        name="",
+        title="",
+        unit=Unit(unit, 1.0, UNKNOWN),
+        null=null,
+        lowest=lowest,
+        highest=highest,
+        starts=starts,
+        driver=of,
+        fixed=fixed,
+    )
+
+
+def effect(
+    name: str,
+    *joins: Join,
+    sort: str = "physics",
+    drivers: Mapping[str, Driver] | None = None,
+    parameters: Mapping[str, EffectParameter] | None = None,
+    text: str = "{module}: {place}",
+) -> Effect:
+    return Effect(
+        name=name,
+        title=name.replace("-", " "),
+        sort=sort,
+        joins=joins,
+        drivers={n: replace(d, name=n) for n, d in (drivers or {}).items()},
+        parameters={n: replace(p, name=n, title=n) for n, p in (parameters or {}).items()},
+        text=text,
+        action="",
+        origin=Origin("tests/test_amend.py", 1, "own"),
+    )
+
+
+WARM = effect(
+    "warm-slip",
+    join(
+        "law_1 - (law_1 - law)*exp(b*(T - T0))",
+        gives="volume flow",
+        falls_with="dp",
+        substitutes={"law_1": {"dp": "0"}},
+    ),
+    drivers={"dp": driver("pressure difference"), "T": driver("temperature", "plant")},
+    parameters={
+        "b": parameter(0.0, -0.02, 0.2, (0.02,), unit="1/K"),
+        "T0": parameter(None, of="T", fixed=True, unit="K"),
+    },
+    text="{module}: the slip grows by {b} with {T}",
 )
+OFFSET = effect(
+    "offset",
+    join("law - a", reads="any"),
+    sort="sensor",
+    parameters={"a": parameter()},
+)
+LAMINAR = effect(
+    "laminar-part",
+    join("sqrt(law**2 + a**2/4) - a/2", gives="volume flow", rises_with="dp"),
+    drivers={"dp": driver("pressure difference")},
+    parameters={"a": parameter(0.0, 0.0, 1.0, unit="m3/s")},
+)
+CRACKING = effect(
+    "cracking",
+    join("law - p", gives="pressure difference", rises_with="dp", measured=True),
+    drivers={"dp": driver("pressure difference")},
+    parameters={"p": parameter(0.0, 0.0, 1e6, unit="Pa")},
+)
+SPEED = effect(
+    "speed-loss",
+    join(
+        "law_1",
+        gives="volume flow",
+        falls_with="dp",
+        substitutes={"law_1": {"n": "n*(1 - s*dp)"}},
+    ),
+    drivers={"dp": driver("pressure difference"), "n": driver("rotational speed")},
+    parameters={"s": parameter(0.0, 0.0, 1.0, unit="1/Pa")},
+)
+WEAR = effect(
+    "wear",
+    join("law - c*t", gives="volume flow", falls_with="dp"),
+    sort="ageing",
+    drivers={"dp": driver("pressure difference"), "t": driver("time")},
+    parameters={"c": parameter(unit="m3/s/s")},
+)
+HEADER = effect(
+    "shared-header",
+    join("law + k*F**2", gives="level", rises_with="Q", measured=False),
+    drivers={"Q": driver("volume flow"), "F": driver("volume flow", "downstream")},
+    parameters={"k": parameter()},
+)
+ALL = (WARM, OFFSET, LAMINAR, CRACKING, SPEED, WEAR, HEADER)
 
 
-def opened(plant: str) -> tuple[Compilation, Ruleset, ModelBuilder]:
+def with_effects(models: Compilation, *effects: Effect) -> Compilation:
+    """Compilation whose knowledge has these effects and no others."""
+    known = replace(models.plant.knowledge, effects={e.name: e for e in effects})
+    plant = replace(models.plant, knowledge=known)
+    return replace(models, plant=plant, network=replace(models.network, plant=plant))
+
+
+PLANTS = ("mixing-rig", "hsy-pumping", "zema-hydraulic")
+Opened = tuple[Compilation, Ruleset, ModelBuilder]
+
+
+def opened(plant: str) -> Opened:
     """A shipped plant with the effects of the tests."""
     plain = run_passes(Compilation(path=ROOT / "plants" / Path(plant)))
     ruleset = plain.ruleset
@@ -38,12 +179,12 @@ def opened(plant: str) -> tuple[Compilation, Ruleset, ModelBuilder]:
 
 
 @pytest.fixture(scope="module")
-def rig() -> tuple[Compilation, Ruleset, ModelBuilder]:
+def rig() -> Opened:
     return opened("mixing-rig")
 
 
 @pytest.fixture(scope="module")
-def pump_set() -> tuple[Compilation, Ruleset, ModelBuilder]:
+def pump_set() -> Opened:
     return opened("zema-hydraulic/without-temperature.yaml")
 
 
@@ -99,7 +240,7 @@ def _first(values: Mapping[str, Array | float], driver: str | None) -> float:
 
 
 def test_slip_that_grows_with_temperature(
-    pump_set: tuple[Compilation, Ruleset, ModelBuilder],
+    pump_set: Opened,
 ) -> None:
     """The plan of an amended module, against the formula written out by hand."""
     models, ruleset, builder = pump_set
@@ -115,23 +256,8 @@ def test_slip_that_grows_with_temperature(
     )
 
 
-def test_equations_are_told_over_what_an_author_wrote(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
-) -> None:
-    """Definitions that were brought in are written out; a driver replaced goes all the way in."""
-    told = {c.id: c.equation for c in rig[2].candidates}
-    assert (
-        "Q_geo = n*(1 - s*dp)*V - (C0 + C1*(n*(1 - s*dp)) + C2*dp**2)"
-        == (told["A.speed-loss@Q_geo"])
-    )
-    assert "plant = sqrt(sqrt(loss/k2)**2 + a**2/4) - a/2" == told["A.laminar-part@plant"]
-    assert "dp_mod = dp - downstream(dp_mix) - p" == told["A.cracking@dp_mod"]
-    assert "true dp = dp - a" == told["A.offset@dp"]
-    assert "Q_geo = n*V - Q_slip - c*time" == told["A.wear@Q_geo"]
-
-
 def test_joined_one_after_the_other_at_one_place(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
+    rig: Opened,
 ) -> None:
     """The second law stands on the first; their parameters have names of their own."""
     models, ruleset, builder = rig
@@ -162,7 +288,7 @@ def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
 
 
 def test_a_corrected_reading_drives_what_is_joined_before_and_after(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
+    rig: Opened,
 ) -> None:
     """The order of acceptance does not matter, and the reading counts everywhere as corrected."""
     models, ruleset, builder = rig
@@ -178,22 +304,7 @@ def test_a_corrected_reading_drives_what_is_joined_before_and_after(
         np.testing.assert_allclose(other[name], value, rtol=1e-13)
 
 
-def test_a_sensor_error_reaches_the_modules_that_read_it(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
-) -> None:
-    """The offset of a mixer's transmitter shifts the back pressure of a dosing module."""
-    models, ruleset, builder = rig
-    values = around(models, ruleset)
-    offset = f"M1.{OFFSET.name}@dp"
-    out = builder.plan("A", (offset,)).run({**values, f"{offset}.a": 1e4})
-    true = {**values, "M1.dp": values["M1.dp"] - 1e4}
-    expected = builder.plan("A", ()).run(true)
-    np.testing.assert_allclose(out["q:A.plant"], expected["q:A.plant"], rtol=1e-13)
-    other = f"B.{LAMINAR.name}@plant"
-    assert builder.plan("A", (offset,)) is builder.plan("A", (offset, other))
-
-
-def test_a_spot_shifts_its_place(rig: tuple[Compilation, Ruleset, ModelBuilder]) -> None:
+def test_a_spot_shifts_its_place(rig: Opened) -> None:
     """An error in a definition is added, an error in a reading is taken off."""
     models, ruleset, builder = rig
     values = around(models, ruleset)
@@ -208,25 +319,8 @@ def test_a_spot_shifts_its_place(rig: tuple[Compilation, Ruleset, ModelBuilder])
         np.testing.assert_allclose(taken[name], value, rtol=1e-13)
 
 
-def test_free_form_is_a_sum_of_products_of_readings(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
-) -> None:
-    """Each reading less its median and over its spread; the same call, the same candidate."""
-    models, ruleset, builder = rig
-    values = around(models, ruleset)
-    spot = next(s for s in builder.spots if s.id == "definition:A.Q_geo")
-    free = builder.free_form(spot.id, ("A.T", "A.T*A.dp"))
-    assert free is builder.free_form(spot.id, ("A.T", "A.T*A.dp"))
-    assert ["c1", "c2", "x1_m", "x1_s", "x2_m", "x2_s"] == [u.name for u in free.unknowns]
-    numbers = dict(zip((u.id for u in free.unknowns), (1e-6, 2e-6, 290, 5, 2e5, 1e4), strict=True))
-    out = builder.plan("A", (free.id,)).run({**values, **numbers})["q:A.pump"]
-    plain = builder.plan("A", ()).run(values)["q:A.pump"]
-    warm, high = (values["A.T"] - 290) / 5, (values["A.dp"] - 2e5) / 1e4
-    np.testing.assert_allclose(out - plain, 1e-6 * warm + 2e-6 * warm * high, rtol=1e-9)
-
-
 def test_free_curve_goes_straight_from_quantile_to_quantile(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
+    rig: Opened,
 ) -> None:
     """Bands left out are zero at their quantile; beyond the ends the curve stays."""
     models, ruleset, builder = rig
@@ -247,10 +341,11 @@ def test_free_curve_goes_straight_from_quantile_to_quantile(
 
 
 def test_base_parameters_carry_their_covariance(
-    rig: tuple[Compilation, Ruleset, ModelBuilder],
+    rig: Opened,
 ) -> None:
     """Uncertain ones may be moved, with the correlations of the calibration; others are given."""
     base = rig[2].parameters
+    assert set(base.ids) == set(base.sheet)
     place = {name: i for i, name in enumerate(base.ids)}
     first, second = place["M1.k0"], place["M1.k2"]
     assert "A.V" in base.constants
@@ -265,3 +360,40 @@ def test_base_parameters_carry_their_covariance(
     value, u = base.sheet["A.k2"]
     assert (5.2e-6, 2.0e-8) == pytest.approx([v / base.factors[place["A.k2"]] for v in (value, u)])
     assert u > np.sqrt(base.covariance[place["A.k2"], place["A.k2"]])
+
+
+def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
+    """An error of the head shifts the loss as far; as a place where something acts, one counts."""
+    _, builder = open_builder(ROOT / "plants" / "rse-boiler")
+    stated = {law.place: law.accuracy for law in builder.laws}
+    assert {"head": 0.05, "opening": 0.1, "resistance": 0.08} == stated
+    assert "head" not in {spot.place for spot in builder.spots}
+
+
+def test_a_meter_is_no_law(tmp_path: Path) -> None:
+    """Not even one whose scale is uncertain; what the pump does is one."""
+    text = (ROOT / "tests" / "loop" / "warm-loop.yaml").read_text(encoding="utf-8")
+    text = text.replace("sensor: current-loop", "sensor: analog-output")
+    (tmp_path / "kind.yaml").write_text(text, encoding="utf-8")
+    told = {d.message.split("'")[1] for d in collect([tmp_path]) if d.code == "KB143"}
+    assert {"pump", "line"} == told
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.5, []), (-0.5, ["KB125"])])
+def test_an_amended_type_says_what_its_new_parts_may_be(
+    share: float, told: list[str], tmp_path: Path
+) -> None:
+    """A share lies in its range; what a reading should be is no law that may be off by 5 %."""
+    _, builder = open_builder(ROOT / "plants" / "rse-boiler")
+    assert builder.sources is not None
+    documents = builder.sources.by_kind["module"]
+    (document,) = (d for d in documents if d.data["module"] == "pumped-valve-branch")
+    (effect,) = (c for c in builder.candidates if c.name == "equal-percentage")
+    kind = replace(builder.amended("boiler", (effect.id,)).type, name="own")
+    values = {"s": share, "R": 30.0}
+    brought = {n: replace(kind.parameters[n], value=v, u=0.1) for n, v in values.items()}
+    text = write_module(document, kind, brought, [])
+    (tmp_path / "kind.yaml").write_text(text, encoding="utf-8")
+    assert told == [d.code for d in collect([tmp_path])]
+    assert "range: [3, 300]" in text
+    assert 'accuracy: "0 %, the class of the sensor says it"' in text

@@ -1,11 +1,13 @@
-"""Every command of the README and the docs pages runs, and prints what the page shows.
+"""Every command of the README, the docs pages and the plants runs, and prints what the page shows.
 
 A block with a `title` is a file that the reader writes; it is written where the page has it.
 """
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import doctest
 import importlib
 import io
 import json
@@ -15,16 +17,50 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rulec_runtime.cli import main as station
 
 from rulec.cli import main
+from rulec.commands.check_files import collect
 from rulec.limits import UNSURE
-from tests.conftest import ROOT
-from tests.page_steps import Written, steps_of
+from tests.conftest import ROOT, compiled
+
+BLOCK = re.compile(
+    r'^```(?P<kind>\w+)(?: title="(?P<title>.*?)")?\n(?P<text>.*?)^```', re.MULTILINE | re.DOTALL
+)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file that the reader writes as the page has it."""
+
+    file: Path
+    text: str
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A command, and lines that stand in what it prints."""
+
+    command: str
+    shown: tuple[str, ...]
+
+
+def steps_of(page: Path) -> Iterator[Written | Typed]:
+    """What the reader of a page does, in order."""
+    for block in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        if block["title"]:
+            yield Written(Path(block["title"]), block["text"])
+        if block["kind"] == "console":
+            for part in re.split(r"^\$ ", block["text"], flags=re.MULTILINE)[1:]:
+                command, *shown = part.rstrip("\n").split("\n")
+                yield Typed(command, tuple(filter(str.strip, shown)))
+
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 REPAIR, HOUR = "repair-a-model", "first-hour"
@@ -165,17 +201,13 @@ def _squeezed(text: str) -> str:
     return " ".join(text.split())
 
 
-def test_links_of_pages_lead_somewhere() -> None:
-    """Relative links between pages exist; those to the reference are checked with the site."""
+def test_pages_that_are_named_exist() -> None:
+    """In code, knowledge, plants, tests and the Makefile; and by relative links between pages. Those
+    to the reference are checked with the site."""
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
-            if target.startswith("reference/"):
-                continue
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
-
-
-def test_pages_named_elsewhere_exist() -> None:
-    """In code, knowledge, plants, tests and the Makefile."""
+            linked = target.startswith("reference/") or (page.parent / target).exists()
+            assert linked, f"{page.name}: {target}"
     folders = ("rulec", "runtime", "kb", "plants", "tests")
     files = [f for name in folders for f in (ROOT / name).rglob("*") if f.suffix in NAMING]
     named = {
@@ -198,27 +230,87 @@ def test_pages_stay_few_and_short() -> None:
     assert sum(lines.values()) <= 3000
 
 
-def test_files_named_in_the_architecture_exist() -> None:
-    """Each path leads to a file or a folder, from the top or by its end; so tables do."""
+def test_what_the_architecture_names_exists() -> None:
+    """Each path leads to a file or a folder, from the top or by its end; so tables do. Of `name` in
+    `file.py`, the file has a line that defines it."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     named = re.findall(r"`((?:[\w.-]+/)*(?:[\w-]+\.(?:py|yaml|json|txt))?)`", text)
     parts = [part for top in ("rulec", "runtime") for part in (ROOT / top).rglob("*")]
     paths = [f"/{part.relative_to(ROOT).as_posix()}" for part in parts]
-    gone = [
-        name
-        for name in filter(None, named)
-        if not (ROOT / name).exists()
-        and not any(path.endswith(f"/{name.rstrip('/')}") for path in paths)
-    ]
-    assert [] == gone
-
-
-def test_names_in_the_architecture_stand_in_their_files() -> None:
-    """`name` in `file.py`: the file has a line that defines it."""
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    named = re.findall(r"`(\w+)` in `([\w./-]+\.py)`", text)
-    assert named
-    for name, file in named:
-        defined = rf"^(def {name}\(|class {name}\b|{name}\b.* = )"
+    for name in filter(None, named):
+        ends = any(path.endswith(f"/{name.rstrip('/')}") for path in paths)
+        assert ends or (ROOT / name).exists(), name
+    defined = re.findall(r"`(\w+)` in `([\w./-]+\.py)`", text)
+    assert defined
+    for name, file in defined:
+        line = rf"^(def {name}\(|class {name}\b|{name}\b.* = )"
         source = (ROOT / file).read_text(encoding="utf-8")
-        assert re.search(defined, source, re.MULTILINE), f"{file}: no {name}"
+        assert re.search(line, source, re.MULTILINE), f"{file}: no {name}"
+
+
+READMES = sorted((ROOT / "plants").glob("*/README.md"))
+PLANTED = re.compile(r"^\*\*Planted:\*\* `(\S+)`", re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", READMES, ids=lambda page: page.parent.name)
+def test_a_plant_is_clean_and_compiles(page: Path) -> None:
+    """Nothing to mend, nothing to doubt; as it was built it differs in values alone."""
+    assert [] == collect([page.parent])
+    assert page.parent.name == compiled(page.parent.name).plant
+
+
+@pytest.mark.parametrize("page", READMES, ids=lambda page: page.parent.name)
+def test_a_readme_tells_what_diagnose_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One finding, which is what was planted or has it among the causes that fit."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "120")
+    (step,) = (step for step in steps_of(page) if isinstance(step, Typed))
+    answer = tmp_path / "answer.json"
+    assert 0 == main([*shlex.split(step.command)[1:], "--json", str(answer)])
+    printed = _squeezed(capsys.readouterr().out)
+    assert all(_squeezed(line) in printed for line in step.shown)
+    (finding,) = json.loads(answer.read_text(encoding="utf-8"))["findings"]
+    assert finding["fault"] in step.shown[0]
+    others = [*finding["alternatives"], *finding["remote"]]
+    planted = PLANTED.search(page.read_text(encoding="utf-8"))
+    assert planted is not None
+    assert planted[1] in {finding["fault"], *(other["fault"] for other in others)}
+
+
+def test_the_page_shows_what_happens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every line below a prompt is what Python says."""
+    monkeypatch.chdir(ROOT)
+    flags = doctest.ELLIPSIS
+    page = str(ROOT / "docs" / "use-from-python.md")
+    failed, tried = doctest.testfile(page, module_relative=False, optionflags=flags)
+    assert 0 == failed
+    assert tried > 10
+
+
+def test_the_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every code cell, in order; what a cell shows is HTML for a notebook."""
+    monkeypatch.chdir(ROOT)
+    shown = outputs_of(ROOT / "docs" / "rulec-from-python.ipynb")
+    assert all(hasattr(part, "_repr_html_") for part in shown)
+    pages = [str(part._repr_html_()) for part in shown]
+    assert 7 == len(pages)
+    assert any("A: the pump delivers 20 % less than its law says" in page for page in pages)
+    assert "The columns B.dp and C.dp are swapped" in pages[-2]
+
+
+def outputs_of(file: Path) -> list[Any]:
+    """What the cells of a notebook show: the value of the last line, where that is one."""
+    known: dict[str, Any] = {}
+    shown = []
+    for cell in json.loads(file.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] != "code":
+            continue
+        assert [] == cell["outputs"]
+        tree = ast.parse("".join(cell["source"]))
+        last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+        exec(compile(tree, file.name, "exec"), known)
+        if isinstance(last, ast.Expr):
+            shown.append(eval(compile(ast.Expression(last.value), file.name, "eval"), known))
+    return shown

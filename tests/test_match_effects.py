@@ -7,16 +7,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.effects.places import Site
-from rulec.passes.types import Compilation
 from tests.conftest import ROOT
-from tests.effects import driver, effect, join, parameter, with_effects
-from tests.test_amend import opened
-
-Opened = tuple[Compilation, Ruleset, ModelBuilder]
+from tests.test_amend import Opened, driver, effect, join, opened, parameter, with_effects
 
 
 @pytest.fixture(scope="module")
@@ -41,54 +35,6 @@ def pump_loop(folder: Path) -> Path:
     (plant / "kb").mkdir()
     shutil.copyfile(rigs / "types" / "loop-pump.yaml", plant / "kb" / "loop-pump.yaml")
     return plant / "plant.yaml"
-
-
-def site(builder: ModelBuilder, module: str, kind: str, name: str) -> Site:
-    return next(s for s in builder.matches.sites[module] if s.key == (kind, name))
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("warm-slip", {"A.Q_geo", "B.Q_geo", "C.Q_geo", "D.Q_geo", "E.Q_geo"}),
-        ("laminar-part", {f"{m}.plant" for m in "ABCDE"} | {"M1.resis", "M2.resis"}),
-        ("cracking", {f"{m}.dp_mod" for m in "ABCDE"} | {"M1.loss", "M2.loss"}),
-        ("wear", {f"{m}.Q_geo" for m in "ABCDE"}),
-    ],
-)
-def test_places_on_the_rig(rig: Opened, name: str, expected: set[str]) -> None:
-    """Slips, lines and static heads are told apart by the sign of a slope."""
-    assert expected == places(rig[2], name)
-
-
-def test_what_a_place_is(rig: Opened) -> None:
-    """Dimension, readings, slopes and observers of a few places."""
-    geo = site(rig[2], "A", "definition", "Q_geo")
-    assert {"n", "dp"} == geo.reads
-    assert geo.slopes["dp"] < 0 < geo.slopes["n"]
-    assert ("A.pump", "A.power") == geo.observers
-    assert not geo.measured
-    loss = site(rig[2], "A", "definition", "loss")
-    assert loss.measured
-    assert {"dp_mod"} == loss.uses
-    assert ("M1.resis", "A.plant", "B.plant", "C.plant") == (
-        site(rig[2], "M1", "signal", "dp").observers
-    )
-
-
-def test_a_slip_is_no_estimate_of_the_flow(rig: Opened) -> None:
-    """It gives a flow that rises with the pressure, but is taken off: no place for a line's law."""
-    slip = site(rig[2], "A", "definition", "Q_slip")
-    assert slip.slopes["dp"] > 0
-    assert slip.moves["pump"] < 0
-    assert "A.Q_slip" not in places(rig[2], "laminar-part")
-
-
-def test_every_reading_that_counts_may_be_off(rig: Opened) -> None:
-    """Signals that no observer reads are left out."""
-    assert {f"{m}.{s}" for m in "ABCDE" for s in ("n", "dp", "P_el")} | {"M1.dp", "M2.dp"} == (
-        places(rig[2], "offset")
-    )
 
 
 def test_a_driver_behind_the_module(station: Opened) -> None:
@@ -117,24 +63,9 @@ def test_a_driver_in_another_module(rig: Opened) -> None:
     assert [f"M1.cold-line@resis(dp, {m}.T)" for m in "ABCDE"] == [i for i in ids if "M1" in i]
 
 
-def test_what_is_not_measured_is_told(station: Opened) -> None:
-    """An effect that lacks a driver is no candidate, but a hint which sensor would make it one."""
-    models, _, builder = station
-    warm = effect(
-        "warm",
-        join("law*(1 + b*T)", gives="electric power", measured=False),
-        drivers={"T": driver("temperature")},
-        parameters={"b": parameter()},
-    )
-    own = ModelBuilder(with_effects(models, warm), builder._readings)
-    assert set() == places(own, "warm")
-    lacking = [(m.module, m.place, m.quantity) for m in own.missing]
-    assert ("P11", "P_law", "temperature") in lacking
-    assert all(m.sensor for m in own.missing)
-
-
 def test_a_reading_that_another_join_does_without_is_not_missed(station: Opened) -> None:
-    """Of several joins the one that lacks least says what to measure, and none if one fits."""
+    """An effect that lacks a driver is no candidate, but a hint which sensor would make it one. Of
+    several joins the one that lacks least says what to measure, and none if one fits."""
     models, _, builder = station
     drivers = {"T": driver("temperature"), "M": driver("torque"), "f": driver("frequency")}
 
@@ -142,6 +73,7 @@ def test_a_reading_that_another_join_does_without_is_not_missed(station: Opened)
         joins = (join(law, gives="electric power", measured=False) for law in laws)
         entry = effect("warm", *joins, drivers=drivers, parameters={"b": parameter()})
         own = ModelBuilder(with_effects(models, entry), builder._readings)
+        assert all(m.sensor for m in own.missing)
         return {m.quantity for m in own.missing if m.place == "P_law"}
 
     assert {"temperature", "torque"} == missed("law*(1 + b*T*M)")
@@ -230,24 +162,6 @@ def test_a_law_that_reads_no_pressure_may_follow_one(rig: Opened, tmp_path: Path
     assert set() == places(own, "beside")
 
 
-def test_an_effect_joins_a_place_once(rig: Opened) -> None:
-    """The first join that fits counts; ids are unique in the plant."""
-    models, _, builder = rig
-    twice = effect(
-        "twice",
-        join("law*(1 + a)", gives="volume flow", falls_with="dp"),
-        join("law*(1 - a)", gives="volume flow", falls_with="dp"),
-        drivers={"dp": driver("pressure difference")},
-        parameters={"a": parameter()},
-    )
-    own = ModelBuilder(with_effects(models, twice), builder._readings)
-    assert 5 == sum(c.name == "twice" for c in own.candidates if not c.members)
-    ids = [c.id for c in builder.candidates]
-    assert len(ids) == len(set(ids))
-    unknowns = [u.id for c in builder.candidates for u in c.unknowns]
-    assert len(unknowns) == len(set(unknowns))
-
-
 def test_a_law_without_a_value_is_left_out(rig: Opened) -> None:
     """At rest this pump delivers nothing, and nothing cannot divide; others have a slip then."""
     models, _, builder = rig
@@ -274,27 +188,3 @@ def test_faults_of_the_library_are_candidates(rig: Opened) -> None:
     for fault in ruleset.faults:
         assert set(fault.affects) == set(found[fault.id].observers)
     assert "loss = (dp_mod - k0)/(x + 1)" == found["A.clogging"].equation
-
-
-def test_spots_of_a_dosing_module(rig: Opened) -> None:
-    """Of places that move all observers alike one is kept, the outermost."""
-    spots = [s.id for s in rig[2].spots if s.module == "A"]
-    assert [
-        "definition:A.Q_geo",
-        "definition:A.P_law",
-        "definition:A.loss",
-        "signal:A.n",
-        "signal:A.dp",
-        "signal:A.P_el",
-    ] == spots
-    assert ["definition:M1.loss", "signal:M1.dp"] == [
-        s.id for s in rig[2].spots if s.module == "M1"
-    ]
-
-
-def test_order_does_not_depend_on_the_order_of_effects(rig: Opened) -> None:
-    """The same input gives the same candidates in the same order."""
-    _, _, again = opened("mixing-rig")
-    assert rig[2].candidates == again.candidates
-    assert rig[2].missing == again.missing
-    assert rig[2].spots == again.spots

@@ -45,25 +45,19 @@ def test_no_page_fetches_anything_from_elsewhere(built: Path) -> None:
         assert not re.search(r"url\(['\"]?(https?:)?//", sheet.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    ("page", "told"),
-    [
-        ("commands", ("rulec import mtp", "rulec-runtime watch", "--heldout FROM:TO")),
-        ("yaml", ("signals", "Standard uncertainty", "offset")),
-        ("library", ("gear-pump", "clearance-wear(Q_slip)", "Wilson 1946")),
-        ("json", ("findings[].degree", "ambiguities[].advice", "modules.NAME")),
-        ("python", ("rulec.diagnose", "rulec.MismatchResult", "RecordingRefused")),
-    ],
-)
-def test_the_reference_is_made(built: Path, page: str, told: tuple[str, ...]) -> None:
-    text = re.sub(r"<[^>]+>", "", (built / "reference" / f"{page}.html").read_text("utf-8"))
-    assert [] == [word for word in told if word not in text]
-
-
-def test_the_library_shows_curves(built: Path) -> None:
-    """Of every type of which the equations alone give a flow over one reading."""
-    text = (built / "reference" / "library.html").read_text(encoding="utf-8")
-    sections = re.split(r"<h2 id=", text)[1:]
+def test_the_reference_is_made(built: Path) -> None:
+    """Of commands, files, the library with its curves, JSON forms and functions."""
+    for page, *told in (
+        ("commands", "rulec import mtp", "rulec-runtime watch", "--heldout FROM:TO"),
+        ("yaml", "signals", "Standard uncertainty", "offset"),
+        ("library", "gear-pump", "clearance-wear(Q_slip)", "Wilson 1946"),
+        ("json", "findings[].degree", "ambiguities[].advice", "modules.NAME"),
+        ("python", "rulec.diagnose", "rulec.MismatchResult", "RecordingRefused"),
+    ):
+        text = re.sub(r"<[^>]+>", "", (built / f"reference/{page}.html").read_text("utf-8"))
+        assert [] == [word for word in told if word not in text]
+    library = (built / "reference" / "library.html").read_text(encoding="utf-8")
+    sections = re.split(r"<h2 id=", library)[1:]
     drawn = {part.split('"')[1] for part in sections if "<polyline" in part}
     assert {"gear-pump", "centrifugal-duty", "orifice-meter", "control-valve"} <= drawn
     assert len(drawn) > 0.8 * len(sections)

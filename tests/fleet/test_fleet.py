@@ -243,36 +243,11 @@ def test_results_go_elsewhere_only_by_the_command(
     assert "secret" not in said
 
 
-def test_recordings_elsewhere(fleet: Fleet, home: Path, here: dict[Task, Row]) -> None:
-    """Any address that fsspec knows."""
-    from dataclasses import replace
-
-    elsewhere = replace(fleet, recordings=f"file://{home}/recordings")
-    tasks = tasks_of(elsewhere)
-    assert [(t.plant, t.day) for t in here] == [(t.plant, t.day) for t in tasks]
-    far = next(t for t in tasks if (t.plant, t.day) == ("P2", "2026-01-01"))
-    row = judge_day(far, fleet.rulesets[far.ruleset])
-    assert {"A.leakage"} == {f["fault"] for f in row["findings"]}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--jobs", "0"], "--jobs 0: give 1 or more"),
-        (["--scheduler", "tcp://x:1"], "--scheduler is an address for --engine dask"),
-    ],
-)
-def test_wrong_usage(
-    home: Path, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["fleet", str(home / "fleet.yaml"), *arguments]) == 2
-    assert text in capsys.readouterr().err
-
-
-def test_nothing_to_judge_is_told(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fleet", str(home / "fleet.yaml"), "--jobs", "0"]) == 2
+    assert "--jobs 0: give 1 or more" in capsys.readouterr().err
     file = home / "late.yaml"
-    file.write_text(
-        "fleet: few\nrecordings: recordings\njudged_by: abc.json\ndays: {from: '2027-01-01'}\n"
-    )
+    text = "fleet: few\nrecordings: recordings\njudged_by: abc.json\ndays: {from: '2027-01-01'}\n"
+    file.write_text(text)
     assert main(["fleet", str(file)]) == 1
     assert "no recording below plant=.../day=..." in capsys.readouterr().err

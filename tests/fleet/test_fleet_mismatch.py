@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import pytest
 from rulec_runtime.fleet.plant_day import Task
 
 from rulec.api.given import ruleset_of
-from rulec.api.plant_day import _recording, ask_day
+from rulec.api.plant_day import ask_day
 from rulec.cli import main
 from rulec.commands import fleet_mismatch
 from rulec.engines.call import Engine
@@ -74,26 +73,11 @@ def test_a_worker_asks_and_never_raises(tasks: dict[str, Task]) -> None:
     assert "broken.parquet" in broken.reason
 
 
-def test_files_of_a_plant_day_are_one_recording(tmp_path: Path) -> None:
-    """Also where they were fetched one by one; in their order, whatever they are called."""
-    files = [tmp_path / folder / "part.csv" for folder in ("b", "a")]
-    for file in files:
-        file.parent.mkdir()
-        file.write_text(file.parent.name)
-    with ExitStack() as stack:
-        folder = _recording(files, stack)
-        assert ["b", "a"] == [file.read_text() for file in sorted(folder.iterdir())]
-    assert not folder.exists()
-
-
-def test_a_row_holds_place_name_and_proof(tasks: dict[str, Task]) -> None:
-    row = answer_of(tasks["south"], FORM)
-    assert (row.module, row.place, row.effect, row.probability) == ("A", "Q_geo", "slip", 0.97)
-    assert (row.signal, row.shipped, row.repaired) == ("C.dp", 3.0, 1.0)
-
-
-def test_the_sentence_counts_plants() -> None:
-    """By what most of them differ, whatever the number of days."""
+def test_the_sentence_counts_plants(tasks: dict[str, Task]) -> None:
+    """By what most of them differ, whatever the number of days; a row holds place, name, proof."""
+    full = answer_of(tasks["south"], FORM)
+    assert (full.module, full.place, full.effect) == ("A", "Q_geo", "slip")
+    assert (full.probability, full.signal, full.shipped, full.repaired) == (0.97, "C.dp", 3.0, 1.0)
     row = Answer(plant="a", day="1", verdict="named", title="Slip")
     rows = [row, replace(row, day="2"), replace(row, plant="b"), replace(row, plant="c", title="X")]
     sound = replace(row, plant="d", verdict="none", title="")

@@ -8,12 +8,8 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
-import jsonschema
 import pytest
-import referencing
-from jsonschema.validators import validator_for
 
 from rulec.cli import main
 from rulec.commands.check_files import collect
@@ -81,17 +77,15 @@ def test_skeletons_fit_together() -> None:
 
 
 def test_nothing_is_replaced(capsys: pytest.CaptureFixture[str]) -> None:
+    """And a name that no file could use is refused."""
     write(Path("new"), plant="mine\n")
     assert main(["init", "plant", "p", "new"]) == 1
     assert "new/plant.yaml' is there already" in capsys.readouterr().err
     assert ["new/plant.yaml"] == [str(f) for f in Path("new").rglob("*")]
     assert Path("new/plant.yaml").read_text() == "mine\n"
-
-
-@pytest.mark.parametrize("name", ["../x", "a b", "", "1", "x" * 99, "ü"])
-def test_name_that_no_file_could_use_is_refused(name: str) -> None:
-    assert main(["init", "module", name, "new"]) == 1
-    assert not Path("new").exists()
+    for name in ("../x", "a b", "", "1", "x" * 99, "ü"):
+        assert main(["init", "module", name, "fresh"]) == 1
+        assert not Path("fresh").exists()
 
 
 def test_package_can_be_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -104,24 +98,6 @@ def test_package_can_be_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     importlib.invalidate_caches()
     ruleset = compile_plant(write(Path("p"), plant=PLANT.replace("valve", "pumps-kb-example")))
     assert ("acme-pumps-kb", "0.1.0") in {(k.name, k.version) for k in ruleset.knowledge}
-
-
-def test_schemas_have_a_name_of_their_own_and_need_no_network() -> None:
-    """What one of them leads to is in it."""
-    schemas: dict[str, Any] = {f.name: json.loads(f.read_text(encoding="utf-8")) for f in SCHEMAS}
-    assert {f"{kind}.schema.json": f"urn:rulec:schema:{kind}" for kind in KINDS} == {
-        name: schema["$id"] for name, schema in schemas.items()
-    }
-
-    def nowhere(uri: str) -> Any:
-        raise AssertionError(uri)
-
-    registry = referencing.Registry(retrieve=nowhere)  # type: ignore[call-arg]
-    for schema in schemas.values():
-        kind = validator_for(schema)
-        assert kind is jsonschema.Draft202012Validator
-        kind.check_schema(schema)
-        assert not kind(schema, registry=registry).is_valid([])
 
 
 def test_schemas_and_lines_are_written_anywhere() -> None:
@@ -138,6 +114,8 @@ def test_schemas_and_lines_are_written_anywhere() -> None:
     assert Path("p/kb/units.yaml").read_text() == units
     assert Path("p/kb/other.yaml").read_text() == foreign
     assert Path("p/kb/stranger.yaml").read_text() == "a: 1\n"
+    names = {f"{kind}.schema.json": f"urn:rulec:schema:{kind}" for kind in KINDS}
+    assert names == {f.name: json.loads(f.read_text(encoding="utf-8"))["$id"] for f in SCHEMAS}
     assert [f.name for f in SCHEMAS] == sorted(f.name for f in Path("p/schema").iterdir())
     before = {f: f.read_bytes() for f in Path("p").rglob("*.yaml")}
     assert main(["schema", "p"]) == 0

@@ -1,4 +1,4 @@
-"""What an import finds, writes and tells."""
+"""What an import finds, concludes, writes and tells."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from rulec_runtime.live.sources.map import OPCUA, read_map
 
 from rulec.cli import main
 from rulec.commands.check_files import collect
+from rulec.language.units import unit_table
+from rulec.mtp.tables import tables
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.mtp.writer import (
     ENDPOINT,
     EXAMPLE,
     FLOW,
-    LEVEL,
     LIBRARY,
     NAMESPACE,
     PRESSURE,
     Point,
-    attribute,
-    element,
+    analog,
     example,
     manifest,
 )
@@ -41,12 +41,9 @@ def imported(folder: Path, text: str, *more: str, code: int = 0) -> dict[str, An
     return found["modules"][0]
 
 
-def test_the_shipped_example_is_what_the_writer_writes() -> None:
-    assert example() == EXAMPLE.read_text(encoding="utf-8")
-
-
 def test_both_versions_of_caex_give_the_same(tmp_path: Path) -> None:
-    """One without and one with an XML namespace."""
+    """One without and one with an XML namespace; the shipped example is what the writer writes."""
+    assert example() == EXAMPLE.read_text(encoding="utf-8")
     found = []
     for version in ("2.15", "3.0"):
         folder = tmp_path / version
@@ -116,7 +113,6 @@ def test_several_files_share_one_map(tmp_path: Path) -> None:
     [
         (f"{LIBRARY}/AnaView/AnaMon", "AnaMon"),
         (f"Std@[{LIBRARY}]/IndicatorElement/[AnaView]", "AnaView"),
-        (f"{LIBRARY}/AnaView/OurOwnView", "AnaView"),
         ("MakerLib/Transmitter", "AnaMon"),
         ("MakerLib/Unknown", "MakerLib/Unknown"),
     ],
@@ -145,47 +141,6 @@ def test_references_that_lead_nowhere_are_told_with_their_place(
     assert "Dosing.FI12" not in (tmp_path / "out" / "map.yaml").read_text(encoding="utf-8")
 
 
-def test_parts_that_are_missing_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Files that the manifest leaves services to, and a list of sources without nodes."""
-    set_of = element("Services", "set", "MTPSUCLib/ServiceSet", attribute("refURI", "//S/Own.aml"))
-    text = manifest((Point(name="FI1", bound=()),))
-    text = text.replace(
-        "</InternalElement>\n</InstanceHierarchy>",
-        f"{set_of}\n</InternalElement>\n</InstanceHierarchy>",
-        1,
-    )
-    module = imported(tmp_path, text)
-    assert [o["kind"] for o in module["odd"]] == ["parts that are missing", "no nodes"]
-    assert (
-        "it refers to '//S/Own.aml', which is not there; give the whole" in capsys.readouterr().out
-    )
-
-
-def test_tags_may_stand_in_groups(tmp_path: Path) -> None:
-    """Of a list that has a name and no class."""
-    text = manifest((PRESSURE, FLOW))
-    path = ' RefBaseSystemUnitPath="MTPSUCLib/CommunicationSet/InstanceList">'
-    head = f'<InternalElement Name="InstanceList" ID="instances"{path}'
-    group = '<InternalElement Name="InstanceList" ID="instances"><InternalElement Name="G" ID="g">'
-    end = '</InternalElement>\n</InternalElement>\n<InternalElement Name="SourceList"'
-    closed = end.replace("\n", "\n</InternalElement>\n", 1)
-    module = imported(tmp_path, text.replace(head, group).replace(end, closed))
-    assert [tag["name"] for tag in module["tags"]] == ["PI11", "FI12"]
-    assert module["counts"]["nodes"] == 2
-
-
-def test_an_identifier_may_be_a_number_or_a_whole_node_id(tmp_path: Path) -> None:
-    text = manifest((PRESSURE, FLOW, LEVEL), namespace="4")
-    text = text.replace("<Value>PI11.V<", "<Value>ns=3;s=own.PI11<").replace(
-        'Name="Identifier" AttributeDataType="xs:string"><Value>FI12.V<',
-        'Name="Identifier" AttributeDataType="xs:unsignedInt"><Value>1017<',
-    )
-    nodes = [s["node"] for s in imported(tmp_path, text)["signals"]]
-    assert nodes == ["ns=3;s=own.PI11", "ns=4;i=1017", "ns=4;s=LI13.V"]
-
-
 GUID = "72962b91-fa75-4ae6-8d28-b404dc7daf63"
 
 
@@ -194,12 +149,10 @@ GUID = "72962b91-fa75-4ae6-8d28-b404dc7daf63"
     [
         ("xs:ID", GUID, f"ns=4;g={GUID}", ""),
         ("xs:base64Binary", "M/RbKBsRVkePCePcx24oRA==", "ns=4;b=M/RbKBsRVkePCePcx24oRA==", ""),
-        ("xs:integer", "1005", "ns=4;i=1005", ""),
         ("xs:string", f"ns=3;g={GUID}", f"ns=3;g={GUID}", ""),
         ("xs:ID", "pump.dp", "", "'pump.dp' of type xs:ID, which is not a GUID"),
         ("xs:base64Binary", "M/R", "", "'M/R' of type xs:base64Binary, which is not base64"),
         ("xs:int", "pump", "", "'pump' of type xs:int, which is not a whole number of 32 bits"),
-        ("xs:string", "ns=3;i=pump", "", "'ns=3;i=pump', which is not a whole number of 32 bits"),
     ],
 )
 def test_identifiers_are_of_their_types(
@@ -216,24 +169,96 @@ def test_identifiers_are_of_their_types(
     assert told == ([f"the item 'PI11.V' has the identifier {why}"] if why else [])
 
 
-def test_nothing_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "own.yaml").write_text("own")
-    assert 1 == main(["import", "mtp", str(EXAMPLE), "-o", str(tmp_path / "out")])
-    assert "is not empty; name a new folder" in capsys.readouterr().err
-    assert ["own.yaml"] == [f.name for f in (tmp_path / "out").iterdir()]
-
-
 def test_good_files_are_imported_beside_bad_ones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bad = tmp_path / "bad.mtp"
+    """And nothing is written over."""
+    bad, out = tmp_path / "bad.mtp", tmp_path / "out"
     bad.write_bytes(b"")
-    asked = ["import", "mtp", str(EXAMPLE), str(bad), str(tmp_path / "none.mtp")]
-    assert 1 == main([*asked, "-o", str(tmp_path / "out")])
+    asked = ["import", "mtp", str(EXAMPLE), str(bad), str(tmp_path / "none.mtp"), "-o", str(out)]
+    assert 1 == main(asked)
     shown = capsys.readouterr()
     assert shown.out.splitlines()[0].split()[:3] == ["file", "tags", "units"]
     assert shown.out.count("refused") == 2
     assert "bad.mtp: the file is empty; export it again" in shown.err
     assert "none.mtp: cannot be read (No such file" in shown.err
-    assert (tmp_path / "out" / "modules" / "Dosing.yaml").is_file()
+    before = {f: f.read_bytes() for f in out.rglob("*") if f.is_file()}
+    assert out / "modules" / "Dosing.yaml" in before
+    assert 1 == main(["import", "mtp", str(EXAMPLE), "-o", str(out)])
+    assert "is not empty; name a new folder" in capsys.readouterr().err
+    assert before == {f: f.read_bytes() for f in out.rglob("*") if f.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("code", "unit", "lacks"),
+    [
+        ("1352", "l/min", ""),
+        ("m³/h", "m3/h", ""),
+        ("1038", "l", "a sensor class for this quantity"),
+        ("1076", "m/s**2", "a quantity for m/s**2: units.yaml has none"),
+        ("1363", "gal/min", "the unit gal/min: it is not in units.yaml; add it, or another"),
+        ("23", None, "the unit: '23' is no unit code that is known"),
+        ("", None, "the unit: the data sheet says it"),
+    ],
+)
+def test_units_are_codes_or_texts(tmp_path: Path, code: str, unit: str | None, lacks: str) -> None:
+    """What is not known stands as a comment that says what is lacking."""
+    module = imported(tmp_path, manifest((analog("FI1", "", code, 0, 5),)))
+    (signal,) = module["signals"]
+    assert (signal["unit"], signal["lacks"] or "") == (unit, lacks)
+    text = (tmp_path / "out" / "modules" / "Dosing.yaml").read_text(encoding="utf-8")
+    assert (f"# TODO lacks {lacks}" in text) == bool(lacks)
+    told = [o["place"].rpartition(":")[0] for o in module["odd"] if o["kind"] == "unknown units"]
+    assert told == (["m.aml"] if code == "23" else [])
+
+
+def test_units_of_the_tables_are_those_of_the_knowledge_base() -> None:
+    """As many as have an entry there; quantities and sensor classes have one, all of them."""
+    data = yaml.safe_load((ROOT / "kb" / "units.yaml").read_text(encoding="utf-8"))
+    units = unit_table(data)
+    for code in ("1137", "1342", "1349", "1352", "1353", "1085", "1001", "1013", "1186", "1097"):
+        assert units.parse(tables().codes[code])
+    named = {*tables().letters.values(), *tables().words, *tables().first, *tables().sensors}
+    assert named <= set(units.quantities)
+    classes = {name for names in tables().sensors.values() for name in names}
+    assert classes <= {file.stem for file in (ROOT / "kb" / "sensors").glob("*.yaml")}
+
+
+@pytest.mark.parametrize(
+    ("name", "title", "unit", "quantity", "confidence"),
+    [
+        ("FI1", "", "1353", "volume flow", "likely"),
+        ("X1", "", "1353", "volume flow", "possible"),
+        ("X1", "Druck am Ausgang", "1353", "volume flow", "guess"),
+        ("X1", "Druck am Ausgang", "", "pressure difference", "guess"),
+        ("X1", "", "", None, "guess"),
+    ],
+)
+def test_quantities_are_proposed_with_a_confidence(
+    tmp_path: Path, name: str, title: str, unit: str, quantity: str | None, confidence: str
+) -> None:
+    module = imported(tmp_path, manifest((analog(name, title, unit, 0, 5),)))
+    (signal,) = module["signals"]
+    assert (signal["quantity"], signal["confidence"]) == (quantity, confidence)
+    against = title and unit
+    assert [o["kind"] for o in module["odd"]] == (["names against units"] if against else [])
+
+
+def test_a_range_has_its_lower_end_first(tmp_path: Path) -> None:
+    spans = {"A1": (0, 5), "A2": (5, 0), "A3": (5, 5), "A4": (0, 1e99)}
+    points = [analog(name, "", "1137", *span) for name, span in spans.items()]
+    module = imported(tmp_path, manifest(points))
+    assert [s["range"] for s in module["signals"]] == [[0.0, 5.0], None, None, None]
+    assert [bool(s["lacks"]) for s in module["signals"]] == [False, True, True, True]
+    assert [o["kind"] for o in module["odd"]] == ["ranges that are none"] * 3
+
+
+def test_names_become_names_that_equations_can_use(tmp_path: Path) -> None:
+    """Also words of the language, doubles, umlauts and nothing but signs."""
+    names = ("A.if", "B.if", "Füllstand-1", "§§", "9", "x" * 90, "inflow", "min")
+    points = [analog(name, "", "1013", 0, 800) for name in names]
+    module = imported(tmp_path, manifest(points, name="(1)"))
+    signals = [s["signal"] for s in module["signals"]]
+    assert len(set(signals)) == len(names)
+    assert signals[:5] == ["A_if", "B_if", "Fuellstand_1", "x", "x9"]
+    assert collect([tmp_path / "out"]) == []

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from asyncua import Server, ua
 
-from rulec.cli import main
 from rulec.mtp import limits
 from tests.live.sources.plant_server import PlantServer, free_port
 from tests.mtp.test_import import imported
@@ -80,9 +79,3 @@ def test_without_the_controller_the_rest_is_imported(tmp_path: Path) -> None:
     (oddity,) = (o for o in module["odd"] if o["kind"] == "servers that do not answer")
     assert oddity["text"].startswith(address)
     assert module["signals"][0]["lacks"] == "the unit: the controller holds it"
-
-
-def test_an_address_is_for_one_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["import", "mtp", "a.mtp", "b.mtp", "-o", str(tmp_path / "out")]
-    assert 1 == main([*asked, "--online", "opc.tcp://h:1"])
-    assert "--online with an address is for one file" in capsys.readouterr().err

@@ -1,16 +1,27 @@
-"""From a finding with alternatives to the step that tells them apart, and what is known then."""
+"""From a finding with alternatives to the step that tells them apart, which keeps all limits."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
 from rulec.cli import main
+from rulec.limits import SEPARATED
+from rulec.separation.allowed import Allowed, Range, allowed_of
+from rulec.separation.distance import Case, FaultMeasure
+from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_DEGREES, STEP_SECONDS
+from rulec.separation.pairs import separate_pairs
+from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
+from rulec.simulation.equations import equations_of
 from tests.conftest import ROOT, compiled
 
 PLANT = ROOT / "plants" / "abc"
@@ -111,36 +122,188 @@ def test_matrix_tells_the_step_of_each_pair(
         assert all(change["unit"] == "rpm" for change in pair["changes"])
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("unit: rpm", "unit: bar", "KB073"),
-        ("lowest: 700", "lowest: 1700", "KB055"),
-        ("rate: 10", "rate: 0", "KB026"),
-        ("costs: product", "costs: money", "KB023"),
-        ("hold: 120", "holds: 120", "KB020"),
-        ("unit: rpm, rate", "unit: rpmm, rate", "KB050"),
-    ],
-)
-def test_mistakes_in_limits_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
-) -> None:
-    file = tmp_path / "limits.yaml"
-    file.write_text(LIMITS.replace(old, new, 1), encoding="utf-8")
-    assert main(["matrix", str(PLANT), "--separate", "--limits", str(file)]) == 1
-    assert capsys.readouterr().err.count(said) == 1
+def test_what_has_no_steps_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, code, said in (
+        ([str(PLANT), "--separate", "--limits", "none.yaml"], 1, "KB001"),
+        ([str(PLANT), "--limits", "none.yaml"], 2, "--separate"),
+        ([str(ROOT / "plants" / "cascaded-tanks"), "--separate"], 1, "stores"),
+    ):
+        assert main(["matrix", *words]) == code
+        assert said in capsys.readouterr().err
 
 
-def test_limits_that_are_not_there_or_not_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    absent = str(tmp_path / "none.yaml")
-    assert main(["matrix", str(PLANT), "--separate", "--limits", absent]) == 1
-    assert "KB001" in capsys.readouterr().err
-    assert main(["matrix", str(PLANT), "--limits", absent]) == 2
-    assert "--separate" in capsys.readouterr().err
+def test_nothing_is_proposed_where_nothing_may_be_moved() -> None:
+    """Limits so narrow that no point differs clearly from the present one."""
+    ruleset = compiled("abc")
+    narrow = Range(signal=ruleset.signal_by_id["B.n"], lowest=899, highest=901, rate=1)
+    allowed = allowed_of(ruleset, Allowed({"B.n": narrow}, frozenset()))
+    first = next(p for p in separate_pairs(ruleset, allowed) if not p.is_apart)
+    assert first.proposal.changes == {}
+    assert first.proposal.apart == first.proposal.here
+    assert not first.is_split
 
 
-def test_plant_that_stores_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["matrix", str(ROOT / "plants" / "cascaded-tanks"), "--separate"]) == 1
-    assert "stores" in capsys.readouterr().err
+def test_distance_grows_with_the_degree_and_vanishes_for_the_fault_itself() -> None:
+    """A point where a reading leaves its range is impossible."""
+    ruleset = compiled("abc")
+    equations = equations_of(ruleset)
+    a, b = (ruleset.fault_by_id[name] for name in ("A.clogging", "A.dp.high"))
+    small, large = STEP_DEGREES
+    measure = FaultMeasure(
+        equations=equations,
+        present={s.id: s.reference for s in equations.given_signals},
+        rows=[[Case(a, small, b)], [Case(a, large, b)], [Case(a, large, a)]],
+    )
+    looked = measure([{}, {"B.n": 540.0}])
+    assert looked.apart[0, 0] < looked.apart[1, 0] < SEPARATED
+    assert SEPARATED < looked.apart[0, 1] < looked.apart[1, 1]
+    assert looked.apart[2] == pytest.approx(np.zeros(2), abs=1e-3)
+    below = measure([{}, {"A.n": 30.0}]).apart  # the speed from which on the pump is judged
+    assert np.isfinite(below[0, 0])
+    assert np.isnan(below[0, 1])
+
+
+PROPOSALS = 10_000
+PLANTS = ("abc", "mixing-rig")
+ROUNDING = 1e-9
+"""Share of a value that is lost between units."""
+
+
+def _measure(random: np.random.Generator, ruleset: Ruleset, rows: int) -> Measure:
+    """Any distances and flows at all; some points are impossible."""
+
+    def measure(points: Sequence[Point]) -> Looked:
+        apart = random.exponential(random.choice([0.5, 3.0, 20.0]), (rows, len(points)))
+        apart[:, random.random(len(points)) < 0.2] = np.nan
+        flows = {m: 1.0 + 0.02 * random.standard_normal(len(points)) for m in ruleset.modules}
+        return Looked(apart, flows)
+
+    return measure
+
+
+def _limits(random: np.random.Generator, ruleset: Ruleset) -> Allowed | None:
+    """Limits of some inputs, some of them far outside of the plant's range; or none."""
+    if random.random() < 0.2:
+        return None
+    inputs = {}
+    for name in ruleset.simulation.given:
+        if random.random() < 0.7:
+            reference = ruleset.signal_by_id[name].shown(ruleset.signal_by_id[name].reference)
+            lowest, highest = np.sort(reference * random.uniform(0.0, 2.0, 2))
+            inputs[name] = Range(
+                signal=ruleset.signal_by_id[name],
+                lowest=float(lowest),
+                highest=float(highest),
+                rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
+                hold=float(random.choice([0.0, random.uniform(1.0, 1000.0)])),
+                costs=bool(random.random() < 0.3),
+            )
+    costly = [m for m in ruleset.modules if random.random() < 0.2]
+    return Allowed(inputs, frozenset(costly))
+
+
+def _ranged(random: np.random.Generator, ruleset: Ruleset) -> Ruleset:
+    """A plant whose inputs have other ranges, calibrated or not."""
+    signals = []
+    for signal in ruleset.signals:
+        made = signal
+        if signal.is_input and random.random() < 0.5:
+            low, high = np.sort(signal.reference * random.uniform(0.2, 1.8, 2)).tolist()
+            made = replace(signal, valid_from=low, valid_to=high)
+        if signal.is_input and random.random() < 0.3:
+            low, high = np.sort(signal.reference * random.uniform(0.0, 2.0, 2)).tolist()
+            made = replace(made, lowest=low, highest=high)
+        signals.append(made)
+    return replace(ruleset, signals=tuple(signals))
+
+
+def _breaches(
+    ruleset: Ruleset,
+    given: Allowed | None,
+    present: dict[str, float],
+    proposal: Proposal,
+) -> list[str]:
+    """What a proposal does that it must not."""
+    found = []
+    for name, value in proposal.changes.items():
+        signal = ruleset.signal_by_id[name]
+        bounds = _bounds(signal, given)
+        slack = ROUNDING * abs(value)
+        found += [
+            f"{name} {value}: {b}" for b in bounds if not b[0] - slack <= value <= b[1] + slack
+        ]
+        if given is None:
+            continue
+        if name not in given.inputs:
+            found.append(f"{name} is not to be moved")
+            continue
+        limit = given.inputs[name]
+        if abs(value - present[name]) > limit.rate * proposal.ramp * (1.0 + ROUNDING) and (
+            math.isfinite(limit.rate)
+        ):
+            found.append(f"{name} moves too fast")
+        if proposal.hold < limit.hold:
+            found.append(f"{name} is held too briefly")
+        if limit.costs and name not in proposal.costs:
+            found.append(f"{name} costs product, and nothing says so")
+    if proposal.changes and proposal.hold < STEP_SECONDS:
+        found.append("held too briefly to be judged")
+    if len(proposal.changes) > MOST_INPUTS_OF_A_STEP:
+        found.append("too many changes at once")
+    return found
+
+
+def _bounds(signal: SignalSpec, given: Allowed | None) -> list[tuple[float, float]]:
+    """Every range that a value as shown must lie in, worked out anew."""
+    pairs = [(signal.lowest, signal.highest), (signal.valid_from, signal.valid_to)]
+    ends = [(signal.shown(a), signal.shown(b)) for a, b in pairs if a is not None and b is not None]
+    ends += [(signal.shown(signal.minimum), math.inf)] if signal.minimum is not None else []
+    if given is not None and signal.id in given.inputs:
+        ends.append((given.inputs[signal.id].lowest, given.inputs[signal.id].highest))
+    return ends
+
+
+def test_ten_thousand_proposals_keep_the_limits() -> None:
+    """Also where the present point itself lies outside of them; most of them change something."""
+    random = np.random.default_rng(27)
+    plants = [compiled(name) for name in PLANTS]
+    moved = costly = 0
+    for number in range(PROPOSALS):
+        if number % 20 == 0:
+            ruleset = _ranged(random, plants[random.integers(len(plants))])
+        given = _limits(random, ruleset)
+        present = {
+            name: ruleset.signal_by_id[name].shown(ruleset.signal_by_id[name].reference)
+            * float(random.uniform(0.3, 1.7))
+            for name in ruleset.simulation.given
+        }
+        rows = int(random.integers(1, 4))
+        proposal = propose(allowed_of(ruleset, given), present, _measure(random, ruleset, rows))
+        assert _breaches(ruleset, given, present, proposal) == []
+        moved += bool(proposal.changes)
+        costly += bool(proposal.costs)
+    assert moved > PROPOSALS // 2
+    assert costly > PROPOSALS // 20
+
+
+def test_step_that_costs_no_product_comes_first() -> None:
+    """Where two steps tell the faults apart, the cheap one is taken though it is weaker."""
+    ruleset = compiled("abc")
+    signals = ruleset.signal_by_id
+    limits = {
+        name: Range(signal=signals[name], lowest=600, highest=1000, rate=10, costs=name == "A.n")
+        for name in ("A.n", "B.n")
+    }
+    present = {"A.n": 900.0, "B.n": 900.0}
+
+    def measure(points: Sequence[Point]) -> Looked:
+        far = [20.0 if "A.n" in p else 5.0 if p else 1.0 for p in points]
+        return Looked(np.array([far]), {})
+
+    allowed = allowed_of(ruleset, Allowed(limits, frozenset()))
+    proposal = propose(allowed, present, measure)
+    assert list(proposal.changes) == ["B.n"]
+    assert proposal.costs == ()
+    assert proposal.apart == (5.0,)
+    only = allowed_of(ruleset, Allowed({"A.n": limits["A.n"]}, frozenset()))
+    assert propose(only, present, measure).costs == ("A.n",)
