@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,9 @@ from rulec.effects.adopt import adoption_of
 from rulec.effects.adopted_plant import put_in_place, write_plant
 from rulec.effects.candidate import CurveTerm
 from rulec.effects.free_form import curve_through
-from rulec.effects.made_from import basis_of, check_unchanged
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
-from rulec.effects.repair import AdoptRefused, Basis, read_form, repair_of
+from rulec.effects.repair import AdoptRefused, read_form, repair_of
 from rulec.language.document import parse_document, read_document
 from rulec.language.yaml_text import flow, lines
 from rulec.passes.lower import Lowering, lower_module
@@ -218,31 +217,6 @@ def left_out(folder: Path) -> str:
     return "; ".join(reason for _, reason in adoption.left)
 
 
-def test_what_no_law_of_the_module_can_hold_is_left_out(tmp_path: Path) -> None:
-    """A mixer without thermometer, driven by that of a module upstream of it; and a free form, as
-    no physics stands behind it. A candidate that no longer fits is refused."""
-    builder = opened(PLANTS / "abc")
-    name = next(
-        c.id
-        for c in builder.candidates
-        if c.module == "C" and c.sort == "physics" and "A.T" in c.drivers.values()
-    )
-    given = dict.fromkeys((u.name for u in builder._of(name).candidate.unknowns), 0.1)
-    adopted(tmp_path, mismatch(PLANTS / "abc", [(name, given)])[0])
-    assert "A.T is neither for C" in left_out(tmp_path)
-    data, _ = mismatch(PLANTS / "abc", [])
-    free = "definition:A.Q_geo[A.T]"
-    (tmp_path / "free").mkdir()
-    data["repair"]["joined"] = [{"id": free, "unknowns": {f"{free}.c1": 1e-6}, "fixed": {}}]
-    adopted(tmp_path / "free", data)
-    assert "no physics stands behind it" in left_out(tmp_path / "free")
-    (tmp_path / "gone").mkdir()
-    data["repair"]["joined"] = [{"id": "A.gone@Q_geo", "unknowns": {}, "fixed": {}}]
-    with pytest.raises(AdoptRefused, match=r"'A\.gone@Q_geo' does not fit abc; has it changed"):
-        adopted(tmp_path / "gone", data)
-    assert ["mismatch.json"] == [f.name for f in (tmp_path / "gone").iterdir()]
-
-
 def test_what_has_no_name_is_written_as_a_curve(tmp_path: Path) -> None:
     """Straight between its points, level beyond them, in a type of its own."""
     n, power = np.array([8.0, 12.0, 20.0]), np.array([-3.0, 5.0, 1.0])
@@ -348,31 +322,3 @@ def test_what_is_written_is_read_back() -> None:
         assert document is not None
         assert ([], {"key": value}) == (mistakes, document.data)
         assert {"key": value} == yaml.safe_load(text) or isinstance(value, float)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda folder: (folder / "more" / "a.csv").write_text("new"), "a.csv' has changed"),
-        (lambda folder: (folder / "more" / "z.csv").write_text("new"), "z.csv' is new"),
-        (lambda folder: (folder / "b.csv").unlink(), "b.csv' is not there any more"),
-    ],
-)
-def test_recordings_come_back_unless_one_has_changed(
-    tmp_path: Path, change: Callable[[Path], object], said: str
-) -> None:
-    """In the order given; else which file, and what to do."""
-    builder = open_builder(ROOT / "plants" / "abc")[1]
-    assert builder.sources is not None
-    (tmp_path / "more").mkdir()
-    for name in ("b.csv", "more/a.csv"):
-        (tmp_path / name).write_text(f"time [s]\n{len(name)}\n", encoding="utf-8")
-    given = [tmp_path / "b.csv", tmp_path / "more"]
-    data = basis_of(builder.sources, given)
-    basis = Basis(data["plant"], tuple(data["given"]), data["recordings"])
-    assert [path.resolve() for path in given] == check_unchanged(basis, builder.sources)
-    assert 2 == len(basis.recordings)
-    change(tmp_path)
-    with pytest.raises(AdoptRefused, match="run rulec mismatch again") as refused:
-        check_unchanged(basis, builder.sources)
-    assert said in str(refused.value)

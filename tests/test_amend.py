@@ -126,12 +126,6 @@ LAMINAR = effect(
     drivers={"dp": driver("pressure difference")},
     parameters={"a": parameter(0.0, 0.0, 1.0, unit="m3/s")},
 )
-CRACKING = effect(
-    "cracking",
-    join("law - p", gives="pressure difference", rises_with="dp", measured=True),
-    drivers={"dp": driver("pressure difference")},
-    parameters={"p": parameter(0.0, 0.0, 1e6, unit="Pa")},
-)
 SPEED = effect(
     "speed-loss",
     join(
@@ -143,20 +137,13 @@ SPEED = effect(
     drivers={"dp": driver("pressure difference"), "n": driver("rotational speed")},
     parameters={"s": parameter(0.0, 0.0, 1.0, unit="1/Pa")},
 )
-WEAR = effect(
-    "wear",
-    join("law - c*t", gives="volume flow", falls_with="dp"),
-    sort="ageing",
-    drivers={"dp": driver("pressure difference"), "t": driver("time")},
-    parameters={"c": parameter(unit="m3/s/s")},
-)
 HEADER = effect(
     "shared-header",
     join("law + k*F**2", gives="level", rises_with="Q", measured=False),
     drivers={"Q": driver("volume flow"), "F": driver("volume flow", "downstream")},
     parameters={"k": parameter()},
 )
-ALL = (WARM, OFFSET, LAMINAR, CRACKING, SPEED, WEAR, HEADER)
+ALL = (WARM, OFFSET, LAMINAR, SPEED, HEADER)
 
 
 def with_effects(models: Compilation, *effects: Effect) -> Compilation:
@@ -256,24 +243,6 @@ def test_slip_that_grows_with_temperature(
     )
 
 
-def test_joined_one_after_the_other_at_one_place(
-    rig: Opened,
-) -> None:
-    """The second law stands on the first; their parameters have names of their own."""
-    models, ruleset, builder = rig
-    values = around(models, ruleset)
-    warm, slow = f"A.{WARM.name}@Q_geo", f"A.{SPEED.name}@Q_geo"
-    own = {f"{warm}.b": 0.02, f"{warm}.T0": 290.0, f"{slow}.s": 1e-7}
-    out = builder.plan("A", (slow, warm)).run({**values, **own})
-    v = {name: values[f"A.{name}"] for name in ("n", "dp", "T", "V", "C0", "C1", "C2")}
-    speed = v["n"] * (1.0 - 1e-7 * v["dp"])
-    without = v["n"] * v["V"] - v["C0"] - v["C1"] * v["n"]
-    plain = speed * v["V"] - v["C0"] - v["C1"] * speed - v["C2"] * v["dp"] ** 2
-    expected = without - (without - plain) * np.exp(0.02 * (v["T"] - 290.0))
-    np.testing.assert_allclose(out["q:A.pump"], expected, rtol=1e-12)
-    assert "law" not in builder.equation("A", (slow, warm), "Q_geo")
-
-
 def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
     """What one builds in may have no value at the flow of 0 at which another asks for the law.
 
@@ -304,42 +273,6 @@ def test_a_corrected_reading_drives_what_is_joined_before_and_after(
         np.testing.assert_allclose(other[name], value, rtol=1e-13)
 
 
-def test_a_spot_shifts_its_place(rig: Opened) -> None:
-    """An error in a definition is added, an error in a reading is taken off."""
-    models, ruleset, builder = rig
-    values = around(models, ruleset)
-    spots = {s.id: s for s in builder.spots}
-    loss, reading = spots["definition:A.loss"], spots["signal:A.dp"]
-    plain = builder.plan("A", ()).run(values)["q:A.plant"]
-    added = builder.plan("A", (), (loss.id,)).run({**values, loss.unknown: 1e4})["q:A.plant"]
-    np.testing.assert_allclose(added**2 - plain**2, 1e4 / values["A.k2"], rtol=1e-9)
-    taken = builder.plan("A", (), (reading.id,)).run({**values, reading.unknown: 1e4})
-    true = builder.plan("A", ()).run({**values, "A.dp": values["A.dp"] - 1e4})
-    for name, value in flows(true):
-        np.testing.assert_allclose(taken[name], value, rtol=1e-13)
-
-
-def test_free_curve_goes_straight_from_quantile_to_quantile(
-    rig: Opened,
-) -> None:
-    """Bands left out are zero at their quantile; beyond the ends the curve stays."""
-    models, ruleset, builder = rig
-    values = around(models, ruleset)
-    spot = next(s for s in builder.spots if s.id == "definition:A.Q_geo")
-    free = builder.free_form(spot.id, tuple(f"A.T~{i}/4" for i in (0, 1, 3, 4)))
-    own = {u.name: u for u in free.unknowns}
-    knots = np.quantile(values["A.T"], [0.1, 0.3, 0.5, 0.8, 0.9])
-    level = {"c1": 1e-6, "c2": 3e-6, "c3": -2e-6, "c4": 5e-6}
-    assert {*level, "x_0", "x_1", "x_2", "x_3", "x_4"} == set(own)
-    assert [(i / 4,) for i in range(5)] == [own[f"x_{i}"].quantiles for i in range(5)]
-    numbers = level | {f"x_{i}": x for i, x in enumerate(knots.tolist())}
-    given = {own[name].id: value for name, value in numbers.items()}
-    out = builder.plan("A", (free.id,)).run({**values, **given})["q:A.pump"]
-    plain = builder.plan("A", ()).run(values)["q:A.pump"]
-    curve = np.interp(values["A.T"], knots, [1e-6, 3e-6, 0.0, -2e-6, 5e-6])
-    np.testing.assert_allclose(out - plain, curve, rtol=1e-9, atol=1e-15)
-
-
 def test_base_parameters_carry_their_covariance(
     rig: Opened,
 ) -> None:
@@ -368,15 +301,6 @@ def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
     stated = {law.place: law.accuracy for law in builder.laws}
     assert {"head": 0.05, "opening": 0.1, "resistance": 0.08} == stated
     assert "head" not in {spot.place for spot in builder.spots}
-
-
-def test_a_meter_is_no_law(tmp_path: Path) -> None:
-    """Not even one whose scale is uncertain; what the pump does is one."""
-    text = (ROOT / "tests" / "loop" / "warm-loop.yaml").read_text(encoding="utf-8")
-    text = text.replace("sensor: current-loop", "sensor: analog-output")
-    (tmp_path / "kind.yaml").write_text(text, encoding="utf-8")
-    told = {d.message.split("'")[1] for d in collect([tmp_path]) if d.code == "KB143"}
-    assert {"pump", "line"} == told
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.5, []), (-0.5, ["KB125"])])

@@ -68,20 +68,6 @@ def test_calibration_covers_the_truth(tmp_path: Path) -> None:
     assert 4 / 7 <= np.mean(np.array(sharper) < 0.8)
 
 
-def test_calibrated_plant_compiles_and_finds_the_leak(tmp_path: Path) -> None:
-    """The file can be named in plant.yaml; the diagnosis then rests on it."""
-    _calibrate(ABC / "examples" / "calibration.csv", tmp_path)
-    text = (ABC / "plant.yaml").read_text(encoding="utf-8")
-    text += f"calibration: [found.yaml]\nkb: {ROOT / 'kb'}\n"
-    (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
-    recording = ABC / "examples" / "leakage_A.csv"
-    target = tmp_path / "diagnosis.json"
-    assert main(["diagnose", str(tmp_path), str(recording), "--json", str(target)]) == 0
-    findings = json.loads(target.read_text(encoding="utf-8"))["findings"]
-    assert ["A.leakage"] * 3 == [f["fault"] for f in findings]
-    assert [0.2, 0.4, 0.6] == pytest.approx([f["degree"] for f in findings], abs=0.02)
-
-
 def test_shipped_calibration_is_what_the_command_makes(tmp_path: Path) -> None:
     """The rig's parameters come from its recording, not from the truth."""
     plant = ROOT / "plants" / "mixing-rig"

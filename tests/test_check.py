@@ -83,16 +83,6 @@ def test_missing_column_is_told_with_what_waits_for_it(tmp_path: Path) -> None:
     assert main(["check", str(TANKS), str(stored)]) == 1
 
 
-def test_reading_that_is_none_counts_as_missing(tmp_path: Path) -> None:
-    """Dead; one in another unit than its header says is mended, and counts."""
-    dead = facts(changed(tmp_path, "A.P_el [W]", lambda v: 0.0))
-    assert "dead" in odd(dead)["A.P_el"][0]
-    assert [lack.signal for lack in dead.lacks] == ["A.P_el"]
-    wrong = facts(changed(tmp_path, "B.dp [bar]", lambda v: 1000 * v))
-    assert "is not in bar" in odd(wrong)["B.dp"][0]
-    assert not wrong.lacks
-
-
 def test_command_tells_files_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -123,17 +113,6 @@ def test_doubts_refuse_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
     (folder / "plant.yaml").write_text(text.replace("static-mixer", "static-mixr"))
     assert ["KB070"] == [d.code for d in collect([folder])]
-
-
-def test_doubt_about_a_value_of_the_plant(tmp_path: Path) -> None:
-    """What the plant's file says itself is doubted there."""
-    lines = ["plant: p", "title: t", "modules:", "  A:", "    type: dosing-pcp"]
-    lines += ["    parameters: {V: {value: 10, unit: l/rev, u: 0, source: name plate}}"]
-    lines += ["    reference: {dp: 20}"]
-    (tmp_path / "plant.yaml").write_text("\n".join(lines), encoding="utf-8")
-    found = collect([tmp_path])
-    assert [("KB140", 6), ("KB142", 7)] == [(d.code, d.place.line) for d in found]
-    assert "with 0.001 times 'V' they agree" in found[0].hint
 
 
 def test_sarif_says_where(

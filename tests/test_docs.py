@@ -202,8 +202,8 @@ def _squeezed(text: str) -> str:
 
 
 def test_pages_that_are_named_exist() -> None:
-    """In code, knowledge, plants, tests and the Makefile; and by relative links between pages. Those
-    to the reference are checked with the site."""
+    """In code, knowledge, plants, tests, the Makefile; and by links between pages, but for those
+    to the reference, which are checked with the site."""
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             linked = target.startswith("reference/") or (page.parent / target).exists()
@@ -253,17 +253,13 @@ PLANTED = re.compile(r"^\*\*Planted:\*\* `(\S+)`", re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", READMES, ids=lambda page: page.parent.name)
-def test_a_plant_is_clean_and_compiles(page: Path) -> None:
-    """Nothing to mend, nothing to doubt; as it was built it differs in values alone."""
-    assert [] == collect([page.parent])
-    assert page.parent.name == compiled(page.parent.name).plant
-
-
-@pytest.mark.parametrize("page", READMES, ids=lambda page: page.parent.name)
-def test_a_readme_tells_what_diagnose_says(
+def test_a_plant_is_clean_and_its_readme_right(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One finding, which is what was planted or has it among the causes that fit."""
+    """A plant to begin with is clean, compiles, and its README tells what diagnose says: one
+    finding, which is what was planted or has it among the causes that fit."""
+    assert [] == collect([page.parent])
+    assert page.parent.name == compiled(page.parent.name).plant
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "120")
     (step,) = (step for step in steps_of(page) if isinstance(step, Typed))
@@ -279,18 +275,15 @@ def test_a_readme_tells_what_diagnose_says(
     assert planted[1] in {finding["fault"], *(other["fault"] for other in others)}
 
 
-def test_the_page_shows_what_happens(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every line below a prompt is what Python says."""
+def test_page_and_notebook_of_python_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every line of the page below a prompt is what Python says; every code cell of the
+    notebook runs, in order, and what a cell shows is HTML for a notebook."""
     monkeypatch.chdir(ROOT)
     flags = doctest.ELLIPSIS
     page = str(ROOT / "docs" / "use-from-python.md")
     failed, tried = doctest.testfile(page, module_relative=False, optionflags=flags)
     assert 0 == failed
     assert tried > 10
-
-
-def test_the_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every code cell, in order; what a cell shows is HTML for a notebook."""
     monkeypatch.chdir(ROOT)
     shown = outputs_of(ROOT / "docs" / "rulec-from-python.ipynb")
     assert all(hasattr(part, "_repr_html_") for part in shown)

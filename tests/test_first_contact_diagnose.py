@@ -111,13 +111,3 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     assert off["threshold"] < off["share"] < 0.3
     assert "is not as its sheet says" in capsys.readouterr().out
     assert "Not as its sheet says, from the first sample" == heading
-
-
-def test_a_sheet_that_promises_more_is_told_with_advice(tmp_path: Path) -> None:
-    """The sheet's head is 35 % high: what the pump lacks of it, and what to do."""
-    found, _ = said(tmp_path, rules(tmp_path, 1.35), recorded(tmp_path))
-    (finding,) = found["findings"]
-    assert "pump.missing-head" == finding["fault"]
-    assert finding["from_sheet"]
-    assert finding["text"].endswith("less head than its sheet says")
-    assert finding["action"].startswith("calibrate, or run `rulec mismatch`")

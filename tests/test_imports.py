@@ -105,7 +105,7 @@ def top(module: str) -> str:
 
 def test_arrows_run_downwards() -> None:
     """Every file has a room, no circle is between folders, and the runtime knows nothing of the
-    compiler."""
+    compiler. No module imports itself by way of others, not even inside a function."""
     assert {room_of(module) for module in MODULES} == set(ROOMS)
     climbs = [
         (module, found)
@@ -114,10 +114,6 @@ def test_arrows_run_downwards() -> None:
         if found in MODULES and ROOMS.index(room_of(found)) > ROOMS.index(room_of(module))
     ]
     assert climbs == []
-
-
-def test_no_module_imports_itself_by_way_of_others() -> None:
-    """Not even inside a function."""
     left = {m: {found for found, _ in imports(m) if found in MODULES} - {m} for m in MODULES}
     while ends := {m for m, found in left.items() if not found & left.keys()}:
         left = {m: found for m, found in left.items() if m not in ends}
@@ -147,23 +143,17 @@ def test_runtime_needs_numpy_and_rich_alone() -> None:
             assert known or (module in COMPILED and top(found) in LLVM), module
 
 
-def test_readers_are_loaded_by_name_alone() -> None:
-    """Nobody imports one: the registry of formats loads it when a file asks for it."""
+def test_some_modules_import_little() -> None:
+    """Nobody imports a reader: the registry of formats loads it when a file asks for it. Passes
+    import from the runtime only what they write: the ruleset and its plan. At the top of
+    command lines stands nothing that has to be paid for."""
     for module in MODULES:
         if room_of(module) != READERS:
             assert not [found for found, _ in imports(module) if found.startswith(READERS)], module
-
-
-def test_compiler_knows_the_contract_alone() -> None:
-    """Passes import from the runtime only what they write: the ruleset and its plan."""
     for module in (m for m in MODULES if room_of(m) in COMPILER):
         for found, _ in imports(module):
             known = room_of(found) in CONTRACT or found == STORED
             assert known or top(found) != "rulec_runtime", (module, found)
-
-
-def test_command_lines_import_commands_when_called() -> None:
-    """At their top stands nothing that has to be paid for."""
     for module in ("rulec.cli", "rulec_runtime.cli", "rulec_runtime.commands.frame"):
         for found, at_top in imports(module):
             free = top(found) in sys.stdlib_module_names or found.endswith("commands.frame")

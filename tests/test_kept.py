@@ -145,16 +145,6 @@ def test_kept_documents_are_named_from_where_the_tool_runs(
     assert repr(again) == repr(read_plant(Path()))
 
 
-def test_commands_that_model_read_first(plant: Path, tmp_path: Path) -> None:
-    """A second start reads plant and recording before it loads a compiler."""
-    bad = tmp_path / "bad.csv"
-    bad.write_text("time,nothing\n0,1\n")
-    for command in (("calibrate", "-o", str(tmp_path / "c.yaml")), ("mismatch",)):
-        given = (*command, str(plant), str(bad))
-        assert "jsonschema" in loaded(*given, code=1)
-        assert not loaded(*given, code=1) & (HEAVY - {"yaml"})
-
-
 def test_damaged_file_is_ignored_and_written_anew(
     plant: Path, folder: Path, compilations: list[Path]
 ) -> None:

@@ -48,21 +48,6 @@ def test_a_driver_behind_the_module(station: Opened) -> None:
     assert equation == found[0].equation
 
 
-def test_a_driver_in_another_module(rig: Opened) -> None:
-    """Where the module has no thermometer, those of its neighbours are tried, the near ones."""
-    models, _, builder = rig
-    cold = effect(
-        "cold-line",
-        join("law*(1 + b*(T - T0))", gives="volume flow", rises_with="dp"),
-        drivers={"dp": driver("pressure difference"), "T": driver("temperature", "plant")},
-        parameters={"b": parameter(), "T0": parameter(None, of="T", fixed=True)},
-    )
-    own = ModelBuilder(with_effects(models, cold), builder._readings)
-    ids = [c.id for c in own.candidates if c.name == "cold-line" and not c.members]
-    assert "A.cold-line@plant" in ids
-    assert [f"M1.cold-line@resis(dp, {m}.T)" for m in "ABCDE"] == [i for i in ids if "M1" in i]
-
-
 def test_a_reading_that_another_join_does_without_is_not_missed(station: Opened) -> None:
     """An effect that lacks a driver is no candidate, but a hint which sensor would make it one. Of
     several joins the one that lacks least says what to measure, and none if one fits."""
@@ -100,26 +85,6 @@ def test_a_gauge_that_no_equation_reads_may_drive(tmp_path: Path) -> None:
     assert not [m for m in own.missing if m.name == "gauge"]
 
 
-METERING = """\
-module: metering
-version: 1
-title: Metering pump whose law reads no pressure
-signals:
-  n:  {quantity: rotational speed, unit: rpm, sensor: converter-speed, input: true, reference: 900}
-  dp: {quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 10],
-       reference: 2}
-  Q:  {quantity: volume flow, unit: l/h, sensor: magnetic-inductive, range: [0, 1000],
-       reference: 500}
-parameters:
-  V:  {value: 9.26, unit: ml/rev, u: 0.1, source: data sheet}
-  k2: {value: 8.0e-6, unit: bar/(l/h)**2, u: 1.0e-6, source: data sheet}
-observers:
-  meter: {component: line, Q: Q, reference: true, source: flow meter}
-  pump:  {component: pump, Q: n*V, source: displacement}
-  line:  {component: line, Q: sqrt(dp/k2), source: quadratic}
-"""
-
-
 def test_a_calibration_that_turns_a_law_round_does_not_change_what_it_is(tmp_path: Path) -> None:
     """From one operating point a calibration cannot tell parameters apart, and may give a head
     that rises with the flow, where their signs are free; the law is that of a centrifugal pump
@@ -137,47 +102,6 @@ def test_a_calibration_that_turns_a_law_round_does_not_change_what_it_is(tmp_pat
     text = plant.read_text(encoding="utf-8")
     plant.write_text(f"{text}calibration: [turned.yaml]\n", encoding="utf-8")
     assert expected == places(open_builder(plant)[1], "part-load-head") == {"pump.dp_law"}
-
-
-def test_a_law_that_reads_no_pressure_may_follow_one(rig: Opened, tmp_path: Path) -> None:
-    """The gauge is read by the line; a pump whose law reads it has the slip by that already."""
-    shutil.copytree(ROOT / "kb", tmp_path / "kb")
-    (tmp_path / "kb" / "modules" / "metering.yaml").write_text(METERING)
-    text = "plant: metered\ntitle: Metered\nmodules: {A: {type: metering}}\nconnections: []\n"
-    (tmp_path / "plant.yaml").write_text(text)
-    _, builder = open_builder(tmp_path)
-    for name in ("slip-linear", "bypass-flow"):
-        found = [c for c in builder.candidates if c.name == name]
-        assert [("pump", {"n": "A.n", "p": "A.dp"})] == [(c.place, dict(c.drivers)) for c in found]
-    beside = effect(
-        "beside",
-        join("law - c*p", gives="volume flow", rises_with="n"),
-        drivers={
-            "n": driver("rotational speed"),
-            "p": driver("pressure difference", "beside"),
-        },
-        parameters={"c": parameter()},
-    )
-    own = ModelBuilder(with_effects(rig[0], beside), rig[2]._readings)
-    assert set() == places(own, "beside")
-
-
-def test_a_law_without_a_value_is_left_out(rig: Opened) -> None:
-    """At rest this pump delivers nothing, and nothing cannot divide; others have a slip then."""
-    models, _, builder = rig
-    bad = effect(
-        "bad",
-        join(
-            "law + a/law_1",
-            gives="volume flow",
-            falls_with="dp",
-            substitutes={"law_1": {"n": "0"}},
-        ),
-        drivers={"dp": driver("pressure difference"), "n": driver("rotational speed")},
-        parameters={"a": parameter()},
-    )
-    own = ModelBuilder(with_effects(models, bad), builder._readings)
-    assert {f"{m}.Q_geo" for m in "ABCD"} == places(own, "bad")
 
 
 def test_faults_of_the_library_are_candidates(rig: Opened) -> None:

@@ -136,15 +136,3 @@ def test_what_cannot_be_analysed_is_refused_before_any_work(
 ) -> None:
     assert code == main(["mismatch", *words])
     assert said in capsys.readouterr().err
-
-
-def test_several_recordings_reach_the_analysis_as_one(
-    calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """In the order given; the story and the JSON name all."""
-    other = str(PLANT / "examples" / "swapped.csv")
-    assert 0 == call(other, "--json", str(tmp_path / "m.json"))
-    assert ("healthy.csv", "swapped.csv") == calls.sources
-    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
-    assert "healthy.csv and swapped.csv" == data["recording"]
-    assert "healthy.csv and swapped.csv" in capsys.readouterr().out

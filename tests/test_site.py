@@ -27,18 +27,15 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_page_is_in_the_navigation(built: Path) -> None:
-    """Also the pages that are made: front page, changes, reference."""
+def test_every_page_is_in_the_navigation_and_fetches_nothing(built: Path) -> None:
+    """Also pages that are made: front page, changes, reference. No fonts, scripts, pictures of
+    other servers: a control room has no internet."""
     pages = {page.stem for page in (ROOT / "docs").glob("*.md")} | {"index", "changelog"}
     pages |= {f"reference/{name}" for name in ("commands", "yaml", "library", "json", "python")}
     front = (built / "index.html").read_text(encoding="utf-8")
     navigation = set(re.findall(r'<a href="([\w./-]+)\.html" class="md-nav__link', front))
     assert pages - {"index"} <= navigation
     assert all((built / f"{page}.html").exists() for page in pages)
-
-
-def test_no_page_fetches_anything_from_elsewhere(built: Path) -> None:
-    """No fonts, scripts, pictures of other servers: a control room has no internet."""
     for page in built.rglob("*.html"):
         assert not FETCHED.findall(page.read_text(encoding="utf-8")), page.name
     for sheet in built.rglob("*.css"):

@@ -20,7 +20,6 @@ from rulec.passes.perturb import perturbed, true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
-from rulec.study.campaign import Group, Settings, run_group
 from rulec.study.judge import Kind, Outcome
 from rulec.study.points import operating_points, range_of
 from rulec.study.summary import percent, reliable_from, rows_of, sentences
@@ -45,14 +44,11 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return study(tmp_path_factory.mktemp("study") / "tiny.json", *TINY, "--jobs", "1")
 
 
-def test_number_of_processes_changes_nothing(tiny: dict[str, Any], tmp_path: Path) -> None:
-    """One process or two: the same counts, errors and words."""
+def test_counts_add_up_on_any_number_of_processes(tiny: dict[str, Any], tmp_path: Path) -> None:
+    """One process or two: the same counts, errors and words. Every recording is in exactly one
+    kind; found, confusions and healthy ones follow. At 30 % every hydraulic fault and pressure
+    sensor is seen, and nothing in healthy plants."""
     assert tiny == study(tmp_path / "two.json", *TINY, "--jobs", "2")
-
-
-def test_counts_add_up(tiny: dict[str, Any]) -> None:
-    """Every recording is in exactly one kind; found, confusions and healthy ones follow. At 30 %
-    every hydraulic fault and pressure sensor is seen, and nothing in healthy plants."""
     modules = {name: list(TYPES.values()).count(name) for name in TYPES.values()}
     for cell in tiny["faults"]:
         kinds = cell["kinds"]
@@ -68,16 +64,6 @@ def test_counts_add_up(tiny: dict[str, Any]) -> None:
     assert {(t, f) for t in modules for f in ("clogging", "widening", "dp.high")} <= seen
     healthy = tiny["healthy"]
     assert (20, 400, 0) == (healthy["recordings"], healthy["samples"], healthy["alarms"])
-
-
-def test_further_degrees_leave_the_others_as_they_were() -> None:
-    """Random numbers belong to a recording, not to its place in the study."""
-    ruleset = compiled("abc")
-    points = operating_points(equations_of(ruleset), 2)
-    group = Group("A.leakage", 0, 0, ruleset.undo)
-    few = list(run_group(ruleset, points, Settings(degrees=(0.3,)), group))
-    many = list(run_group(ruleset, points, Settings(degrees=(0.1, 0.3)), group))
-    assert few == [o for o in many if o.degree == 0.3]
 
 
 def test_operating_points_are_inside_their_ranges() -> None:

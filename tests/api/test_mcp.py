@@ -52,13 +52,11 @@ def ask(plants: Path) -> Ask:
     return asked
 
 
-def test_tools_are_read_only_and_described(ask: Ask) -> None:
+def test_tools_answer(ask: Ask, plants: Path) -> None:
+    """Tools are described and only read; a diagnosis is that of the library."""
     tools = ask()
     assert {tool.name for tool in tools} == TOOLS
     assert all(tool.annotations.read_only_hint and len(tool.description) > 60 for tool in tools)
-
-
-def test_a_diagnosis_is_that_of_the_library(ask: Ask, plants: Path) -> None:
     found = ask("diagnose", plant=ABC, recording=LEAKAGE)
     assert not found.is_error
     own = rulec.diagnose(plants / ABC, plants / LEAKAGE)
@@ -66,9 +64,6 @@ def test_a_diagnosis_is_that_of_the_library(ask: Ask, plants: Path) -> None:
     told = ask("explain", plant=ABC, recording=LEAKAGE).content[0].text
     assert str(own) == told
     assert "leakage" in told
-
-
-def test_other_tools_answer(ask: Ask) -> None:
     listed = ask("knowledge", plant=ABC).structured_content
     assert "leakage" in listed["fault"]
     one = ask("knowledge", plant=ABC, name="leakage").structured_content

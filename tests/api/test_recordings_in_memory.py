@@ -20,7 +20,6 @@ from tests.conftest import ROOT, compiled
 
 FILE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 TIME = "time [s]"
-DATES = pd.date_range("2025-03-31 12:00", periods=80, freq="s")
 
 FRAMES: dict[str, Callable[[pd.DataFrame], Any]] = {
     "pandas": lambda frame: frame,
@@ -53,24 +52,16 @@ def test_a_frame_is_read_as_its_file(kind: str, frame: pd.DataFrame) -> None:
     assert of_file.notes == found.notes
 
 
-@pytest.mark.parametrize(("zone", "indexed"), [(None, True), ("Europe/Berlin", False)])
-def test_dates_count_from_the_first(zone: str | None, indexed: bool, frame: pd.DataFrame) -> None:
-    """As a column or as the index; with a zone they are told in UTC."""
-    dated = frame.drop(columns=TIME).assign(time=DATES.tz_localize(zone))
-    found = read(dated.set_index("time") if indexed else dated)
-    assert found.time.tolist() == list(range(80))
-    assert found.calendar is not None
-    hour = "10" if zone == "Europe/Berlin" else "12"
-    assert f"2025-03-31T{hour}:00:00" in found.calendar.iso(0.0)
-
-
 @pytest.mark.parametrize(
     ("data", "said"),
     [
         ({"A.dp [bar]": [1.0]}, "data frame: there is no time column; expected 'time [s]'"),
         ({TIME: [0, 1], "A.dp [bar]": [1.0]}, "different numbers of rows: 'time [s]' 2"),
         ({TIME: [0, 1], "A.dp [bar]": np.ones((2, 2))}, "has the shape (2, 2); give one number"),
-        ({TIME: [0, 1], "A.dp [bar]": DATES[:2].to_numpy()}, "holds dates or times, not readings"),
+        (
+            {TIME: [0, 1], "A.dp [bar]": pd.date_range("2025", periods=2)},
+            "holds dates or times, not readings",
+        ),
         ({TIME: [0, 1], "A.dp [rpm]": [1.0, 1.0]}, "'A.dp [rpm]' is in rpm, but A.dp is measured"),
         ([], "give one recording at least"),
         (42, "int is no recording; give a path, a data frame of pandas, polars, pyarrow"),

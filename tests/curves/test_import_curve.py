@@ -107,22 +107,6 @@ def test_several_speeds_are_one_curve(tmp_path: Path) -> None:
     assert law(found, "dp_law")["accuracy"] == "0.4 %, 19 of 20 of 12 points of the sheet"
 
 
-def test_power_follows_from_efficiency(tmp_path: Path) -> None:
-    """Shaft power where the sheet gives none; the maker's own agrees to its digits. Empty cells and
-    NaN take their point out of that law alone."""
-    titles = "Q [m3/h],H [m],eta [%],,,,n [rpm]"
-    found = imported(tmp_path, written(tmp_path, NB), "--grade", "3B", "--columns", titles)
-    assert any("efficiency" in note for note in found["notes"])
-    titles = "Q [m3/h],H [m],,P_el [kW],,,n [rpm]"
-    by_power = imported(tmp_path, written(tmp_path, NB), "--grade", "3B", "--columns", titles)
-    for name in ("p0", "p1"):
-        of = (form["parameters"][name]["value"] for form in (found, by_power))
-        assert next(of) == pytest.approx(next(of), rel=0.05)
-    text = NB.replace("P2 [kW]", "note [1]").replace("5.580", "").replace("33.15", "nan")
-    found = imported(tmp_path, written(tmp_path, text))
-    assert [12, 12] == [law(found, name)["points"] for name in ("dp_law", "P_law")]
-
-
 def test_excel_and_a_digitised_table_say_the_same(tmp_path: Path) -> None:
     """A workbook with lines above its titles; two curves side by side, and no titles at all."""
     book = xlsxwriter.Workbook(str(tmp_path / "sheet.xlsx"))

@@ -94,15 +94,6 @@ def points_of(data: dict[str, Any]) -> Iterator[Any]:
     return (np.array([p[key] for p in data["points"]]) for key in ("at", "value", "u"))
 
 
-def test_it_says_where_it_has_no_data(plant: Path) -> None:
-    travels = np.concatenate([TRAVELS[TRAVELS < 45], TRAVELS[TRAVELS > 70]])
-    gaps = rulec.learn(plant, operation(travels), "M.Kv").to_dict()["gaps"]
-    (low, first), (inner, outer) = gaps
-    assert (low, first) == (0, pytest.approx(20, abs=2))
-    near = TRAVELS[TRAVELS < 45].max(), TRAVELS[TRAVELS > 70].min()
-    assert (inner, outer) == pytest.approx(near, abs=0.1)
-
-
 def test_what_was_learnt_is_knowledge(plant: Path) -> None:
     """The type compiles and calibrates; then nothing is found in new data, but half a flow is."""
     usual = operation(TRAVELS)
@@ -122,18 +113,6 @@ def test_what_was_learnt_is_knowledge(plant: Path) -> None:
     blocked = {**day, "M.Q [m3/h]": 0.5 * day["M.Q [m3/h]"]}
     finding = rulec.diagnose(plant, blocked).findings[0]
     assert finding.fault.id in {"M.seat-deposit", "M.Q.low"}
-
-
-def test_a_curve_that_falls(plant: Path) -> None:
-    """A resistance that falls with travel; which way it goes is seen."""
-    text = TYPE.replace("is: Kvs*x", "is: 1/(Kvs*x)")
-    text = text.replace("Kv*sqrt(dp - p0)", "sqrt(dp - p0)/Kv")
-    (plant / "kb" / "own-valve.yaml").write_text(text, encoding="utf-8")
-    data = rulec.learn(plant, operation(TRAVELS), "M.Kv").to_dict()
-    at, value, _ = points_of(data)
-    factor = value[-1] * kv(at[-1])
-    assert np.all(np.diff(value) <= 0)
-    assert value * kv(at) / factor == pytest.approx(1.0, abs=0.25)
 
 
 def test_the_command_writes_the_type(plant: Path, capsys: Any) -> None:

@@ -210,23 +210,6 @@ def test_ranking_puts_the_worst_first() -> None:
     )
 
 
-def test_titles_and_days_of_a_fleet(home: Path) -> None:
-    """Foreign columns are known by their titles, and other days are left out."""
-    file = home / "foreign.yaml"
-    file.write_text(
-        "fleet: few\nrecordings: recordings\n"
-        "plants: {P1: {judged_by: abc.json}}\n"
-        "titles: {PT1: 'A.dp [mbar]', TS: time}\n"
-        "days: {from: '2026-01-02'}\n"
-    )
-    found = read_fleet(file, ruleset_of)
-    (text,) = found.rulesets.values()
-    columns = {one["column"]: one["factor"] for one in json.loads(text)["columns"]}
-    assert columns == {"PT1": pytest.approx(100.0)}
-    assert json.loads(text)["time_column"] == "TS"
-    assert [("P1", "2026-01-02")] == [(t.plant, t.day) for t in tasks_of(found)]
-
-
 def test_results_go_elsewhere_only_by_the_command(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -63,19 +63,6 @@ def test_a_plant_begins_like_a_shipped_one(capsys: pytest.CaptureFixture[str]) -
     assert not Path("yours").exists()
 
 
-def test_skeletons_fit_together() -> None:
-    """Plant, with a type, a fault and an effect in its own folder: it compiles."""
-    main(["init", "plant", "mine", "p"])
-    for kind in ("module", "fault", "effect"):
-        assert main(["init", kind, f"acme-{kind}", "p/kb"]) == 0
-    file = Path("p/kb/modules/acme-module.yaml")
-    file.write_text(file.read_text().replace("[leakage(pump)", "[acme-fault(Q_slip)"))
-    plant = Path("p/plant.yaml")
-    plant.write_text(plant.read_text().replace("A: {type: dosing-pcp}", "A: {type: acme-module}"))
-    assert collect([Path("p")]) == []
-    assert "A.acme-fault" in compile_plant(Path("p")).fault_by_id
-
-
 def test_nothing_is_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     """And a name that no file could use is refused."""
     write(Path("new"), plant="mine\n")

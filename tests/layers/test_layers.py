@@ -101,16 +101,6 @@ def test_name_in_two_layers_is_told_with_both_places(plant: Path, install: Insta
     assert "see also" in render_all([found])
 
 
-def test_unit_may_be_listed_twice_if_it_means_the_same(plant: Path, install: Install) -> None:
-    install(units=UNITS, modules__acme_valve=VALVE)
-    write(plant / "kb", units=UNITS.replace("inch of water", "the same"))
-    assert collect([plant]) == []
-    write(plant / "kb", units=UNITS.replace("249.08891", "249.174"))
-    (found,) = refused(plant)
-    assert (found.code, found.place.line) == ("KB030", 2)
-    assert "the unit 'inWC'" in found.message
-
-
 def test_listing_says_what_came_from_where(plant: Path, install: Install) -> None:
     install(units=UNITS, modules__acme_valve=VALVE)
     write(plant / "kb", units="units:\n  gpm: {factor: 6.30902e-5, dimension: {m: 3, s: -1}}\n")

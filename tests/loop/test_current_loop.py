@@ -88,22 +88,6 @@ def test_the_flow_is_what_the_equation_of_the_meter_says(tmp_path: Path) -> None
     assert found["notes"] == []
 
 
-def test_a_value_of_another_size_than_the_data_sheet_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A sheet without an uncertainty says 6e-7 bar/(l/h)**2 where the line has 7.3e-6."""
-    stated = "{k2: {value: 6e-7, unit: bar/(l/h)**2, u: 0, source: other pump}}"
-    folder = plant(tmp_path)
-    text = (folder / "plant.yaml").read_text(encoding="utf-8")
-    text = text.replace("{type: warm-loop}", f"{{type: warm-loop, parameters: {stated}}}")
-    (folder / "plant.yaml").write_text(text, encoding="utf-8")
-    notes = _calibrate(folder, run_in(folder))["notes"]
-    told = [note for note in notes if note.startswith("A.k2: the recording says")]
-    assert 1 == len(told)
-    assert "the data sheet 6e-07 bar/(l/h)**2; check the units" in told[0]
-    assert told[0] in capsys.readouterr().out
-
-
 def test_a_reading_that_stood_is_told_and_gets_the_bounds_of_its_sensor(tmp_path: Path) -> None:
     """No range "40 to 40 degC" that every later sample leaves."""
     folder = plant(tmp_path)
@@ -119,25 +103,6 @@ def test_a_reading_that_stood_is_told_and_gets_the_bounds_of_its_sensor(tmp_path
     assert "source" not in written["modules"]["A"]["range"]["n"]
     (folder / "plant.yaml").open("a", encoding="utf-8").write("calibration: [found.yaml]\n")
     assert 0 == main(["check", str(folder)])
-
-
-def test_a_column_map_converts_back_and_forth(tmp_path: Path) -> None:
-    """Raw counts under a map mean what the readings do, and `simulate` writes counts again."""
-    folder = plant(tmp_path, "columns: columns.yaml\n")
-    counts = "{from: adc, unit: mA, scale: 0.005, offset: 4}"
-    (folder / "columns.yaml").write_text(f"columns:\n  A.I_Q: {counts}\n", encoding="utf-8")
-    speed, T = np.linspace(500.0, 1400.0, 30), 20.0 + 5.0 * (7 * np.arange(30) % 10)
-    plain = readings(speed, T)
-    raw = {k: v for k, v in plain.items() if "I_Q" not in k}
-    raw["adc"] = (plain["A.I_Q [mA]"] - 4.0) / 0.005
-    recording = write(folder / "raw.csv", raw)
-    found = _calibrate(folder, recording)["modules"]["A"]["parameters"]
-    assert found["V"]["value"] == pytest.approx(V, rel=0.01)
-    (folder / "plant.yaml").open("a", encoding="utf-8").write("calibration: [found.yaml]\n")
-    target = folder / "made.csv"
-    assert 0 == main(["simulate", str(folder), str(recording), "-o", str(target)])
-    made = np.genfromtxt(target, delimiter=",", names=True)
-    np.testing.assert_allclose(made["adc"], raw["adc"], atol=5.0)
 
 
 SIZES = [("A.T.low", 3.0, "K"), ("A.I_Q.high", 0.5, "mA")]

@@ -108,25 +108,22 @@ def test_several_files_share_one_map(tmp_path: Path) -> None:
     assert set(data["signals"]) == {"A_1.FI12", "A_1_2.FI12"}
 
 
-@pytest.mark.parametrize(
-    ("path", "kind"),
-    [
-        (f"{LIBRARY}/AnaView/AnaMon", "AnaMon"),
-        (f"Std@[{LIBRARY}]/IndicatorElement/[AnaView]", "AnaView"),
-        ("MakerLib/Transmitter", "AnaMon"),
-        ("MakerLib/Unknown", "MakerLib/Unknown"),
-    ],
-)
-def test_classes_are_known_by_any_path(tmp_path: Path, path: str, kind: str) -> None:
+def test_classes_are_known_by_any_path(tmp_path: Path) -> None:
     """Of older libraries, with aliases, and of a maker's own that derives from the standard."""
     library = (
         '<SystemUnitClassLib Name="MakerLib"><SystemUnitClass Name="Transmitter" '
         f'RefBaseClassPath="{LIBRARY}/IndicatorElement/AnaView/AnaMon"/></SystemUnitClassLib>'
     )
-    point = Point(name="PI1", path=path, fixed={"VUnit": "1137"})
-    module = imported(tmp_path, manifest((point,), libraries=library))
-    assert module["tags"][0]["class"] == kind
-    assert bool(module["signals"]) == (kind != path)
+    kinds = {
+        f"{LIBRARY}/AnaView/AnaMon": "AnaMon",
+        f"Std@[{LIBRARY}]/IndicatorElement/[AnaView]": "AnaView",
+        "MakerLib/Transmitter": "AnaMon",
+        "MakerLib/Unknown": "MakerLib/Unknown",
+    }
+    points = [Point(name=f"PI{i}", path=p, fixed={"VUnit": "1137"}) for i, p in enumerate(kinds)]
+    module = imported(tmp_path, manifest(points, libraries=library))
+    assert [tag["class"] for tag in module["tags"]] == list(kinds.values())
+    assert [s["signal"] for s in module["signals"]] == ["PI0", "PI1", "PI2"]
 
 
 def test_references_that_lead_nowhere_are_told_with_their_place(
@@ -224,24 +221,24 @@ def test_units_of_the_tables_are_those_of_the_knowledge_base() -> None:
     assert classes <= {file.stem for file in (ROOT / "kb" / "sensors").glob("*.yaml")}
 
 
-@pytest.mark.parametrize(
-    ("name", "title", "unit", "quantity", "confidence"),
-    [
-        ("FI1", "", "1353", "volume flow", "likely"),
-        ("X1", "", "1353", "volume flow", "possible"),
-        ("X1", "Druck am Ausgang", "1353", "volume flow", "guess"),
-        ("X1", "Druck am Ausgang", "", "pressure difference", "guess"),
-        ("X1", "", "", None, "guess"),
-    ],
-)
-def test_quantities_are_proposed_with_a_confidence(
-    tmp_path: Path, name: str, title: str, unit: str, quantity: str | None, confidence: str
-) -> None:
-    module = imported(tmp_path, manifest((analog(name, title, unit, 0, 5),)))
-    (signal,) = module["signals"]
-    assert (signal["quantity"], signal["confidence"]) == (quantity, confidence)
-    against = title and unit
-    assert [o["kind"] for o in module["odd"]] == (["names against units"] if against else [])
+def test_quantities_are_proposed_with_a_confidence(tmp_path: Path) -> None:
+    """By name, unit and title; where name and unit contradict each other, that is told."""
+    points = [
+        analog("FI1", "", "1353", 0, 5),
+        analog("X1", "", "1353", 0, 5),
+        analog("X2", "Druck am Ausgang", "1353", 0, 5),
+        analog("X3", "Druck am Ausgang", "", 0, 5),
+        analog("X4", "", "", 0, 5),
+    ]
+    module = imported(tmp_path, manifest(points))
+    assert [(s["quantity"], s["confidence"]) for s in module["signals"]] == [
+        ("volume flow", "likely"),
+        ("volume flow", "possible"),
+        ("volume flow", "guess"),
+        ("pressure difference", "guess"),
+        (None, "guess"),
+    ]
+    assert [o["kind"] for o in module["odd"]] == ["names against units"]
 
 
 def test_a_range_has_its_lower_end_first(tmp_path: Path) -> None:

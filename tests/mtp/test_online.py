@@ -56,7 +56,8 @@ def controller() -> Iterator[Controller]:
 def test_units_and_ranges_are_read_from_the_controller(
     controller: Controller, tmp_path: Path
 ) -> None:
-    """At the address in the file; what is no unit there either is told, and what is lacking."""
+    """At the address in the file, or another that is given; what is no unit there either is
+    told, and what is lacking."""
     module = imported(tmp_path, manifest(POINTS, endpoint=controller.url), "--online")
     pressure, flow = module["signals"]
     assert (pressure["unit"], pressure["range"]) == ("bar", [-1.0, 10.0])
@@ -65,9 +66,6 @@ def test_units_and_ranges_are_read_from_the_controller(
     assert sorted(o["kind"] for o in module["odd"]) == ["unknown units", "values not there"]
     text = (tmp_path / "out" / "modules" / "Dosing.yaml").read_text(encoding="utf-8")
     assert "by default" not in text
-
-
-def test_another_address_replaces_that_of_the_file(controller: Controller, tmp_path: Path) -> None:
     module = imported(tmp_path, manifest(POINTS), "--online", controller.url)
     assert module["signals"][0]["unit"] == "bar"
 

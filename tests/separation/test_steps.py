@@ -19,7 +19,6 @@ from rulec.limits import SEPARATED
 from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.distance import Case, FaultMeasure
 from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_DEGREES, STEP_SECONDS
-from rulec.separation.pairs import separate_pairs
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
 from rulec.simulation.equations import equations_of
 from tests.conftest import ROOT, compiled
@@ -130,17 +129,6 @@ def test_what_has_no_steps_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
     ):
         assert main(["matrix", *words]) == code
         assert said in capsys.readouterr().err
-
-
-def test_nothing_is_proposed_where_nothing_may_be_moved() -> None:
-    """Limits so narrow that no point differs clearly from the present one."""
-    ruleset = compiled("abc")
-    narrow = Range(signal=ruleset.signal_by_id["B.n"], lowest=899, highest=901, rate=1)
-    allowed = allowed_of(ruleset, Allowed({"B.n": narrow}, frozenset()))
-    first = next(p for p in separate_pairs(ruleset, allowed) if not p.is_apart)
-    assert first.proposal.changes == {}
-    assert first.proposal.apart == first.proposal.here
-    assert not first.is_split
 
 
 def test_distance_grows_with_the_degree_and_vanishes_for_the_fault_itself() -> None:
@@ -284,26 +272,3 @@ def test_ten_thousand_proposals_keep_the_limits() -> None:
         costly += bool(proposal.costs)
     assert moved > PROPOSALS // 2
     assert costly > PROPOSALS // 20
-
-
-def test_step_that_costs_no_product_comes_first() -> None:
-    """Where two steps tell the faults apart, the cheap one is taken though it is weaker."""
-    ruleset = compiled("abc")
-    signals = ruleset.signal_by_id
-    limits = {
-        name: Range(signal=signals[name], lowest=600, highest=1000, rate=10, costs=name == "A.n")
-        for name in ("A.n", "B.n")
-    }
-    present = {"A.n": 900.0, "B.n": 900.0}
-
-    def measure(points: Sequence[Point]) -> Looked:
-        far = [20.0 if "A.n" in p else 5.0 if p else 1.0 for p in points]
-        return Looked(np.array([far]), {})
-
-    allowed = allowed_of(ruleset, Allowed(limits, frozenset()))
-    proposal = propose(allowed, present, measure)
-    assert list(proposal.changes) == ["B.n"]
-    assert proposal.costs == ()
-    assert proposal.apart == (5.0,)
-    only = allowed_of(ruleset, Allowed({"A.n": limits["A.n"]}, frozenset()))
-    assert propose(only, present, measure).costs == ("A.n",)

@@ -67,8 +67,10 @@ def test_two_tanks_as_another_solver_has_them(by_hand: Mapping[str, float], volt
     np.testing.assert_allclose(found, two_tanks(time, u, by_hand), rtol=0, atol=volts)
 
 
-def test_a_tank_runs_empty_and_fills_again() -> None:
-    """Never below its lower limit, and no number is lost there, derivatives included."""
+def test_limits_hold(tmp_path: Path) -> None:
+    """A tank that runs empty is never below its lower limit; a store with a wall keeps what it
+    can, and at the wall its level follows the wall alone. No number is lost there, derivatives
+    included."""
     time = 4.0 * np.arange(150)
     u = np.where((time > 100) & (time < 400), 0.0, 3.0)
     course = run(time, u, values_of(SHIPPED), "upper.a", "pump.k", "upper.h0")
@@ -78,10 +80,6 @@ def test_a_tank_runs_empty_and_fills_again() -> None:
     assert levels[(time > 300) & (time < 400)].max() < 1e-6
     assert levels[-1] > 0.1
     np.testing.assert_allclose(lower(course), two_tanks(time, u), rtol=0, atol=1e-3)
-
-
-def test_upper_limits_hold(tmp_path: Path) -> None:
-    """A store with a wall keeps what it can; at the wall its level follows the wall alone."""
     modules = "  P: {type: feed}\n  T: {type: store}\n"
     store = compile_plant(plant_in(tmp_path, modules, "P -> T", feed=FEED, store=STORE)).dynamics
     assert store is not None

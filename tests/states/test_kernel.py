@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import mmap
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -102,15 +101,6 @@ def test_a_dead_time(both: Callable[..., Iterator[Course]]) -> None:
     plain, fast = both(balances, time, u[:, None], HELD, values, ("A.D",))
     assert_same(plain, fast)
     assert np.ptp(fast.slopes) > 0.0
-
-
-def test_a_copy_makes_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Machine code belongs to one process: balances that travel leave it behind."""
-    monkeypatch.setattr(kernel, "KERNEL_WORTH", 0)
-    balances, (time, u) = fresh(tanks()[1]), random_inputs(20)
-    first = balances.run(time, u[:, None], HELD, values_of(SHIPPED))
-    copy = pickle.loads(pickle.dumps(balances))
-    assert_same(first, copy.run(time, u[:, None], HELD, values_of(SHIPPED)))
 
 
 def test_functions_take_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:

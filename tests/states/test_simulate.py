@@ -15,7 +15,7 @@ from rulec_runtime.recordings.recording_file import read_file
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.first_readings import starts_of
-from tests.conftest import ROOT, compiled
+from tests.conftest import compiled
 from tests.states.plants import FEED, STORE, TANKS, plant_in, random_inputs, two_tanks, write_inputs
 
 CHAIN = "  P: {type: feed}\n  T: {type: store}\n"
@@ -105,18 +105,6 @@ def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
     assert read_ruleset(tmp_path / "rules.json") == rules
 
 
-def test_each_file_of_a_folder_starts_anew(tmp_path: Path) -> None:
-    """They are runs of their own, from the start values of the ruleset."""
-    time, u = random_inputs(50)
-    (tmp_path / "in").mkdir()
-    write_inputs(tmp_path / "in" / "a.csv", time, u)
-    write_inputs(tmp_path / "in" / "b.csv", time + 200.0, u)
-    out = simulated(tmp_path / "in", tmp_path / "out")
-    first, second = (column(out / name, "y [V]") for name in ("a.csv", "b.csv"))
-    np.testing.assert_array_equal(first, second)
-    assert 5.0 == first[0]
-
-
 @pytest.mark.parametrize(
     ("rows", "options", "message"),
     [
@@ -147,21 +135,6 @@ def refused(
     return capsys.readouterr().err
 
 
-def test_balances_without_a_solution_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A balance that feeds on itself; a flow by a pressure that follows from the level."""
-    store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
-    store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
-    plant = plant_in(tmp_path / "a", CHAIN, "P -> T", feed=FEED, store=store)
-    told = refused(plant, tmp_path, "time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n", capsys)
-    assert "a state of made-up grows beyond all bounds" in told
-    circle = PRESSED.replace("outflow: {is: n*V}", "outflow: {is: k*(dp - b*y)}")
-    plant = plant_in(tmp_path / "b", "  T: {type: pressed-store}\n", pressed=circle)
-    told = refused(plant, tmp_path, "time [s],T.n [rpm]\n0,900\n60,900\n", capsys)
-    assert "its balances need T.dp, which follows from T.y" in told
-
-
 PRESSED = """\
 module: pressed-store
 version: 1
@@ -190,8 +163,11 @@ readings:
 """
 
 
-def test_what_follows_at_once_needs_balances(tmp_path: Path) -> None:
-    """A pressure over a level: the predicted level counts, not the recorded one."""
+def test_balances_and_what_follows_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pressure over a level: the predicted level counts, not the recorded one. A balance that
+    feeds on itself, and a flow by a pressure that follows from the level, are told."""
     plant = plant_in(tmp_path, "  T: {type: pressed-store}\n", pressed=PRESSED)
     (tmp_path / "in.csv").write_text("time [s],T.n [rpm],T.y [m]\n0,900,9\n60,900,9\n120,900,9\n")
     made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
@@ -200,6 +176,15 @@ def test_what_follows_at_once_needs_balances(tmp_path: Path) -> None:
     np.testing.assert_allclose(column(made, "T.y [m]"), level, rtol=1e-9)
     dp = 0.1 * level + flow * 3.6e6 / 100
     np.testing.assert_allclose(column(made, "T.dp [bar]"), dp, rtol=1e-6)
+    store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
+    store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
+    plant = plant_in(tmp_path / "a", CHAIN, "P -> T", feed=FEED, store=store)
+    told = refused(plant, tmp_path, "time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n", capsys)
+    assert "a state of made-up grows beyond all bounds" in told
+    circle = PRESSED.replace("outflow: {is: n*V}", "outflow: {is: k*(dp - b*y)}")
+    plant = plant_in(tmp_path / "b", "  T: {type: pressed-store}\n", pressed=circle)
+    told = refused(plant, tmp_path, "time [s],T.n [rpm]\n0,900\n60,900\n", capsys)
+    assert "its balances need T.dp, which follows from T.y" in told
 
 
 def stored(folder: Path, level: float) -> tuple[Path, Path]:
@@ -239,26 +224,6 @@ def test_a_noisy_start_lies_within_its_uncertainty(tmp_path: Path) -> None:
         far.append((value - 80.0) / u)
     assert np.max(np.abs(far)) < 3.0
     assert 0.3 < np.sqrt(np.mean(np.square(far))) < 2.0
-
-
-@pytest.mark.parametrize(
-    ("plant", "start", "message"),
-    [
-        (ROOT / "plants" / "abc", "in.csv", "abc stores nothing"),
-        (TANKS, "in.csv", "no usable first reading of upper.y or lower.y"),
-        (TANKS, "absent.csv", "absent.csv"),
-    ],
-)
-def test_a_recording_that_tells_no_start_is_refused(
-    plant: Path, start: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """With what lacks, and nothing written."""
-    inputs = write_inputs(tmp_path / "in.csv", *random_inputs())
-    target = tmp_path / "out.csv"
-    options = ["simulate", str(plant), str(inputs), "-o", str(target)]
-    assert 0 != main([*options, "--start", str(tmp_path / start)])
-    assert message in capsys.readouterr().err
-    assert not target.exists()
 
 
 COLUMNS = "columns:\n  time: {from: t, unit: s}\n  pump.u: {from: u, unit: V}\n"
