@@ -88,23 +88,20 @@ def _input(name: str) -> Iterator[None]:
     file.unlink()
 
 
+def _limits(file: Path) -> object:
+    return read_limits(file, compile_plant(file.parent))
+
+
 def _text_of(folder: Path) -> str:
     """What `rulec check` prints, or `rulec compile`, or a file of limits or of a fleet where only
     that finds the mistake."""
     found = collect([folder])
     if not found:
+        fleet, limits = folder / "fleet.yaml", folder / "limits.yaml"
         with pytest.raises(Refused) as refused:
-            _compile_or_read_limits(folder)
+            _ = read_fleet(fleet, compile_plant) if fleet.exists() else _limits(limits)
         found = list(refused.value.diagnostics)
     return render_all(found) + "\n"
-
-
-def _compile_or_read_limits(folder: Path) -> None:
-    if (folder / "fleet.yaml").exists():
-        read_fleet(folder / "fleet.yaml", compile_plant)
-        return
-    ruleset = compile_plant(folder)
-    read_limits(folder / "limits.yaml", ruleset)
 
 
 def test_every_code_has_an_example_and_stands_on_the_page() -> None:

@@ -188,20 +188,13 @@ def test_bad_arguments(
 def test_the_function_gives_what_the_command_writes(tiny: dict[str, Any]) -> None:
     """And tables of it; a number that makes no sense is refused with the words of the command."""
     told: list[str] = []
-    done: list[tuple[str, float, float]] = []
-    found = rulec.study(
-        ABC,
-        degrees=[0.3],
-        points=1,
-        seeds=1,
-        announce=told.append,
-        progress=lambda *one: done.append(one),
-    )
+    done: list[Any] = []
+    asked: dict[str, Any] = {"degrees": [0.3], "points": 1, "seeds": 1, "announce": told.append}
+    found = rulec.study(ABC, progress=lambda *one: done.append(one), **asked)
     assert tiny == json.loads(json.dumps(found.to_dict()))
     assert told[0].startswith("abc: ")
     assert done[-1][1] == done[-1][2]
     assert len(found.to_frame(backend="pandas")) == len(tiny["faults"])
-    assert found.tables == ("faults", "confusions")
     assert "False alarms: 0 of 20 healthy recordings" in str(found)
     assert "what its diagnosis can do" in " ".join(found.page().lower().split())
     with pytest.raises(rulec.Misused, match="--seeds 0: give 1 or more"):

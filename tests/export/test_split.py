@@ -108,19 +108,6 @@ def test_what_does_not_suffice_is_refused(
         diagnose_results(read_results(file, compiled("abc")), compiled("abc"))
 
 
-def test_only_diagnose_takes_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Others would take each row for readings; and what needs samples says so."""
-    file = str(write(results(tmp_path), tmp_path / "r.csv"))
-    assert 0 == main(["diagnose", str(ABC), file])
-    assert 1 == main(["diagnose", str(ABC), file, "--trace", str(tmp_path / "t.csv")])
-    assert 1 == main(["diagnose", str(ABC), file, "--mode", "paper"])
-    assert 1 == main(["calibrate", str(ABC), file, "-o", str(tmp_path / "c.yaml")])
-    told = capsys.readouterr().err
-    assert "a trace or report needs a recording" in told
-    assert "--mode paper needs a recording" in told
-    assert "only rulec diagnose takes such a file" in told
-
-
 @pytest.mark.parametrize(("language", "ends"), [("c", {".h", ".c"}), ("st", {".st"})])
 def test_the_command_writes_all_modules(language: str, ends: set[str], tmp_path: Path) -> None:
     """Files per module, and which variable is what."""

@@ -224,13 +224,3 @@ def test_results_go_elsewhere_only_by_the_command(
     said = " ".join(capsys.readouterr().err.split())
     assert "few: recordings come from http://127.0.0.1 rulec: " in said
     assert "secret" not in said
-
-
-def test_wrong_usage(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fleet", str(home / "fleet.yaml"), "--jobs", "0"]) == 2
-    assert "--jobs 0: give 1 or more" in capsys.readouterr().err
-    file = home / "late.yaml"
-    text = "fleet: few\nrecordings: recordings\njudged_by: abc.json\ndays: {from: '2027-01-01'}\n"
-    file.write_text(text)
-    assert main(["fleet", str(file)]) == 1
-    assert "no recording below plant=.../day=..." in capsys.readouterr().err

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import shutil
 from pathlib import Path
@@ -13,7 +11,6 @@ from typing import cast
 import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
-from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.effects.adopt import Adoption
 from rulec.effects.write_plant import knowledge_files
@@ -99,20 +96,6 @@ def test_name_in_two_layers_is_told_with_both_places(plant: Path, install: Insta
     }
     assert [found] == collect([plant])
     assert "see also" in render_all([found])
-
-
-def test_listing_says_what_came_from_where(plant: Path, install: Install) -> None:
-    install(units=UNITS, modules__acme_valve=VALVE)
-    write(plant / "kb", units="units:\n  gpm: {factor: 6.30902e-5, dimension: {m: 3, s: -1}}\n")
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        assert main(["show", "knowledge", str(plant)]) == 0
-    lines = [line.split() for line in out.getvalue().splitlines()]
-    heads = [line[0] for line in lines if line and line[-1].startswith(("/", "p/"))]
-    assert heads == ["p/kb", "acme-pumps-kb", "kb"]
-    assert ["unit", "gpm", "units.yaml"] in lines
-    assert ["module", "acme-valve", "v3", "modules/acme_valve.yaml"] in lines
-    assert ["fault", "leakage", "faults/leakage.yaml"] in lines
 
 
 def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> None:

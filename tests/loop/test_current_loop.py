@@ -156,12 +156,3 @@ def test_the_matrix_tells_what_can_be_seen_in_the_unit(tmp_path: Path) -> None:
         assert cell.sensitivity == pytest.approx(-per_milliampere, rel=1e-6)
         threshold = limits.THRESHOLD * u[cell.residual]
         assert cell.detectable * per_milliampere == pytest.approx(threshold)
-
-
-def test_a_size_beyond_the_range_of_the_sensor_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = plant(tmp_path)
-    arguments = ["simulate", str(folder), str(run_in(folder)), "-o", str(tmp_path / "o.csv")]
-    assert 0 != main([*arguments, "--fault", "A.T.high=200"])
-    assert "A.T.high: its degree lies between 0 and 100 K" in capsys.readouterr().err

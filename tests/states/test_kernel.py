@@ -90,19 +90,6 @@ def test_all_operations(both: Callable[..., Iterator[Course]], a: float, b: floa
     assert_same(*both(of_all(), time, inputs, held, values, ("A.a", "A.b")))
 
 
-def test_a_dead_time(both: Callable[..., Iterator[Course]]) -> None:
-    """What follows something later is followed by the integrator; the rest is machine code."""
-    inputs = ("A.T", "A.D", "A.q", "u")
-    operations = (("sub", 3, 2), ("div", 4, 0))
-    outputs = {"der:A.q": 5, "start:A.q": 3, "after:A.q": 1, "shown:A.y": 2}
-    balances = Balances(Plan(inputs, (), operations, outputs), ("A.q",), ("u",), ("shown:A.y",))
-    time, u = random_inputs(50)
-    values = {"A.T": 2.0, "A.D": 7.0}
-    plain, fast = both(balances, time, u[:, None], HELD, values, ("A.D",))
-    assert_same(plain, fast)
-    assert np.ptp(fast.slopes) > 0.0
-
-
 def test_functions_take_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """An analysis makes thousands; each keeps its code alone, and an address of its own."""
     statm = Path("/proc/self/statm")

@@ -128,7 +128,7 @@ def refused(
     plant: Path, folder: Path, rows: str, capsys: pytest.CaptureFixture[str], *options: str
 ) -> str:
     """What is told; nothing is written."""
-    source, target = folder / "in.csv", folder / "out.csv"
+    source, target = folder / "in.csv", folder / "none.csv"
     source.write_text(rows)
     assert 1 == main(["simulate", str(plant), str(source), "-o", str(target), *options])
     assert not target.exists()
@@ -196,22 +196,9 @@ def stored(folder: Path, level: float) -> tuple[Path, Path]:
     return plant_in(folder / str(level), CHAIN, "P -> T", feed=FEED, store=store), inputs
 
 
-def test_what_is_stored_may_start_from_the_first_readings(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A store that begins at 80 cm instead of the stated 50: the same course comes out."""
-    (stated, inputs), (fuller, _) = (stored(tmp_path, level) for level in (50, 80))
-    seen = simulated(inputs, tmp_path / "seen.csv", plant=fuller)
-    capsys.readouterr()
-    made = simulated(inputs, tmp_path / "made.csv", "--start", str(seen), plant=stated)
-    told = capsys.readouterr().err
-    np.testing.assert_allclose(column(made, "T.y [m]"), column(seen, "T.y [m]"), atol=1e-6)
-    assert "starts at 80 " in told
-    assert "by the first readings of T.y" in told
-
-
 def test_a_noisy_start_lies_within_its_uncertainty(tmp_path: Path) -> None:
-    """Ten draws of the sensor's errors: what is told is not too sure."""
+    """A store that begins at 80 cm instead of the stated 50, ten draws of the sensor's errors: what
+    is told of the first readings is not too sure."""
     fuller, inputs = stored(tmp_path, 80)
     ruleset = compile_plant(fuller)
     far = []
@@ -243,24 +230,6 @@ def test_only_sensors_that_are_there_see(
     column = f"  {mapped}: {{from: y, unit: V}}\n" if mapped else ""
     (tmp_path / "columns.yaml").write_text(COLUMNS + column, encoding="utf-8")
     assert expected == compile_plant(tmp_path).unobserved
-
-
-def test_balances_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """In words of the author, with limits in the unit of the state, and flows of others; the pass
-    is there for every plant."""
-    assert 0 == main(["show", "balances", str(TANKS)])
-    shown = capsys.readouterr().out.splitlines()
-    assert [
-        "given: pump.u",
-        "pump.pump = k*u   (a flow)",
-        "d upper.h/dt = (inflow - outflow)/A   (from h0, not below 0 cm)",
-        "upper.inflow = pump.pump",
-        "upper.outflow = a*sqrt(2*gravity*h)",
-        "upper.y shows g*h + y0",
-    ] == shown[:6]
-    assert "lower.inflow = upper.outflow" in shown
-    assert 0 == main(["show", "put_balances", str(TANKS.parent / "abc")])
-    assert "nothing is stored\n" == capsys.readouterr().out
 
 
 def test_a_plant_of_stores_alone(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
