@@ -102,8 +102,11 @@ def test_command_tells_files_and_recording(
     assert "there is no time column" in capsys.readouterr().err
 
 
-def test_doubts_refuse_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """They are told where there is no mistake, and a program may tell them apart."""
+def test_doubts_and_mistakes_in_sarif(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Doubts are told where there is no mistake, and a program may tell them apart. A log as
+    the standard asks for has both places of a clash, by relative paths."""
     folder = shutil.copytree(ROOT / "tests" / "errors" / "KB141-apart", tmp_path / "p")
     assert main(["check", str(folder)]) == 0
     assert "1 doubt in 1 file" in capsys.readouterr().out
@@ -113,12 +116,6 @@ def test_doubts_refuse_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
     (folder / "plant.yaml").write_text(text.replace("static-mixer", "static-mixr"))
     assert ["KB070"] == [d.code for d in collect([folder])]
-
-
-def test_sarif_says_where(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Both places of a clash, by relative paths; a log as the standard asks for."""
     monkeypatch.chdir(ROOT)
     assert main(["check", "tests/errors/KB030-twins", "--format", "sarif"]) == 1
     log = json.loads(capsys.readouterr().out)

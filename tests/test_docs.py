@@ -66,12 +66,15 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 REPAIR, HOUR, PLAN = "repair-a-model", "first-hour", "plan-an-experiment"
 LATER = {
     HOUR: ("mismatch", "experiment", "adopt", "recipe.csv", "compare.py", "repaired"),
-    REPAIR: ("healthy.csv", "first.csv", "second.csv", "together.json", "swapped.csv"),
+    REPAIR: (
+        *("healthy.csv", "first.csv", "second.csv", "together.json", "swapped.csv"),
+        *("shaking_B.csv", "shaking_B.json"),
+    ),
     PLAN: ("both.json", "limits.yaml"),
 }
 """Commands of a page about these files run in `make prove`, as each searches anew. In every run
 several recordings are asked about in test_together.py, limits in test_experiment.py, swapped
-columns in test_structure.py."""
+columns in test_structure.py, what has no name in test_shape.py."""
 NAMING = (".py", ".yaml", ".json", ".md", ".txt")
 """Kinds of files that may name a page."""
 PIP = ("--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", "site")

@@ -15,7 +15,6 @@ import rulec
 from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
 from rulec.commands.check_files import collect
-from tests.conftest import ROOT
 
 TYPE = """\
 module: own-valve
@@ -154,14 +153,3 @@ def test_recordings_that_tell_nothing(plant: Path) -> None:
     lacking = {k: v for k, v in operation(TRAVELS).items() if k != "M.dp [bar]"}
     with pytest.raises(CalibrationRefused, match="lacks dp"):
         rulec.learn(plant, lacking, "M.Kv")
-
-
-def test_a_real_valve() -> None:
-    """The boiler branch, half a day: the valve of the sheet (33 fully open, linear) is none; its
-    band is wide where the other losses, known to a factor of two, hide it."""
-    plant = ROOT / "plants" / "rse-boiler"
-    found = rulec.learn(plant, plant / "examples" / "day.csv", "boiler.opening").to_dict()
-    at, value, u = points_of(found)
-    linear = 33.0 * at / 100.0
-    assert value[0] < 0.4 * linear[0]
-    assert u[0] / value[0] < 0.1 < 1.0 < u[-1] / value[-1]

@@ -225,17 +225,16 @@ def test_quantities_are_proposed_with_a_confidence(tmp_path: Path) -> None:
     assert [o["kind"] for o in module["odd"]] == ["names against units"]
 
 
-def test_a_range_has_its_lower_end_first(tmp_path: Path) -> None:
+def test_ranges_and_names_are_those_that_equations_can_use(tmp_path: Path) -> None:
+    """A range has its lower end first. Names become such that equations can use: also words of
+    the language, doubles, umlauts and nothing but signs."""
     spans = {"A1": (0, 5), "A2": (5, 0), "A3": (5, 5), "A4": (0, 1e99)}
     points = [analog(name, "", "1137", *span) for name, span in spans.items()]
     module = imported(tmp_path, manifest(points))
     assert [s["range"] for s in module["signals"]] == [[0.0, 5.0], None, None, None]
     assert [bool(s["lacks"]) for s in module["signals"]] == [False, True, True, True]
     assert [o["kind"] for o in module["odd"]] == ["ranges that are none"] * 3
-
-
-def test_names_become_names_that_equations_can_use(tmp_path: Path) -> None:
-    """Also words of the language, doubles, umlauts and nothing but signs."""
+    shutil.rmtree(tmp_path / "out")
     names = ("A.if", "B.if", "Füllstand-1", "§§", "9", "x" * 90, "inflow", "min")
     points = [analog(name, "", "1013", 0, 800) for name in names]
     module = imported(tmp_path, manifest(points, name="(1)"))

@@ -109,6 +109,8 @@ def test_step_keeps_a_file_of_limits_and_says_what_it_costs(
 def test_matrix_tells_the_step_of_each_pair(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Of 16 pairs 10 are alike, and one step tells each of them apart. What has no steps is
+    refused."""
     told = tmp_path / "matrix.json"
     assert main(["matrix", str(PLANT), "--separate", "--json", str(told)]) == 0
     assert "of the other 10 one step tells 10 apart" in " ".join(capsys.readouterr().out.split())
@@ -119,9 +121,6 @@ def test_matrix_tells_the_step_of_each_pair(
         assert [part["degree"] for part in pair["sigma"]] == [0.1, 0.2]
         assert np.all([part["then"] > max(4.0, part["now"]) for part in pair["sigma"]])
         assert all(change["unit"] == "rpm" for change in pair["changes"])
-
-
-def test_what_has_no_steps_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     for words, code, said in (
         ([str(PLANT), "--separate", "--limits", "none.yaml"], 1, "KB001"),
         ([str(PLANT), "--limits", "none.yaml"], 2, "--separate"),
