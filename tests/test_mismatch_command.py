@@ -70,7 +70,7 @@ def test_files_are_written(
     assert courses.read_text(encoding="utf-8").startswith("time [s],heldout [1]")
     assert {"m.json", "m.html", "m.csv"} == {p.name for p in tmp_path.iterdir()}
     calls.found = UNNAMED
-    periods = ("--heldout", "-5:10", "--heldout", "3e1: 40.5")
+    periods = ("--heldout=-5:10", "--heldout", "3e1: 40.5")
     assert 0 == call("--json", str(form), *periods)
     assert ((-5.0, 10.0), (30.0, 40.5)) == calls.heldout
     data = json.loads(form.read_text(encoding="utf-8"))

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -73,18 +70,6 @@ def test_nothing_is_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("../x", "a b", "", "1", "x" * 99, "ü"):
         assert main(["init", "module", name, "fresh"]) == 1
         assert not Path("fresh").exists()
-
-
-def test_package_can_be_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By pip, without a network; a plant with its type compiles, and says which version."""
-    main(["init", "kb", "acme-pumps-kb", "project"])
-    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
-    command = [sys.executable, "-m", "pip", "install", *options, "--target", "site", "./project"]
-    subprocess.run(command, check=True, capture_output=True)
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    importlib.invalidate_caches()
-    ruleset = compile_plant(write(Path("p"), plant=PLANT.replace("valve", "pumps-kb-example")))
-    assert ("acme-pumps-kb", "0.1.0") in {(k.name, k.version) for k in ruleset.knowledge}
 
 
 def test_schemas_and_lines_are_written_anywhere() -> None:

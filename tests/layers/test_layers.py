@@ -15,7 +15,7 @@ from rulec.commands.check_files import collect
 from rulec.effects.adopt import Adoption
 from rulec.effects.write_plant import knowledge_files
 from rulec.knowledge.read import read_plant
-from rulec.language.diagnostics import Diagnostic, Refused, render_all
+from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, compiled
 from tests.layers.conftest import PLANT, UNITS, VALVE, Install, write
@@ -82,20 +82,6 @@ def test_package_that_a_plant_does_not_name_changes_nothing(install: Install) ->
 def test_package_without_knowledge_is_told(plant: Path, install: Install, entry: str) -> None:
     install(entry=entry, units=UNITS)
     assert [("KB001", "acme-pumps-kb")] == [(d.code, d.place.file) for d in refused(plant)]
-
-
-def test_name_in_two_layers_is_told_with_both_places(plant: Path, install: Install) -> None:
-    package = install(units=UNITS, modules__acme_valve=VALVE)
-    write(plant / "kb", modules__mine=VALVE)
-    (found,) = refused(plant)
-    places = {found.place.file, found.second.file if found.second else ""}
-    assert found.code == "KB030"
-    assert places == {
-        "p/kb/modules/mine.yaml",
-        f"site-packages/{package.name}/modules/acme_valve.yaml",
-    }
-    assert [found] == collect([plant])
-    assert "see also" in render_all([found])
 
 
 def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> None:

@@ -66,7 +66,8 @@ def test_units_and_ranges_are_read_from_the_controller(
     assert sorted(o["kind"] for o in module["odd"]) == ["unknown units", "values not there"]
     text = (tmp_path / "out" / "modules" / "Dosing.yaml").read_text(encoding="utf-8")
     assert "by default" not in text
-    module = imported(tmp_path, manifest(POINTS), "--online", controller.url)
+    (tmp_path / "other").mkdir()
+    module = imported(tmp_path / "other", manifest(POINTS), "--online", controller.url)
     assert module["signals"][0]["unit"] == "bar"
 
 

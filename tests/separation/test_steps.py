@@ -15,12 +15,9 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
 from rulec.cli import main
-from rulec.limits import SEPARATED
 from rulec.separation.allowed import Allowed, Range, allowed_of
-from rulec.separation.distance import Case, FaultMeasure
-from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_DEGREES, STEP_SECONDS
+from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
-from rulec.simulation.equations import equations_of
 from tests.conftest import ROOT, compiled
 
 PLANT = ROOT / "plants" / "abc"
@@ -128,26 +125,6 @@ def test_matrix_tells_the_step_of_each_pair(
     ):
         assert main(["matrix", *words]) == code
         assert said in capsys.readouterr().err
-
-
-def test_distance_grows_with_the_degree_and_vanishes_for_the_fault_itself() -> None:
-    """A point where a reading leaves its range is impossible."""
-    ruleset = compiled("abc")
-    equations = equations_of(ruleset)
-    a, b = (ruleset.fault_by_id[name] for name in ("A.clogging", "A.dp.high"))
-    small, large = STEP_DEGREES
-    measure = FaultMeasure(
-        equations=equations,
-        present={s.id: s.reference for s in equations.given_signals},
-        rows=[[Case(a, small, b)], [Case(a, large, b)], [Case(a, large, a)]],
-    )
-    looked = measure([{}, {"B.n": 540.0}])
-    assert looked.apart[0, 0] < looked.apart[1, 0] < SEPARATED
-    assert SEPARATED < looked.apart[0, 1] < looked.apart[1, 1]
-    assert looked.apart[2] == pytest.approx(np.zeros(2), abs=1e-3)
-    below = measure([{}, {"A.n": 30.0}]).apart  # the speed from which on the pump is judged
-    assert np.isfinite(below[0, 0])
-    assert np.isnan(below[0, 1])
 
 
 PROPOSALS = 10_000
