@@ -39,6 +39,8 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
     os.environ["RULEC_CACHE"] = tempfile.mkdtemp(prefix="rulec-tests-")
     atexit.register(shutil.rmtree, os.environ["RULEC_CACHE"], ignore_errors=True)
 
+Things = tuple[tuple[object, ...], list[Diagnostic]]
+"""What something is read from, and the mistakes found so far."""
 Parse = Callable[[str, str], tuple[Document | None, list[Diagnostic]]]
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -84,36 +86,26 @@ def _each_text_read_once() -> Iterator[None]:
     """The same text under the same name is the same document, keeps to its schema or not, and means
     the same effect: most of the time of a check, and half of that of compiling a small plant, goes
     into reading the knowledge base again."""
+    kept = _Kept()
     with pytest.MonkeyPatch.context() as patch:
+
+        def once(owner: Any, name: str, things: Callable[..., Things]) -> None:
+            read = getattr(owner, name)
+            patch.setattr(owner, name, lambda *of: kept.of(*things(*of), lambda: read(*of)))
+
+        def read_by(reader: Reader, others: Iterable[object] = ()) -> Things:
+            return (reader.document, reader.units, *others), reader.found
+
         patch.setattr(document, "parse_document", _parsed_once(document.parse_document))
         patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
-        kept = _Kept()
-        table_of, fault, sensor = (
-            check_knowledge.table_of,
-            check_knowledge.check_fault,
-            check_knowledge._sensor,
-        )
-        of_effect, of_module = EffectReader.read, ModuleReader.read
-        patch.setattr(
-            check_knowledge,
-            "table_of",
-            lambda lists, found: kept.of(tuple(lists), found, lambda: table_of(lists, found)),
-        )
-        patch.setattr(
-            check_knowledge, "check_fault", lambda of: kept.read(of, (), lambda: fault(of))
-        )
-        patch.setattr(
-            check_knowledge,
-            "_sensor",
-            lambda of, faults: kept.read(of, faults.values(), lambda: sensor(of, faults)),
-        )
-        patch.setattr(EffectReader, "read", lambda of: kept.read(of, (), lambda: of_effect(of)))
-        patch.setattr(
+        once(check_knowledge, "table_of", lambda lists, found: (tuple(lists), found))
+        once(check_knowledge, "check_fault", read_by)
+        once(check_knowledge, "_sensor", lambda of, faults: read_by(of, faults.values()))
+        once(EffectReader, "read", read_by)
+        once(
             ModuleReader,
             "read",
-            lambda of: kept.read(
-                of, (*of.sensors.values(), *of.faults.values()), lambda: of_module(of)
-            ),
+            lambda of: read_by(of, (*of.sensors.values(), *of.faults.values())),
         )
         yield
 
@@ -178,10 +170,6 @@ class _Kept:
         if len(self._kept) > 2000:
             self._kept.popitem(last=False)
         return self._kept[key][1]
-
-    def read(self, reader: Reader, others: Iterable[object], read: Callable[[], Any]) -> Any:
-        """What a reader gives, which knows of no others."""
-        return self.of((reader.document, reader.units, *others), reader.found, read)
 
 
 def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,54 +19,53 @@ from rulec.cli import main
 from rulec.prove.truth import NOISE_FREE, abc, calibration_run, record, write_csv
 from tests.conftest import ROOT
 
+ABC = ROOT / "plants" / "abc"
 TRUTH = {"C0": 6.0, "C2": 2.0, "P0": 25.0, "P1": 0.095, "eta": 0.70, "k0": 0.05, "k2": 5.2e-6}
 """Parameters of the truth's dosing module, docs of rulec/prove/truth, in the units of the kb."""
 
 
-def _calibrate(recording: Path, folder: Path) -> dict[str, Any]:
+def _noise_free(folder: Path, change: Callable[[Any], dict[str, Any]] = dict) -> Path:
+    """The run for calibration without sensor errors, changed."""
+    readings = change(record(calibration_run(abc()), NOISE_FREE).readings)
+    write_csv(folder / "r.csv", readings, digits=12)
+    return folder / "r.csv"
+
+
+def _calibrate(recording: Path, folder: Path, plant: Path = ABC) -> dict[str, Any]:
     target = folder / "found.json"
-    arguments = ["calibrate", str(ROOT / "plants" / "abc"), str(recording)]
-    assert main([*arguments, "-o", str(folder / "found.yaml"), "--json", str(target)]) == 0
+    arguments = ["calibrate", str(plant), str(recording), "-o", str(folder / "found.yaml")]
+    assert main([*arguments, "--json", str(target)]) == 0
     found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))["modules"]
     return found
 
 
 def test_noise_free_calibration_is_exact(tmp_path: Path) -> None:
-    """Without noise every parameter comes back to 0.1 %."""
-    recording = tmp_path / "recording.csv"
-    write_csv(recording, record(calibration_run(abc()), NOISE_FREE).readings, digits=12)
-    found = _calibrate(recording, tmp_path)
+    """Without noise every parameter comes back to 0.1 %; a value of the sheet that is wrong and
+    claims nothing does no harm."""
+    found = _calibrate(_noise_free(tmp_path), tmp_path)
     for name, value in TRUTH.items():
         assert found["A"]["parameters"][name]["value"] == pytest.approx(value, rel=1e-3)
+    plant = _stated(tmp_path, "{C2: {value: 3.0, unit: l/h/bar**2, u: 0, source: test}}")
+    found = _calibrate(tmp_path / "r.csv", tmp_path, plant)
+    assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-3)
 
 
 def test_calibration_covers_the_truth(tmp_path: Path) -> None:
-    """With noise and systematic errors, over five makers, nearly all parameters are within 3 u."""
-    distances = []
+    """With noise and systematic errors, over five makers, nearly all parameters are within 3 u; and
+    none is less certain than its data sheet, most are more certain."""
+    kind = yaml.safe_load((ROOT / "kb/modules/dosing-pcp.yaml").read_text(encoding="utf-8"))
+    distances, sharper = [], []
     for seed in range(11, 16):
-        recording = tmp_path / f"{seed}.csv"
-        write_csv(recording, record(calibration_run(abc()), seed=seed).readings)
-        found = _calibrate(recording, tmp_path)
-        for module in "AB":
-            for name, value in TRUTH.items():
-                entry = found[module]["parameters"][name]
-                distances.append(abs(entry["value"] - value) / entry["u"])
+        write_csv(tmp_path / "r.csv", record(calibration_run(abc()), seed=seed).readings)
+        found = _calibrate(tmp_path / "r.csv", tmp_path)
+        for module, (name, value) in itertools.product("AB", TRUTH.items()):
+            entry = found[module]["parameters"][name]
+            distances.append(abs(entry["value"] - value) / entry["u"])
+            sharper.append(entry["u"] / kind["parameters"][name]["u"])
     assert np.mean(np.array(distances) < 3.0) > 0.95
     assert 0.2 < np.sqrt(np.mean(np.square(distances))) < 1.5
-
-
-def test_calibrated_plant_compiles_and_finds_the_leak(tmp_path: Path) -> None:
-    """The file can be named in plant.yaml; the diagnosis then rests on it."""
-    _calibrate(ROOT / "plants" / "abc" / "examples" / "calibration.csv", tmp_path)
-    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
-    text += f"calibration: [found.yaml]\nkb: {ROOT / 'kb'}\n"
-    (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
-    recording = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
-    target = tmp_path / "diagnosis.json"
-    assert main(["diagnose", str(tmp_path), str(recording), "--json", str(target)]) == 0
-    findings = json.loads(target.read_text(encoding="utf-8"))["findings"]
-    assert ["A.leakage"] * 3 == [f["fault"] for f in findings]
-    assert [0.2, 0.4, 0.6] == pytest.approx([f["degree"] for f in findings], abs=0.02)
+    assert max(sharper) <= 1.001
+    assert 4 / 7 <= np.mean(np.array(sharper) < 0.8)
 
 
 def test_shipped_calibration_is_what_the_command_makes(tmp_path: Path) -> None:
@@ -87,7 +88,7 @@ def test_shipped_calibration_is_what_the_command_makes(tmp_path: Path) -> None:
 
 def _stated(folder: Path, parameters: str) -> Path:
     """The plant with other numbers in the data sheet of A."""
-    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
+    text = (ABC / "plant.yaml").read_text(encoding="utf-8")
     plain = "A: {type: dosing-pcp"
     assert plain in text
     text = text.replace(plain, f"{plain}, parameters: {parameters}", 1)
@@ -95,24 +96,13 @@ def _stated(folder: Path, parameters: str) -> Path:
     return folder
 
 
-def test_what_was_known_before_stays_known(tmp_path: Path) -> None:
-    """No parameter is less certain than its data sheet, and most are more certain."""
-    write_csv(tmp_path / "r.csv", record(calibration_run(abc()), seed=11).readings)
-    found = _calibrate(tmp_path / "r.csv", tmp_path)["A"]["parameters"]
-    kind = yaml.safe_load((ROOT / "kb/modules/dosing-pcp.yaml").read_text(encoding="utf-8"))
-    stated = {name: kind["parameters"][name]["u"] for name in TRUTH}
-    assert all(found[name]["u"] <= 1.001 * u for name, u in stated.items())
-    assert 4 <= sum(found[name]["u"] < 0.8 * u for name, u in stated.items())
-
-
 def test_what_is_not_believed_is_written_by_force_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A sheet 10 u off: what strains is told, and how to go on; never a tick."""
     plant = _stated(tmp_path, "{C2: {value: 3.0, unit: l/h/bar**2, u: 0.1, source: test}}")
-    write_csv(tmp_path / "r.csv", record(calibration_run(abc()), NOISE_FREE).readings, digits=12)
     target = tmp_path / "f.yaml"
-    arguments = ["calibrate", str(plant), str(tmp_path / "r.csv"), "-o", str(target)]
+    arguments = ["calibrate", str(plant), str(_noise_free(tmp_path)), "-o", str(target)]
     assert 1 == main([*arguments, "--json", str(tmp_path / "f.json")])
     assert not target.exists()
     (strain,) = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))["strain"]
@@ -149,16 +139,15 @@ def _pump(folder: Path, h0: float) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_one_operating_point_leaves_the_rest_to_the_sheet(
-    tmp_path: Path, seed: int, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A pump that runs at one point only, or stands: no noise of a reading bends its curve."""
     speed = np.tile(np.repeat([2650.0, 0.0], [30, 6]), 20)
     given = {"time [s]": np.arange(len(speed)), "A.n [rpm]": speed, "A.T [degC]": 20.0 + 0 * speed}
     given |= {"A.Q [l/h]": np.where(speed > 0, 700.0, 0.0), "A.p_s [bar]": 0 * speed}
-    made = rulec.simulate(_pump(tmp_path / "true", 1.141), given, noise=seed).prediction.values
-    noise = np.random.default_rng(100 + seed).standard_normal((2, len(speed))) * (speed > 0)
+    made = rulec.simulate(_pump(tmp_path / "true", 1.141), given, noise=2).prediction.values
+    noise = np.random.default_rng(102).standard_normal((2, len(speed))) * (speed > 0)
     given["A.n [rpm]"] = speed + 2.0 * noise[0]
     given["A.Q [l/h]"] = given["A.Q [l/h]"] + 5.0 * noise[1]
     given |= {"A.dp [bar]": made["A.dp"] / 1e5, "A.P_el [W]": made["A.P_el"]}
@@ -174,25 +163,6 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(
     told = capsys.readouterr().out
     assert "A.h1, A.h2, " in told
     assert " as in the sheet: one operating point" in told
-
-
-def test_a_data_sheet_without_uncertainty_says_nothing(tmp_path: Path) -> None:
-    """A wrong value that claims nothing does no harm."""
-    plant = _stated(tmp_path, "{C2: {value: 3.0, unit: l/h/bar**2, u: 0, source: test}}")
-    write_csv(tmp_path / "r.csv", record(calibration_run(abc()), NOISE_FREE).readings, digits=12)
-    assert 0 == main(["calibrate", str(plant), str(tmp_path / "r.csv"), "-o", f"{tmp_path}/f.yaml"])
-    found = yaml.safe_load((tmp_path / "f.yaml").read_text(encoding="utf-8"))["modules"]
-    assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-3)
-
-
-def test_the_error_of_a_bench_meter_is_no_misfit(tmp_path: Path) -> None:
-    """A power meter 10 W high, its bound, where a data sheet knows the power at rest to 0.5 W: all
-    points lie beside the law, none scatters about it."""
-    readings = record(calibration_run(abc()), NOISE_FREE).readings
-    readings = {**readings, "A.P_el [W]": readings["A.P_el [W]"] + 10.0}
-    write_csv(tmp_path / "r.csv", readings, digits=12)
-    misfit = _calibrate(tmp_path / "r.csv", tmp_path)["A"]["misfit"]
-    assert 0.5 > misfit["power"]["value"]
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.prove)])
@@ -211,42 +181,33 @@ def test_the_noise_of_readings_is_no_misfit(seeds: int, tmp_path: Path) -> None:
     assert 1.0 < np.median(bent)
 
 
-def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:
-    """A tenth of the points with a wrong flow does not bend the fit."""
-    readings = record(calibration_run(abc()), NOISE_FREE).readings
-    flow = readings["A.Q [l/h]"].copy()
-    flow[:30] *= 0.6
-    write_csv(tmp_path / "r.csv", {**readings, "A.Q [l/h]": flow}, digits=12)
-    found = _calibrate(tmp_path / "r.csv", tmp_path)
-    assert 3 == found["A"]["misfit"]["pump"]["set_aside"]
-    assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-2)
+def test_what_is_off_bends_no_fit(tmp_path: Path) -> None:
+    """A tenth of the points with a wrong flow does not bend the fit. Of a power meter 10 W
+    high, its bound, where a data sheet knows the power at rest to 0.5 W, all points lie beside
+    the law, none scatters about it."""
+    wrong = np.where(np.arange(10_000) < 30, 0.6, 1.0)
+    file = _noise_free(
+        tmp_path, lambda r: {**r, "A.Q [l/h]": r["A.Q [l/h]"] * wrong[: len(r["A.Q [l/h]"])]}
+    )
+    found = _calibrate(file, tmp_path)["A"]
+    assert 3 == found["misfit"]["pump"]["set_aside"]
+    assert found["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-2)
+    file = _noise_free(tmp_path, lambda r: {**r, "A.P_el [W]": r["A.P_el [W]"] + 10.0})
+    assert 0.5 > _calibrate(file, tmp_path)["A"]["misfit"]["power"]["value"]
 
 
 def test_a_module_that_stood_keeps_its_values(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Where one of several pumps never ran, the others are calibrated, and this one is named."""
-    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
+    text = (ABC / "plant.yaml").read_text(encoding="utf-8")
     text = text.replace("connections:\n  - A -> C\n  - B -> C\n", "").replace(
         "static-mixer", "pump-set"
     )
     (tmp_path / "plant.yaml").write_text(f"{text}kb: {ROOT / 'kb'}\n", encoding="utf-8")
-    readings = dict(record(calibration_run(abc()), NOISE_FREE).readings)
-    readings["C.Q [l/min]"] = np.zeros(len(readings["A.Q [l/h]"]))
-    write_csv(tmp_path / "r.csv", readings, digits=12)
+    file = _noise_free(tmp_path, lambda r: {**r, "C.Q [l/min]": 0 * r["A.Q [l/h]"]})
     target = tmp_path / "found.json"
-    arguments = ["calibrate", str(tmp_path), str(tmp_path / "r.csv"), "--force"]
+    arguments = ["calibrate", str(tmp_path), str(file), "--force"]
     assert 0 == main([*arguments, "-o", str(tmp_path / "f.yaml"), "--json", str(target)])
     assert "left as they were: C\n" in capsys.readouterr().out
     assert {"A", "B"} == set(json.loads(target.read_text(encoding="utf-8"))["modules"])
-
-
-def test_a_recording_that_cannot_calibrate_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One operating point determines nothing: the message names the parameters, no file appears."""
-    arguments = ["calibrate", str(ROOT / "plants" / "abc")]
-    recording = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
-    assert main([*arguments, str(recording), "-o", str(tmp_path / "no.yaml")]) == 1
-    assert "settled points" in capsys.readouterr().err
-    assert not (tmp_path / "no.yaml").exists()

@@ -6,8 +6,7 @@ import csv
 import functools
 import json
 import shutil
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from tests.conftest import ROOT
 
 ABC, TANKS = ROOT / "plants" / "abc", ROOT / "plants" / "cascaded-tanks"
 HEALTHY = ABC / "examples" / "healthy.csv"
-Table = list[list[str]]
 
 
 @functools.cache
@@ -34,41 +32,22 @@ def facts(recording: Path, plant: Path = ABC) -> Facts:
     return facts_of(recording, ruleset, sought_of(builder.matches))
 
 
-def changed(folder: Path, *changes: Callable[[Table], Table]) -> Path:
-    """The healthy recording of abc with something done to its table."""
+def changed(folder: Path, title: str, new: Callable[[float], float] | None = None) -> Path:
+    """The healthy recording of abc with other numbers in a column, or without it."""
     with HEALTHY.open(encoding="utf-8", newline="") as stream:
         table = list(csv.reader(stream))
-    for change in changes:
-        table = change(table)
+    at = table[0].index(title)
+    middle = [[] if new is None else [repr(new(float(row[at])))] for row in table[1:]]
+    middle.insert(0, [] if new is None else [title])
     file = folder / "recording.csv"
     with file.open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream).writerows(table)
+        rows = ([*row[:at], *cell, *row[at + 1 :]] for row, cell in zip(table, middle, strict=True))
+        csv.writer(stream).writerows(rows)
     return file
-
-
-def without(title: str) -> Callable[[Table], Table]:
-    def change(table: Table) -> Table:
-        at = table[0].index(title)
-        return [row[:at] + row[at + 1 :] for row in table]
-
-    return change
-
-
-def with_numbers(title: str, new: Callable[[float], float]) -> Callable[[Table], Table]:
-    def change(table: Table) -> Table:
-        at = table[0].index(title)
-        rows = [[*r[:at], repr(new(float(r[at]))), *r[at + 1 :]] for r in table[1:]]
-        return [table[0], *rows]
-
-    return change
 
 
 def odd(found: Facts) -> dict[str, tuple[str, ...]]:
     return {r.signal: r.odd for r in found.readings if r.odd}
-
-
-def names(lacks: Iterable[Any]) -> list[str]:
-    return [lack.signal for lack in lacks]
 
 
 def test_whole_recording_runs_everything() -> None:
@@ -84,55 +63,31 @@ def test_whole_recording_runs_everything() -> None:
 
 
 def test_missing_column_is_told_with_what_waits_for_it(tmp_path: Path) -> None:
-    """Estimates and comparisons that cannot run, and faults that nothing would show."""
-    found = facts(changed(tmp_path, without("A.P_el [W]"), without("A.T [degC]")))
-    power, warm = found.lacks
+    """Estimates and comparisons that cannot run, and faults that nothing would show; of a driver
+    the effects. A plant that stores needs what its balances compare: inputs alone show nothing."""
+    found = facts(changed(tmp_path, "A.P_el [W]"))
+    (power,) = found.lacks
     assert (power.signal, power.estimates) == ("A.P_el", ("A.power",))
     assert len(power.comparisons) == found.comparisons[1] - found.comparisons[0]
     assert {"A.power-plant", "A.power-pump"} < set(power.comparisons)
     assert {"A.P_el.high", "A.P_el.low"} <= set(found.blind)
     assert len(found.blind) == found.faults[1] - found.faults[0]
+    found = facts(changed(tmp_path, "A.T [degC]"))
+    (warm,) = found.lacks
     assert warm.signal == "A.T"
     assert "slip-temperature" in warm.effects
     assert not warm.estimates
     assert found.effects[0] < found.effects[1]
-
-
-def test_reading_that_is_none_counts_as_missing(tmp_path: Path) -> None:
-    """Dead; one in another unit than its header says is mended, and counts."""
-    dead = facts(changed(tmp_path, with_numbers("A.P_el [W]", lambda v: 0.0)))
-    assert "dead" in odd(dead)["A.P_el"][0]
-    assert names(dead.lacks) == ["A.P_el"]
-    wrong = facts(changed(tmp_path, with_numbers("B.dp [bar]", lambda v: 1000 * v)))
-    assert "is not in bar" in odd(wrong)["B.dp"][0]
-    assert not wrong.lacks
-
-
-def test_unit_of_a_reading_that_no_law_compares_is_doubted(tmp_path: Path) -> None:
-    """Its typical reading tells."""
-
-    ruleset, builder = opened(ABC)
-    signals = tuple(
-        replace(s, reference=4e-4 if s.id == "A.Q" else s.reference) for s in ruleset.signals
-    )
-    file = changed(tmp_path, with_numbers("A.Q [l/h]", lambda v: v / 1000))
-    sought = sought_of(builder.matches)
-    found = facts_of(file, replace(ruleset, signals=tuple(signals)), sought)
-    assert "is the unit of the column right?" in odd(found)["A.Q"][0]
-
-
-def test_plant_that_stores_needs_what_its_balances_compare(tmp_path: Path) -> None:
-    """Inputs alone show nothing."""
-    assert facts(TANKS / "examples" / "inputs.csv", TANKS).faults[0] == 0
-    assert facts(TANKS / "examples" / "inputs.csv", TANKS).effects[0] == 0
-    assert main(["check", str(TANKS), str(TANKS / "examples" / "inputs.csv")]) == 1
+    stored = TANKS / "examples" / "inputs.csv"
+    assert facts(stored, TANKS).faults[0] == facts(stored, TANKS).effects[0] == 0
+    assert main(["check", str(TANKS), str(stored)]) == 1
 
 
 def test_command_tells_files_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "130")
-    file = changed(tmp_path, without("A.P_el [W]"))
+    file = changed(tmp_path, "A.P_el [W]")
     assert main(["check", str(ABC), str(file)]) == 0
     out = capsys.readouterr().out
     assert f"{ABC}: no mistakes" in out
@@ -141,17 +96,17 @@ def test_command_tells_files_and_recording(
     told = json.loads(capsys.readouterr().out)
     assert told["found"] == []
     assert told["recordings"][str(file)]["lacks"][0]["signal"] == "A.P_el"
-
-
-def test_recording_needs_its_plant(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(HEALTHY)]) == 2
     assert "PLANT RECORDING" in capsys.readouterr().err
     assert main(["check", str(ABC), str(ROOT / "README.md")]) == 1
     assert "there is no time column" in capsys.readouterr().err
 
 
-def test_doubts_refuse_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """They are told where there is no mistake, and a program may tell them apart."""
+def test_doubts_and_mistakes_in_sarif(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Doubts are told where there is no mistake, and a program may tell them apart. A log as
+    the standard asks for has both places of a clash, by relative paths."""
     folder = shutil.copytree(ROOT / "tests" / "errors" / "KB141-apart", tmp_path / "p")
     assert main(["check", str(folder)]) == 0
     assert "1 doubt in 1 file" in capsys.readouterr().out
@@ -161,23 +116,6 @@ def test_doubts_refuse_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
     (folder / "plant.yaml").write_text(text.replace("static-mixer", "static-mixr"))
     assert ["KB070"] == [d.code for d in collect([folder])]
-
-
-def test_doubt_about_a_value_of_the_plant(tmp_path: Path) -> None:
-    """What the plant's file says itself is doubted there."""
-    lines = ["plant: p", "title: t", "modules:", "  A:", "    type: dosing-pcp"]
-    lines += ["    parameters: {V: {value: 10, unit: l/rev, u: 0, source: name plate}}"]
-    lines += ["    reference: {dp: 20}"]
-    (tmp_path / "plant.yaml").write_text("\n".join(lines), encoding="utf-8")
-    found = collect([tmp_path])
-    assert [("KB140", 6), ("KB142", 7)] == [(d.code, d.place.line) for d in found]
-    assert "with 0.001 times 'V' they agree" in found[0].hint
-
-
-def test_sarif_says_where(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Both places of a clash, by relative paths; a log as the standard asks for."""
     monkeypatch.chdir(ROOT)
     assert main(["check", "tests/errors/KB030-twins", "--format", "sarif"]) == 1
     log = json.loads(capsys.readouterr().out)

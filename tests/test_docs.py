@@ -1,11 +1,13 @@
-"""Every command of the README and the docs pages runs, and prints what the page shows.
+"""Every command of the README, the docs pages and the plants runs, and prints what the page shows.
 
 A block with a `title` is a file that the reader writes; it is written where the page has it.
 """
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import doctest
 import importlib
 import io
 import json
@@ -15,29 +17,64 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rulec_runtime.cli import main as station
 
 from rulec.cli import main
+from rulec.commands.check_files import collect
 from rulec.limits import UNSURE
-from tests.conftest import ROOT
-from tests.page_steps import Written, steps_of
+from tests.conftest import ROOT, compiled
+
+BLOCK = re.compile(
+    r'^```(?P<kind>\w+)(?: title="(?P<title>.*?)")?\n(?P<text>.*?)^```', re.MULTILINE | re.DOTALL
+)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A file that the reader writes as the page has it."""
+
+    file: Path
+    text: str
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A command, and lines that stand in what it prints."""
+
+    command: str
+    shown: tuple[str, ...]
+
+
+def steps_of(page: Path) -> Iterator[Written | Typed]:
+    """What the reader of a page does, in order."""
+    for block in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        if block["title"]:
+            yield Written(Path(block["title"]), block["text"])
+        if block["kind"] == "console":
+            for part in re.split(r"^\$ ", block["text"], flags=re.MULTILINE)[1:]:
+                command, *shown = part.rstrip("\n").split("\n")
+                yield Typed(command, tuple(filter(str.strip, shown)))
+
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-REPAIR, HOUR = "repair-a-model", "first-hour"
-SEARCH = ("mismatch", "experiment", "adopt", "recipe.csv", "compare.py", "repaired")
-"""What takes long in the first hour, and what needs its answer."""
-PLAN = "plan-an-experiment"
+REPAIR, HOUR, PLAN = "repair-a-model", "first-hour", "plan-an-experiment"
 LATER = {
-    REPAIR: ("healthy.csv", "first.csv", "second.csv", "together.json", "swapped.csv"),
+    HOUR: ("mismatch", "experiment", "adopt", "recipe.csv", "compare.py", "repaired"),
+    REPAIR: (
+        *("healthy.csv", "first.csv", "second.csv", "together.json", "swapped.csv"),
+        *("shaking_B.csv", "shaking_B.json"),
+    ),
     PLAN: ("both.json", "limits.yaml"),
 }
 """Commands of a page about these files run in `make prove`, as each searches anew. In every run
 several recordings are asked about in test_together.py, limits in test_experiment.py, swapped
-columns in test_structure.py."""
+columns in test_structure.py, what has no name in test_shape.py."""
 NAMING = (".py", ".yaml", ".json", ".md", ".txt")
 """Kinds of files that may name a page."""
 PIP = ("--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", "site")
@@ -55,23 +92,29 @@ def python(arguments: Sequence[str]) -> int:
     return 0
 
 
-COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
-    "rulec": main,
-    "rulec-runtime": station,
-    "pip": pip,
-    "python": python,
-}
+COMMANDS: dict[str, Callable[[Sequence[str]], int]]
+COMMANDS = {"rulec": main, "rulec-runtime": station, "pip": pip, "python": python}
 
 
-def run_commands(
-    page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, without: tuple[str, ...] = ()
-) -> None:
+Run = Callable[[Path, tuple[str, ...]], None]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_this_process: None) -> Run:
+    """Runs a page in a folder of its own, where what pip installs is found."""
+    for name in ("kb", "plants"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    (tmp_path / "site").mkdir()
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    importlib.invalidate_caches()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    return run_commands
+
+
+def run_commands(page: Path, without: tuple[str, ...]) -> None:
     """Each `$` line exits 0, but for those with a word in `without`, which are not run; each line
     below it stands in what was printed."""
-    for name in ("kb", "plants"):
-        shutil.copytree(ROOT / name, folder / name)
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("COLUMNS", "120")
     for step in steps_of(page):
         if isinstance(step, Written):
             step.file.parent.mkdir(parents=True, exist_ok=True)
@@ -82,74 +125,37 @@ def run_commands(
                 assert _squeezed(line) in printed, f"{page.name}: {step.command}: {line!r}"
 
 
-@pytest.mark.usefixtures("in_this_process")
-@pytest.mark.parametrize(
-    "page", [p for p in PAGES if p.stem not in (REPAIR, HOUR)], ids=lambda p: p.stem
-)
-def test_commands_of_a_page_run(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run_commands(page, tmp_path, monkeypatch, LATER.get(page.stem, ()))
-
-
-@pytest.mark.prove
-def test_recordings_together_say_more_as_the_page_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run_commands(ROOT / "docs" / f"{PLAN}.md", tmp_path, monkeypatch)
-
-
-@pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What pip installs in a page is found."""
-    (tmp_path / "site").mkdir()
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    importlib.invalidate_caches()
-
-
-@pytest.mark.usefixtures("installed")
-def test_the_first_hour_goes_as_told_but_for_its_search(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A package, a plant, recordings in three formats, a calibration, a leakage found, code."""
-    run_commands(ROOT / "docs" / f"{HOUR}.md", tmp_path, monkeypatch, without=SEARCH)
-
-
-@pytest.mark.prove
-@pytest.mark.usefixtures("installed")
-def test_the_first_hour_goes_as_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The slip that was left out: the day leaves two laws of it open, the planned recording names
-    the true one; no sensor is blamed, and the adopted plant is right on data that nobody used."""
-    run_commands(ROOT / "docs" / f"{HOUR}.md", tmp_path, monkeypatch)
-    for file, verdict in (("day.json", "ambiguous"), ("both.json", "named")):
-        found = json.loads((tmp_path / file).read_text(encoding="utf-8"))
-        assert verdict == found["verdict"]
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_commands_of_a_page_run(page: Path, run: Run) -> None:
+    """Where a model is repaired: of the warm recording the slip of A follows its temperature, 3 %
+    per kelvin by the independent truth. Its search is long, so what is told is looked at here."""
+    run(page, LATER.get(page.stem, ()))
+    if page.stem == REPAIR:
+        found = json.loads(Path("warm_A.json").read_text(encoding="utf-8"))
         (effect,) = found["effects"]
-        assert ("slip-viscosity", "A", "physics") == tuple(
-            effect[k] for k in ("effect", "module", "sort")
-        )
-        assert {"slip-temperature"} >= {rival["effect"] for rival in effect["alternatives"]}
-        assert effect["parameters"]["m"]["lower"] <= 1.0 <= effect["parameters"]["m"]["upper"]
+        assert ("named", "A.slip-temperature@Q_geo") == (found["verdict"], effect["id"])
+        assert effect["parameters"]["b"]["lower"] <= 0.03 <= effect["parameters"]["b"]["upper"]
+        assert effect["probability"] > 0.9
+        held = found["fit"]["heldout"]
+        assert held["repaired"] < 0.8 * held["recalibrated"]
+        assert held["gain_interval"][0] > 0.0
 
 
-@pytest.mark.parametrize(
-    "without", [LATER[REPAIR], pytest.param((), marks=pytest.mark.prove)], ids=["in part", "whole"]
-)
-def test_a_model_is_repaired_as_its_page_says(
-    without: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of the warm recording: slip of A that follows its temperature, 3 % per kelvin by the
-    independent truth. Its search is long, so what is told is looked at here."""
-    run_commands(ROOT / "docs" / f"{REPAIR}.md", tmp_path, monkeypatch, without)
-    found = json.loads((tmp_path / "warm_A.json").read_text(encoding="utf-8"))
-    assert "named" == found["verdict"]
-    (effect,) = found["effects"]
-    assert "A.slip-temperature@Q_geo" == effect["id"]
-    assert effect["parameters"]["b"]["lower"] <= 0.03 <= effect["parameters"]["b"]["upper"]
-    assert effect["probability"] > 0.9
-    held = found["fit"]["heldout"]
-    assert held["repaired"] < 0.8 * held["recalibrated"]
-    assert held["gain_interval"][0] > 0.0
+@pytest.mark.prove
+@pytest.mark.parametrize("page", [p for p in PAGES if p.stem in LATER], ids=lambda p: p.stem)
+def test_all_commands_of_a_page_run(page: Path, run: Run) -> None:
+    """In the first hour the slip that was left out: the day leaves two laws of it open, the planned
+    recording names the true one; no sensor is blamed, and the adopted plant is right on data that
+    nobody used."""
+    run(page, ())
+    for file, verdict in (("day.json", "ambiguous"), ("both.json", "named")):
+        if page.stem == HOUR:
+            found = json.loads(Path(file).read_text(encoding="utf-8"))
+            (effect,) = found["effects"]
+            told = (found["verdict"], *(effect[k] for k in ("effect", "module", "sort")))
+            assert (verdict, "slip-viscosity", "A", "physics") == told
+            assert {"slip-temperature"} >= {rival["effect"] for rival in effect["alternatives"]}
+            assert effect["parameters"]["m"]["lower"] <= 1.0 <= effect["parameters"]["m"]["upper"]
 
 
 def _run(command: str) -> str:
@@ -165,17 +171,13 @@ def _squeezed(text: str) -> str:
     return " ".join(text.split())
 
 
-def test_links_of_pages_lead_somewhere() -> None:
-    """Relative links between pages exist; those to the reference are checked with the site."""
+def test_pages_that_are_named_exist() -> None:
+    """In code, knowledge, plants, tests, the Makefile; and by links between pages, but for those
+    to the reference, which are checked with the site."""
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
-            if target.startswith("reference/"):
-                continue
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
-
-
-def test_pages_named_elsewhere_exist() -> None:
-    """In code, knowledge, plants, tests and the Makefile."""
+            linked = target.startswith("reference/") or (page.parent / target).exists()
+            assert linked, f"{page.name}: {target}"
     folders = ("rulec", "runtime", "kb", "plants", "tests")
     files = [f for name in folders for f in (ROOT / name).rglob("*") if f.suffix in NAMING]
     named = {
@@ -198,27 +200,80 @@ def test_pages_stay_few_and_short() -> None:
     assert sum(lines.values()) <= 3000
 
 
-def test_files_named_in_the_architecture_exist() -> None:
-    """Each path leads to a file or a folder, from the top or by its end; so tables do."""
+def test_what_the_architecture_names_exists() -> None:
+    """Each path leads to a file or a folder, from the top or by its end; so tables do. Of `name` in
+    `file.py`, the file has a line that defines it."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     named = re.findall(r"`((?:[\w.-]+/)*(?:[\w-]+\.(?:py|yaml|json|txt))?)`", text)
     parts = [part for top in ("rulec", "runtime") for part in (ROOT / top).rglob("*")]
     paths = [f"/{part.relative_to(ROOT).as_posix()}" for part in parts]
-    gone = [
-        name
-        for name in filter(None, named)
-        if not (ROOT / name).exists()
-        and not any(path.endswith(f"/{name.rstrip('/')}") for path in paths)
-    ]
-    assert [] == gone
-
-
-def test_names_in_the_architecture_stand_in_their_files() -> None:
-    """`name` in `file.py`: the file has a line that defines it."""
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    named = re.findall(r"`(\w+)` in `([\w./-]+\.py)`", text)
-    assert named
-    for name, file in named:
-        defined = rf"^(def {name}\(|class {name}\b|{name}\b.* = )"
+    for name in filter(None, named):
+        ends = any(path.endswith(f"/{name.rstrip('/')}") for path in paths)
+        assert ends or (ROOT / name).exists(), name
+    defined = re.findall(r"`(\w+)` in `([\w./-]+\.py)`", text)
+    assert defined
+    for name, file in defined:
+        line = rf"^(def {name}\(|class {name}\b|{name}\b.* = )"
         source = (ROOT / file).read_text(encoding="utf-8")
-        assert re.search(defined, source, re.MULTILINE), f"{file}: no {name}"
+        assert re.search(line, source, re.MULTILINE), f"{file}: no {name}"
+
+
+READMES = sorted((ROOT / "plants").glob("*/README.md"))
+PLANTED = re.compile(r"^\*\*Planted:\*\* `(\S+)`", re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", READMES, ids=lambda page: page.parent.name)
+def test_a_plant_is_clean_and_its_readme_right(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plant to begin with is clean, compiles, and its README tells what diagnose says: one
+    finding, which is what was planted or has it among the causes that fit."""
+    assert [] == collect([page.parent])
+    assert page.parent.name == compiled(page.parent.name).plant
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "120")
+    (step,) = (step for step in steps_of(page) if isinstance(step, Typed))
+    answer = tmp_path / "answer.json"
+    assert 0 == main([*shlex.split(step.command)[1:], "--json", str(answer)])
+    printed = _squeezed(capsys.readouterr().out)
+    assert all(_squeezed(line) in printed for line in step.shown)
+    (finding,) = json.loads(answer.read_text(encoding="utf-8"))["findings"]
+    assert finding["fault"] in step.shown[0]
+    others = [*finding["alternatives"], *finding["remote"]]
+    planted = PLANTED.search(page.read_text(encoding="utf-8"))
+    assert planted is not None
+    assert planted[1] in {finding["fault"], *(other["fault"] for other in others)}
+
+
+def test_page_and_notebook_of_python_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every line of the page below a prompt is what Python says; every code cell of the
+    notebook runs, in order, and what a cell shows is HTML for a notebook."""
+    monkeypatch.chdir(ROOT)
+    flags = doctest.ELLIPSIS
+    page = str(ROOT / "docs" / "use-from-python.md")
+    failed, tried = doctest.testfile(page, module_relative=False, optionflags=flags)
+    assert 0 == failed
+    assert tried > 10
+    monkeypatch.chdir(ROOT)
+    shown = outputs_of(ROOT / "docs" / "rulec-from-python.ipynb")
+    assert all(hasattr(part, "_repr_html_") for part in shown)
+    pages = [str(part._repr_html_()) for part in shown]
+    assert 7 == len(pages)
+    assert any("A: the pump delivers 20 % less than its law says" in page for page in pages)
+    assert "The columns B.dp and C.dp are swapped" in pages[-2]
+
+
+def outputs_of(file: Path) -> list[Any]:
+    """What the cells of a notebook show: the value of the last line, where that is one."""
+    known: dict[str, Any] = {}
+    shown = []
+    for cell in json.loads(file.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] != "code":
+            continue
+        assert [] == cell["outputs"]
+        tree = ast.parse("".join(cell["source"]))
+        last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+        exec(compile(tree, file.name, "exec"), known)
+        if isinstance(last, ast.Expr):
+            shown.append(eval(compile(ast.Expression(last.value), file.name, "eval"), known))
+    return shown

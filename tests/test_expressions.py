@@ -17,13 +17,8 @@ import sympy
 
 from rulec.commands.check_files import collect
 from rulec.language.diagnostics import Diagnostic, render_all
-from rulec.language.dimension import dimension
 from rulec.language.document import parse_document
 from rulec.language.expression import Rejected, parse
-from rulec.language.functions import Absolute, Larger, Signum, Smaller
-from rulec.language.symbolic import to_sympy
-from rulec.language.units import NONE, VOLUME_FLOW
-from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, SOURCES
 
 CANARY = "RULEC_CANARY"
@@ -32,70 +27,37 @@ CANARY = "RULEC_CANARY"
 REFUSED: list[tuple[str, str, int]] = [
     # code that would run in eval, and in sympy's readers
     ("__import__('os').environ.update(RULEC_CANARY='1')", "KB040", 11),
-    ("__import__(os)", "KB044", 0),
-    ("print(n)", "KB044", 0),
-    ("open(n).read()", "KB041", 0),
-    ("open('/etc/passwd').read()", "KB040", 5),
     ("eval(n)", "KB044", 0),
-    ("exec(n)", "KB044", 0),
     ("().__class__.__base__.__subclasses__()", "KB041", 0),
-    ("n.__class__", "KB041", 1),
-    ("n.real", "KB041", 1),
-    ("(1).__class__", "KB041", 2),
     ("lambda: 0", "KB040", 6),
-    ("lambda n", "KB024", 0),
     ("(lambda x: x)(n)", "KB040", 9),
     ("n(1)(2)", "KB041", 0),
-    ("(n)(2)", "KB044", 0),
     ("n[0]", "KB040", 1),
-    ("[n]", "KB040", 0),
     ("[x for x in n]", "KB040", 0),
-    ("(x for x in n)", "KB024", 3),
     ("{n: n}", "KB040", 0),
     ("'n'", "KB040", 0),
-    ('"n"', "KB040", 0),
     ("f'{n}'", "KB040", 1),
-    ("b'n'", "KB040", 1),
     ("(n := 1)", "KB040", 3),
-    ("n = 1", "KB040", 2),
-    ("n; dp", "KB040", 1),
     ("import os", "KB024", 0),
     ("n if dp else 1", "KB024", 2),
-    ("n and dp", "KB024", 2),
-    ("not n", "KB024", 0),
     ("n < dp", "KB040", 2),
-    ("n in dp", "KB024", 2),
-    ("(yield n)", "KB024", 1),
-    ("(await n)", "KB024", 1),
-    ("True", "KB024", 0),
-    ("None", "KB024", 0),
     ("sqrt(*n)", "KB041", 5),
-    ("sqrt(**n)", "KB041", 5),
-    ("sqrt(x=n)", "KB040", 6),
     ("min(n, dp, key=abs)", "KB040", 14),
     # work without end
     ("9**9**9**9", "KB043", 9),
-    ("((((9**8)**8)**8)**8)", "KB043", 15),
     ("n**99999999", "KB043", 3),
     ("(n**8)**8", "KB043", 4),
     ("factorial(10**7)", "KB044", 0),
     ("exp(exp(exp(99)))", "KB041", 8),
     ("1e999", "KB041", 0),
-    ("9" * 500, "KB041", 0),
     ("n**" + "9" * 400, "KB043", 3),
     ("n*" * 1000 + "n", "KB042", 0),
     ("(" * 250 + "n" + ")" * 250, "KB042", 200),
-    ("-" * 500 + "n", "KB042", 31),
-    ("abs(" * 100 + "n" + ")" * 100, "KB042", 124),
-    ("n**" + "-" * 400 + "1", "KB042", 33),
     ("+".join("n" * 60), "KB042", 0),
     # numbers that are none
     ("1/0", "KB041", 2),
     ("n/(2 - 2)", "KB041", 3),
-    ("0**-1", "KB041", 0),
     ("sqrt(1 - 2)", "KB041", 0),
-    ("(1 - 2)**0.5", "KB041", 0),
-    ("log(0)", "KB041", 0),
     ("2j*n", "KB041", 0),
     # what is hard to see
     ("n\0", "KB040", 1),
@@ -104,40 +66,24 @@ REFUSED: list[tuple[str, str, int]] = [
     ("n \\\n + dp", "KB040", 2),
     ("ｎ + 1", "KB040", 0),
     ("n − dp", "KB040", 2),
-    ("dp²", "KB040", 2),
     ("n\u200b", "KB040", 1),
-    ("η*n", "KB040", 0),
-    ("_n", "KB041", 0),
     ("n" * 42, "KB041", 0),
     # slips
     ("", "KB040", 0),
-    ("   ", "KB040", 0),
-    ("n +", "KB040", 2),
-    ("n n", "KB040", 2),
     ("2n", "KB040", 0),
-    ("(n", "KB040", 0),
     ("n)", "KB040", 1),
-    ("n ^ 2", "KB040", 2),
-    ("n // 2", "KB040", 2),
-    ("n % 2", "KB040", 2),
     ("0,5*n", "KB041", 1),
-    ("n, dp", "KB041", 1),
     ("  n, dp", "KB041", 3),
     ("()", "KB041", 0),
     ("n**dp", "KB043", 3),
     ("n**(1/0)", "KB043", 4),
     ("sqr(n)", "KB044", 0),
     ("sqrt()", "KB045", 0),
-    ("sqrt(n, dp)", "KB045", 0),
-    ("max(n)", "KB045", 0),
     # downstream
     ("downstream()", "KB045", 0),
-    ("downstream(n, dp)", "KB045", 0),
     ("downstream(2*n)", "KB045", 0),
     ("downstream(downstream(n))", "KB045", 0),
     ("downstream(*n)", "KB041", 11),
-    ("downstream('n')", "KB040", 11),
-    ("downstream(n.m)", "KB045", 0),
 ]
 
 
@@ -180,50 +126,6 @@ def test_hostile_equation_is_refused_unread(
     assert CANARY not in os.environ
 
 
-OWN = {f.__name__: f for f in (Absolute, Larger, Signum, Smaller)}
-
-LEGAL = [
-    ("n*V", "V*n"),
-    ("-(n + 2)**-1/3", "-1/(3*(n + 2))"),
-    ("sqrt(dp/k)*n**(7/4)", "n**(7/4)*sqrt(dp/k)"),
-    ("  min(n, 1e3) +\n max(dp, 0) ", "Larger(dp, 0) + Smaller(n, 1000.0)"),
-    ("E*I + N*beta - S + Q*pi", "E*I + N*beta + Q*pi - S"),
-    ("abs(n) + sign(n) + tanh(n)", "Absolute(n) + Signum(n) + tanh(n)"),
-    ("exp(log(n))", "n"),
-    ("downstream(dp_mix)*2", "2*d"),
-]
-
-
-@pytest.mark.parametrize(("text", "read"), LEGAL)
-def test_legal_equation_reads_as_sympy_writes_it(text: str, read: str) -> None:
-    """Every name is an ordinary symbol, also those that sympy has taken (E, I, N, S, Q, pi)."""
-    expression = parse(text)
-    names = {name for name, _ in expression.names()}
-    symbols = {name: sympy.Symbol(name, positive=True) for name in names}
-    gathered = {"dp_mix": sympy.Symbol("d")}
-    result = to_sympy(expression, symbols, gathered)
-    table = {**symbols, **OWN, "d": gathered["dp_mix"]}
-    assert sympy.simplify(result - sympy.sympify(read, table)) == 0
-
-
-DIMENSIONS = [
-    ("n + dp", "KB051", 0),
-    ("1 + n*V", "KB051", 0),
-    ("n*V - (n*V + n)", "KB051", 7),
-    ("min(n, dp)", "KB051", 0),
-    ("1 - exp(n)", "KB052", 8),
-]
-
-
-@pytest.mark.parametrize(("text", "code", "column"), DIMENSIONS)
-def test_dimensions_that_do_not_fit_are_refused(text: str, code: str, column: int) -> None:
-    """The place is that of the part that does not fit."""
-    known = {"n": VOLUME_FLOW, "dp": NONE, "V": VOLUME_FLOW**2}
-    with pytest.raises(Rejected) as refused:
-        dimension(parse(text), known, {})
-    assert (code, column) == (refused.value.code, refused.value.column)
-
-
 MODULE = """\
 module: hostile
 version: 1
@@ -262,35 +164,7 @@ def _check(path: Path, content: str | bytes) -> list[Diagnostic]:
     return collect([Path(path.name)])
 
 
-@pytest.mark.parametrize("text", [t for t, _, _ in REFUSED][::7])
-def test_hostile_equation_in_a_module_gives_one_diagnostic(here: Path, text: str) -> None:
-    """`rulec check` names file and line, and nothing else follows from the mistake."""
-    code = next(c for t, c, _ in REFUSED if t == text)
-    module = MODULE.format(signal="n", equation=json.dumps(text, ensure_ascii=False))
-    if any(ord(c) < 32 for c in text):
-        module = MODULE.format(signal="n", equation=json.dumps(text))
-    (found,) = _check(here / "m.yaml", module)
-    assert (code, 9) == (found.code, found.place.line)
-    assert CANARY not in os.environ
-
-
-NAMES = [
-    "__class__",
-    "os.system('x')",
-    "__import__('os')",
-    "n n",
-    "n-1",
-    "1n",
-    "n\n",
-    "",
-    "ｎ",
-    "n" * 42,
-    "lambda",
-    "in",
-    "is",
-    "None",
-    "class",
-]
+NAMES = ["__class__", "os.system('x')", "n n", "1n", "n\n", "", "ｎ", "n" * 42, "lambda", "None"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -302,72 +176,16 @@ def test_hostile_name_is_refused_once(here: Path, name: str) -> None:
     assert (found.code, found.place.line, found.place.column) == ("KB024", 5, 3)
 
 
-def test_names_that_sympy_has_taken_compile(here: Path) -> None:
-    """Signals and parameters E, I, N, beta, S and those of a fault law are ordinary names."""
-    shutil.copytree(ROOT / "kb", here / "kb", ignore=shutil.ignore_patterns("modules"))
-    (here / "kb" / "odd.yaml").write_text(ODD, encoding="utf-8")
-    plant = "plant: odd\ntitle: t\nkb: kb\nmodules: {S: {type: odd}}\n"
-    (here / "plant.yaml").write_text(plant, encoding="utf-8")
-    assert render_all(collect([here])) == "0 mistakes in 0 files"
-    ruleset = compile_plant(here)
-    assert [r.id for r in ruleset.residuals] == ["S.N-Q"]
-    assert {"S.E", "S.I", "S.g", "S.value"} == {s.id for s in ruleset.signals}
-
-
-ODD = """\
-module: odd
-version: 1
-title: names that mean something elsewhere
-signals:
-  E: {quantity: rotational speed, unit: rpm, sensor: converter-speed, reference: 900}
-  I: {quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 9], reference: 4}
-  g: {quantity: volume flow, unit: l/h, sensor: turbine-flow, reference: 540}
-  value: {quantity: reading, unit: "1", sensor: turbine-flow, reference: 1}
-parameters:
-  beta: {value: 10, unit: ml/rev, u: 0.1, source: data sheet}
-  S:    {value: 0, unit: l/h/bar, u: 0.1, sign: any, source: data sheet}
-  x:    {value: 0, unit: l/h, u: 0.1, sign: any, source: data sheet}
-definitions:
-  D:  {is: beta*E - S*I}
-  pi: {is: g*value}
-observers:
-  N: {component: N, Q: D - x, accuracy: "5 %, [assumed]", source: displacement}
-  Q: {component: D, Q: pi, source: meter}
-faults: [leakage(N), clogging(pi), slope(E), slope(I), slope(value)]
-"""
-
-
 FILES: list[tuple[str, str | bytes, str]] = [
     ("alias bomb", "a: &a [x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "KB007"),
-    ("entities", '<!DOCTYPE x [<!ENTITY a "b">]>\n<x>&a;</x>\n', "KB012"),
     ("python object", "module: !!python/object/apply:os.system ['true']\n", "KB008"),
-    ("python name", "module: !!python/name:os.system\n", "KB008"),
-    ("own tag", "module: !run x\n", "KB008"),
-    ("merge key", "fluid: x\n<<: {density: 1}\n", "KB020"),
-    ("duplicate key", "fluid: a\nfluid: b\n", "KB005"),
-    ("tab", "fluid: a\ndensity:\n\tvalue: 1\n", "KB004"),
     ("deep flow", "[" * 100_000, "KB010"),
     ("deep block", "\n".join(" " * i + "a:" for i in range(500)), "KB010"),
-    ("deep sequence", "- " * 5000, "KB010"),
     ("10 MB", "fluid: a # " + "x" * 10_000_000, "KB002"),
     ("binary", bytes(range(256)) * 9, "KB003"),
-    ("zeros", bytes(1000), "KB004"),
-    ("empty", "", "KB006"),
-    ("blank", "\n\n  \n", "KB006"),
-    ("only a comment", "# nothing\n", "KB006"),
-    ("null", "~\n", "KB012"),
-    ("list", "- fluid: a\n", "KB012"),
-    ("text", "hello", "KB012"),
-    ("latin-1", "fluid: \xfc\n".encode("latin-1"), "KB003"),
     ("utf-16", "fluid: a\n".encode("utf-16"), "KB003"),
     ("escape code", "fluid: \x1b]0;owned\x07\n", "KB004"),
-    ("two documents", "fluid: a\n---\nfluid: b\n", "KB009"),
-    ("complex key", "? [a, b]\n: c\n", "KB011"),
-    ("unclosed quote", 'fluid: "a\n', "KB004"),
-    ("unclosed bracket at the end", "fluid: {a: \n\n\n", "KB004"),
     ("surrogate", 'fluid: "\\ud800"\n', "KB004"),
-    ("not a number", "fluid: .nan\n", "KB013"),
-    ("infinite", "fluid: 1e999\n", "KB013"),
     ("endless digits", "fluid: " + "9" * 5000, "KB013"),
 ]
 
@@ -381,19 +199,15 @@ def test_hostile_file_gives_diagnostics(here: Path, content: str | bytes, code: 
 
 
 def test_paths_that_cannot_be_read_give_diagnostics(here: Path) -> None:
-    """Missing file, folder without YAML, loop of links, device without end."""
+    """Missing file, folder without YAML, loop of links, device without end, no permission."""
     (here / "empty").mkdir()
     (here / "loop.yaml").symlink_to(here / "loop.yaml")
     codes = {p: [d.code for d in collect([Path(p)])] for p in ("no.yaml", "empty", "loop.yaml")}
     assert codes == {"no.yaml": ["KB001"], "empty": ["KB001"], "loop.yaml": ["KB001"]}
     assert [d.code for d in collect([Path("/dev/zero")])] == ["KB001"]
-
-
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may read every file")
-def test_file_without_permission_gives_a_diagnostic(here: Path) -> None:
-    """A file that may not be read."""
-    (here / "m.yaml").touch(mode=0o000)
-    assert [d.code for d in collect([Path("m.yaml")])] == ["KB001"]
+    if os.name == "posix" and os.geteuid() != 0:  # root may read every file
+        (here / "m.yaml").touch(mode=0o000)
+        assert [d.code for d in collect([Path("m.yaml")])] == ["KB001"]
 
 
 @pytest.mark.parametrize("key", ["columns", "adjacency", "kb", "calibration"])
@@ -411,47 +225,30 @@ def test_hostile_path_in_a_plant_gives_one_diagnostic(
     assert (code, 4) == (found.code, found.place.line)
 
 
-CORE = [
-    ("value: 1e-3", 0.001),
-    ("value: 1e3", 1000.0),
-    ("value: no", "no"),
-    ("value: on", "on"),
-    ("value: 12:30", "12:30"),
-    ("value: 0o14", "0o14"),
-    ("value: 014", 14),
-    ("value: 0x1F", "0x1F"),
-    ("value: 1_000", "1_000"),
-    ("value: 2025-01-01", "2025-01-01"),
-    ("value: =", "="),
-    ("value: +.5", 0.5),
-    ("value: 1.", 1.0),
-    ("value: 'true'", "true"),
-    ("value: True", True),
-    ("value: ~", None),
-    ("value: 1e-3\r\nb: 2\r\n", 0.001),
-]
+CORE: dict[str, object] = {
+    "1e-3": 0.001, "1e3": 1000.0, "no": "no", "12:30": "12:30", "0o14": "0o14", "014": 14,
+    "0x1F": "0x1F", "1_000": "1_000", "2025-01-01": "2025-01-01", "=": "=", "+.5": 0.5, "1.": 1.0,
+    "'true'": "true", "True": True, "~": None, "1e-3\r\nb: 2\r\n": 0.001,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "value"), CORE)
-def test_scalars_are_read_by_yaml_1_2(text: str, value: object) -> None:
+def test_scalars_are_read_by_yaml_1_2() -> None:
     """None of the traps of YAML 1.1: sexagesimal, octal, yes and no, text for 1e-3."""
-    document, found = parse_document("m.yaml", text)
-    assert not found
-    assert document is not None
-    assert (type(value), value) == (type(document.data["value"]), document.data["value"])
+    for text, value in CORE.items():
+        document, found = parse_document("m.yaml", f"value: {text}")
+        assert not found
+        assert document is not None
+        assert (type(value), value) == (type(document.data["value"]), document.data["value"])
 
 
-def test_byte_order_mark_and_line_ends_leave_places_alone(here: Path) -> None:
-    """The column of a mistake is the one an editor shows."""
+def test_places_are_right_and_output_is_bounded(here: Path) -> None:
+    """With a byte order mark and any line ends the column of a mistake is the one an editor
+    shows. Ten thousand mistakes are counted, not printed; a long line is cut around the caret."""
     text = "fluid: 5\ntitle: a\nvalid: {}\ncoefficients: {}\ndensity: {}\nviscosity: {}\n"
     for content in (text, "\ufeff" + text, text.replace("\n", "\r\n"), text.replace("\n", "\r")):
         first = _check(here / "m.yaml", content)[0]
         assert (first.code, first.place.line, first.place.column) == ("KB022", 1, 8)
         assert "    1 | fluid: 5\n      |        ^ put it in quotes" in render_all([first])
-
-
-def test_output_of_a_hostile_file_is_bounded(here: Path) -> None:
-    """Ten thousand mistakes are counted, not printed; a long line is cut around the caret."""
     names = ", ".join(f"s{i}: {{}}" for i in range(1000))
     found = _check(here / "m.yaml", f"module: a\nversion: 1\ntitle: t\nsignals: {{{names}}}\n")
     assert len(found) == 1000

@@ -111,31 +111,3 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     assert off["threshold"] < off["share"] < 0.3
     assert "is not as its sheet says" in capsys.readouterr().out
     assert "Not as its sheet says, from the first sample" == heading
-
-
-def test_a_calibrated_pump_still_blames_the_meter(tmp_path: Path) -> None:
-    """The same readings against a law that was fitted to a recording."""
-    file = recorded(tmp_path, 1.1)
-    found, _ = said(tmp_path, calibrated(knowing(rules(tmp_path), *METERS)), file)
-    assert {"pump.Q.high", "pump.dp.high"} >= {f["fault"] for f in found["findings"]} > set()
-
-
-def test_a_sheet_that_promises_more_is_told_with_advice(tmp_path: Path) -> None:
-    """The sheet's head is 35 % high: what the pump lacks of it, and what to do."""
-    found, _ = said(tmp_path, rules(tmp_path, 1.35), recorded(tmp_path))
-    (finding,) = found["findings"]
-    assert "pump.missing-head" == finding["fault"]
-    assert finding["from_sheet"]
-    assert finding["text"].endswith("less head than its sheet says")
-    assert finding["action"].startswith("calibrate, or run `rulec mismatch`")
-
-
-def test_what_nothing_believable_explains_is_told_with_sizes(tmp_path: Path) -> None:
-    """30 % of the head missing, and the only fault known is a meter that reads high."""
-    known = knowing(rules(tmp_path), "pump.Q.high")
-    file = recorded(tmp_path, fault="pump.missing-head=0.3")
-    found, heading = said(tmp_path, calibrated(known), file)
-    assert ("S", []) == (found["status"], found["findings"])
-    assert "nothing known fits" in found["unknown"][0]["text"]
-    assert "pump.head-flow" == found["unknown"][0]["disagree"][0]["residual"]
-    assert "Something is wrong, but nothing known explains it" == heading

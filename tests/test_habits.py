@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 import re
 import shutil
@@ -76,30 +75,14 @@ def timeless(page: bytes) -> bytes:
 
 
 def test_one_thing_goes_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
-    """Two would be mixed; a folder has no room there."""
+    """Two would be mixed; a folder has no room there. Quiet says mistakes all the same."""
     assert 2 == main(["diagnose", str(ABC), LEAKAGE, "--json", "-", "--trace", "-"])
     said = "rulec diagnose: only one of --json and --trace can go to standard output\n"
     assert said == capsys.readouterr().err
     assert 2 == main(["simulate", str(ABC), str(EXAMPLES), "-o", "-"])
     assert "-o -: the inputs are a folder" in capsys.readouterr().err
-
-
-def test_quiet_says_mistakes_all_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert 1 == main(["diagnose", str(ABC), "nowhere.csv", "--quiet"])
     assert "rulec: nowhere.csv: there is no such file\n" == capsys.readouterr().err
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_is_a_script_that_its_shell_reads(
-    shell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Where the shell is installed, it finds no mistake in it."""
-    assert 0 == main(["completion", shell])
-    script = tmp_path / "script"
-    script.write_text(capsys.readouterr().out, encoding="utf-8")
-    assert "rulec" in script.read_text(encoding="utf-8")
-    if (found := shutil.which(shell)) is not None:
-        subprocess.run([found, "-n", str(script)], check=True)
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
@@ -110,15 +93,10 @@ def test_completion_is_a_script_that_its_shell_reads(
 def test_commands_and_options_are_completed(line: str, expected: set[str]) -> None:
     """What bash is told when somebody presses the tab key; nothing of the compiler is loaded."""
     environment = {
-        **os.environ,
-        "PYTHONPATH": SOURCES,
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_IFS": "\013",
-        "_ARGCOMPLETE_SUPPRESS_SPACE": "1",
-        "COMP_LINE": line,
-        "COMP_POINT": str(len(line)),
+        **os.environ, "PYTHONPATH": SOURCES, "COMP_LINE": line, "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\013", "_ARGCOMPLETE_SUPPRESS_SPACE": "1",
         "_ARGCOMPLETE_STDOUT_FILENAME": "/dev/stdout",
-    }
+    }  # fmt: skip
     program = "import sys; sys.argv[0] = 'rulec'; from rulec.cli import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
@@ -126,22 +104,17 @@ def test_commands_and_options_are_completed(line: str, expected: set[str]) -> No
     assert expected == set(done.stdout.split("\013"))
 
 
-def test_progress_in_a_pipe_is_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What, how much of it, since when, how long still."""
+def test_progress_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a pipe by lines: what, how much of it, since when, how long still. On a terminal nothing
+    for what is done soon, then a bar; brackets are no markup; quiet says nothing."""
     monkeypatch.setattr(limits, "LINE_EVERY", 0.001)
-    file = Told()
-    console = Terminal(file=file, width=40)
-    with Progress("rulec study", "judging", console=console) as progress:
-        progress("judging", 3, 4)
-        file.wait_for("3 of 4")
-    line = file.getvalue().splitlines()[-1]
-    assert line.startswith("rulec study: judging 3 of 4, 0 s so far, about 0 s left")
-
-
-def test_progress_on_a_terminal_waits_a_little(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing for what is done soon, then a bar; brackets are no markup."""
     monkeypatch.setattr(limits, "DRAWN_EVERY", 0.001)
-    file = Told()
+    pipe, file = Told(), Told()
+    with Progress("rulec study", "judging", console=Terminal(file=pipe, width=40)) as progress:
+        progress("judging", 3, 4)
+        pipe.wait_for("3 of 4")
+    line = pipe.getvalue().splitlines()[-1]
+    assert line.startswith("rulec study: judging 3 of 4, 0 s so far, about 0 s left")
     console = Terminal(file=file, width=100, force_terminal=True)
     with Progress("rulec mismatch", "reading", console=console):
         pass
@@ -173,44 +146,15 @@ class Told(io.StringIO):
             assert self._came.wait_for(lambda: text in self.getvalue(), timeout=30.0)
 
 
-def test_a_study_has_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What is told on the screen, in one HTML file; names in it are text."""
-    page, form = tmp_path / "study.html", tmp_path / "study.json"
-    tiny = ("--degrees", "0.3", "--points", "1", "--seeds", "1", "--jobs", "1")
-    asked = ("study", str(ABC), *tiny, "--report", str(page), "--json", str(form))
-    assert 0 == main([*asked])
-    text = page.read_text(encoding="utf-8")
-    assert text.startswith("<!DOCTYPE html>")
-    for sentence in json.loads(form.read_text(encoding="utf-8"))["text"]:
-        assert sentence.replace("&", "&amp;").replace("'", "&#x27;") in text
-    assert "Internal leakage" in text
-    assert f"report: {page}" in " ".join(capsys.readouterr().out.split())
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["show", "nothing"], "rulec show: there is no pass 'nothing'"),
-        (["show", "differentiate"], "rulec show: which plant? give rulec show differentiate PLANT"),
-        (["matrix", "plants/abc", "--limits", "limits.yaml"], "rulec matrix: --limits are limits"),
-    ],
-)
-def test_wrong_usage_is_said_aside(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """By the name of the command, and nothing beside it; exit code 2."""
-    assert 2 == main(words)
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith(said)
-
-
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
         (["chek", "x"], 2, "there is no 'chek'; did you mean 'check'?"),
         (["init", "plnt", "x"], 2, "there is no 'plnt'; did you mean 'plant'?"),
         (["check", "nowhere"], 1, "`rulec init plant NAME` writes a first plant"),
+        (["show", "nothing"], 2, "rulec show: there is no pass 'nothing'"),
+        (["show", "differentiate"], 2, "which plant? give rulec show differentiate PLANT"),
+        (["matrix", "plants/abc", "--limits", "l.yaml"], 2, "rulec matrix: --limits are limits"),
         (["init", "plant", "x"], 0, "next: rulec check x"),
         (["init", "module", "y"], 0, "y.yaml"),
     ],

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, SOURCES, compiled
 
 HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema", "numba"}
 OPERATOR_STATION = {"numpy", "rich"}
@@ -35,62 +35,22 @@ COMPILED = {
 LLVM = {"numba", "llvmlite"}
 
 ROOMS = (
-    "rulec_runtime.limits",
-    "rulec_runtime.output",
-    "rulec_runtime.machine_code",
-    "rulec_runtime.contract",
-    "rulec_runtime.recordings",
-    "rulec_runtime.recordings.readers",
-    "rulec_runtime.simulation",
-    "rulec_runtime.diagnosis.steady",
-    "rulec_runtime.diagnosis.stores",
-    "rulec_runtime.diagnosis.sensors",
-    "rulec_runtime.diagnosis",
-    "rulec_runtime.report",
-    "rulec_runtime.fleet",
-    "rulec_runtime.live",
-    "rulec_runtime.live.sources",
-    "rulec_runtime.live.journal",
-    "rulec_runtime.live.view",
-    "rulec_runtime.commands",
-    "rulec_runtime",
-    "rulec.limits",
-    "rulec.engines",
-    "rulec.language",
-    "rulec.knowledge",
-    "rulec.algebra",
-    "rulec.simulation",
-    "rulec.passes",
-    "rulec.effects",
-    "rulec.calibration",
-    "rulec.curves",
-    "rulec.study",
-    "rulec.export",
-    "rulec.separation",
-    "rulec.fleet",
-    "rulec.mismatch.limits",
-    "rulec.mismatch.refused",
-    "rulec.mismatch.candidate_sets",
-    "rulec.mismatch.result",
-    "rulec.mismatch.evidence",
-    "rulec.mismatch.evidence.steady",
-    "rulec.mismatch.evidence.stores",
-    "rulec.mismatch.structure",
-    "rulec.mismatch.search",
-    "rulec.mismatch.search.settled",
-    "rulec.mismatch.search.stores",
-    "rulec.mismatch.experiment",
-    "rulec.mismatch.inference",
-    "rulec.mismatch.answer",
-    "rulec.mismatch",
-    "rulec.api",
-    "rulec.demo",
-    "rulec.mtp",
-    "rulec.commands",
-    "rulec",
-    "rulec.prove",
-    "rulec.prove.real",
-)
+    "rulec_runtime.limits", "rulec_runtime.output", "rulec_runtime.machine_code",
+    "rulec_runtime.contract", "rulec_runtime.recordings", "rulec_runtime.recordings.readers",
+    "rulec_runtime.simulation", "rulec_runtime.diagnosis.steady", "rulec_runtime.diagnosis.stores",
+    "rulec_runtime.diagnosis.sensors", "rulec_runtime.diagnosis", "rulec_runtime.report",
+    "rulec_runtime.fleet", "rulec_runtime.live", "rulec_runtime.live.sources",
+    "rulec_runtime.live.journal", "rulec_runtime.live.view", "rulec_runtime.commands",
+    "rulec_runtime", "rulec.limits", "rulec.engines", "rulec.language", "rulec.knowledge",
+    "rulec.algebra", "rulec.simulation", "rulec.passes", "rulec.effects", "rulec.calibration",
+    "rulec.curves", "rulec.study", "rulec.export", "rulec.separation", "rulec.fleet",
+    "rulec.mismatch.limits", "rulec.mismatch.refused", "rulec.mismatch.candidate_sets",
+    "rulec.mismatch.result", "rulec.mismatch.evidence", "rulec.mismatch.evidence.steady",
+    "rulec.mismatch.evidence.stores", "rulec.mismatch.structure", "rulec.mismatch.search",
+    "rulec.mismatch.search.settled", "rulec.mismatch.search.stores", "rulec.mismatch.experiment",
+    "rulec.mismatch.inference", "rulec.mismatch.answer", "rulec.mismatch", "rulec.api",
+    "rulec.demo", "rulec.mtp", "rulec.commands", "rulec", "rulec.prove", "rulec.prove.real",
+)  # fmt: skip
 """From the ground up: a file may import from its own room and from those above it in this list."""
 
 CONTRACT = {"rulec_runtime.contract", "rulec_runtime.output", "rulec_runtime.limits"}
@@ -143,12 +103,10 @@ def top(module: str) -> str:
     return module.partition(".")[0]
 
 
-def test_every_file_has_a_room() -> None:
-    assert {room_of(module) for module in MODULES} == set(ROOMS)
-
-
 def test_arrows_run_downwards() -> None:
-    """No circle between folders, and the runtime knows nothing of the compiler."""
+    """Every file has a room, no circle is between folders, and the runtime knows nothing of the
+    compiler. No module imports itself by way of others, not even inside a function."""
+    assert {room_of(module) for module in MODULES} == set(ROOMS)
     climbs = [
         (module, found)
         for module in MODULES
@@ -156,10 +114,6 @@ def test_arrows_run_downwards() -> None:
         if found in MODULES and ROOMS.index(room_of(found)) > ROOMS.index(room_of(module))
     ]
     assert climbs == []
-
-
-def test_no_module_imports_itself_by_way_of_others() -> None:
-    """Not even inside a function."""
     left = {m: {found for found, _ in imports(m) if found in MODULES} - {m} for m in MODULES}
     while ends := {m for m, found in left.items() if not found & left.keys()}:
         left = {m: found for m, found in left.items() if m not in ends}
@@ -189,23 +143,17 @@ def test_runtime_needs_numpy_and_rich_alone() -> None:
             assert known or (module in COMPILED and top(found) in LLVM), module
 
 
-def test_readers_are_loaded_by_name_alone() -> None:
-    """Nobody imports one: the registry of formats loads it when a file asks for it."""
+def test_some_modules_import_little() -> None:
+    """Nobody imports a reader: the registry of formats loads it when a file asks for it. Passes
+    import from the runtime only what they write: the ruleset and its plan. At the top of
+    command lines stands nothing that has to be paid for."""
     for module in MODULES:
         if room_of(module) != READERS:
             assert not [found for found, _ in imports(module) if found.startswith(READERS)], module
-
-
-def test_compiler_knows_the_contract_alone() -> None:
-    """Passes import from the runtime only what they write: the ruleset and its plan."""
     for module in (m for m in MODULES if room_of(m) in COMPILER):
         for found, _ in imports(module):
             known = room_of(found) in CONTRACT or found == STORED
             assert known or top(found) != "rulec_runtime", (module, found)
-
-
-def test_command_lines_import_commands_when_called() -> None:
-    """At their top stands nothing that has to be paid for."""
     for module in ("rulec.cli", "rulec_runtime.cli", "rulec_runtime.commands.frame"):
         for found, at_top in imports(module):
             free = top(found) in sys.stdlib_module_names or found.endswith("commands.frame")
@@ -221,25 +169,16 @@ def loaded(*arguments: str, package: str = "rulec", code: int = 0) -> set[str]:
         f"from {package}.cli import main\n"
         f"sys.exit(main({list(arguments)!r}))\n"
     )
-    path = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": path},
-        check=False,
-    )
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == code, done.stderr
     return set(done.stderr.splitlines()[-1].split())
 
 
-def test_help_loads_nothing() -> None:
-    """`rulec diagnose --help` answers without numpy even."""
-    assert not loaded("diagnose", "--help") & {*HEAVY, "numpy", "rich"}
-
-
 def test_diagnosing_with_a_ruleset_loads_no_compiler(tmp_path: Path) -> None:
-    """Neither sympy nor yaml, scipy, networkx, jsonschema, numba; the runtime not even rulec."""
+    """Neither sympy nor yaml, scipy, networkx, jsonschema, numba; the runtime not even rulec. Nor
+    does simulating what stores nothing load an integrator; help answers without numpy even."""
     file = tmp_path / "abc.ruleset.json"
     file.write_text(compiled("abc").to_json(), encoding="utf-8")
     recording = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
@@ -249,12 +188,6 @@ def test_diagnosing_with_a_ruleset_loads_no_compiler(tmp_path: Path) -> None:
         assert not found & (HEAVY | FORMATS)
         assert {package, "rulec_runtime", "numpy", "rich"} <= found
     assert "rulec" not in found
-
-
-def test_simulating_what_stores_nothing_loads_no_integrator(tmp_path: Path) -> None:
-    """Its compiler alone takes longer than a plant of some modules."""
-    file = tmp_path / "abc.ruleset.json"
-    file.write_text(compiled("abc").to_json(), encoding="utf-8")
-    recording = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
-    found = loaded("simulate", str(file), str(recording), "-o", str(tmp_path / "out.csv"))
-    assert not found & HEAVY
+    simulate = ("simulate", str(file), str(recording), "-o", str(tmp_path / "out.csv"))
+    assert not loaded(*simulate) & HEAVY
+    assert not loaded("diagnose", "--help") & {*HEAVY, "numpy", "rich"}

@@ -20,7 +20,6 @@ from rulec.passes.perturb import perturbed, true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
-from rulec.study.campaign import Group, Settings, record, run_group
 from rulec.study.judge import Kind, Outcome
 from rulec.study.points import operating_points, range_of
 from rulec.study.summary import percent, reliable_from, rows_of, sentences
@@ -45,13 +44,11 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return study(tmp_path_factory.mktemp("study") / "tiny.json", *TINY, "--jobs", "1")
 
 
-def test_number_of_processes_changes_nothing(tiny: dict[str, Any], tmp_path: Path) -> None:
-    """One process or two: the same counts, errors and words."""
+def test_counts_add_up_on_any_number_of_processes(tiny: dict[str, Any], tmp_path: Path) -> None:
+    """One process or two: the same counts, errors and words. Every recording is in exactly one
+    kind; found, confusions and healthy ones follow. At 30 % every hydraulic fault and pressure
+    sensor is seen, and nothing in healthy plants."""
     assert tiny == study(tmp_path / "two.json", *TINY, "--jobs", "2")
-
-
-def test_counts_add_up(tiny: dict[str, Any]) -> None:
-    """Every recording is in exactly one kind; found, confusions and healthy ones follow."""
     modules = {name: list(TYPES.values()).count(name) for name in TYPES.values()}
     for cell in tiny["faults"]:
         kinds = cell["kinds"]
@@ -59,55 +56,14 @@ def test_counts_add_up(tiny: dict[str, Any]) -> None:
         assert cell["recordings"] == sum(kinds.values()) - kinds["no operating point"]
         named_at_all = kinds["named first"] + kinds["another named first"]
         assert cell["found"] == named_at_all + kinds["nothing known fits"]
-        assert cell["named"] == kinds["named first"]
-        assert cell["covered"] <= cell["named"]
+        assert cell["covered"] <= cell["named"] == kinds["named first"]
         assert cell["shared"] <= kinds["another named first"]
     others = sum(cell["kinds"]["another named first"] for cell in tiny["faults"])
     assert others == sum(confusion["count"] for confusion in tiny["confusions"])
-    assert tiny["healthy"]["recordings"] == 20
-    assert tiny["healthy"]["samples"] == 400
-
-
-def test_large_faults_are_found(tiny: dict[str, Any]) -> None:
-    """At 30 % every hydraulic fault and pressure sensor is seen, and nothing in healthy plants."""
     seen = {(c["type"], c["name"]) for c in tiny["faults"] if c["found"] == c["recordings"]}
-    expected = {(t, f) for t in TYPES.values() for f in ("clogging", "widening", "dp.high")}
-    assert expected <= seen
-    assert tiny["healthy"]["alarms"] == 0
-
-
-def test_paper_mode_and_lead_in(tmp_path: Path) -> None:
-    """Healthy samples before the fault are judged too; the paper's mode runs through."""
-    options = ("--jobs", "1", "--mode", "paper", "--lead-in", "10")
-    one_pump = ROOT / "tests" / "method" / "plants" / "feeds-1"
-    result = study(tmp_path / "paper.json", *TINY, *options, plant=one_pump)
-    assert result["lead_in"]["recordings"] == 11
-    assert result["lead_in"]["samples"] == 110
-    assert result["settings"]["mode"] == "paper"
-
-
-def test_further_degrees_leave_the_others_as_they_were() -> None:
-    """Random numbers belong to a recording, not to its place in the study."""
-    ruleset = compiled("abc")
-    points = operating_points(equations_of(ruleset), 2)
-    group = Group("A.leakage", 0, 0, ruleset.undo)
-    few = list(run_group(ruleset, points, Settings(degrees=(0.3,)), group))
-    many = list(run_group(ruleset, points, Settings(degrees=(0.1, 0.3)), group))
-    assert few == [o for o in many if o.degree == 0.3]
-
-
-def test_lead_in_is_healthy_and_the_rest_faulty() -> None:
-    """Without sensor errors a recording is two levels: before the fault and with it."""
-    ruleset = compiled("abc")
-    points = operating_points(equations_of(ruleset), 1)
-    settings = Settings(degrees=(0.2,), lead_in=5, samples=7)
-    group = Group("A.clogging", 0, 0, ruleset.undo)
-    ((degree, readings),) = record(ruleset, points, settings, group)
-    assert degree == 0.2
-    assert readings is not None
-    pressure = readings["A.dp"]
-    assert len(pressure) == 12
-    assert pressure[:5].max() < pressure[5:].min()
+    assert {(t, f) for t in modules for f in ("clogging", "widening", "dp.high")} <= seen
+    healthy = tiny["healthy"]
+    assert (20, 400, 0) == (healthy["recordings"], healthy["samples"], healthy["alarms"])
 
 
 def test_operating_points_are_inside_their_ranges() -> None:
@@ -134,27 +90,21 @@ class Fixed:
         return self.value if size is None else np.full(size, self.value)
 
 
-def test_a_plant_drawn_at_the_mean_is_the_ruleset() -> None:
-    """Without deviation the true plant has the undo plan of the ruleset."""
-    models = run_passes(Compilation(path=ABC), "types")
-    ruleset = compiled("abc")
-    plan = true_plan(models, [f.id for f in ruleset.faults], Fixed(0.0))  # type: ignore[arg-type]
-    assert plan == ruleset.undo
-
-
 def test_parameters_are_drawn_from_their_covariance() -> None:
-    """One standard deviation each: alone u, in a block the row of the Cholesky factor."""
-    for plant in ("abc", "zema-hydraulic"):
-        models = run_passes(Compilation(path=ROOT / "plants" / plant), "types")
-        modules = models.network.plant.modules
-        drawn = perturbed(models, Fixed(1.0)).plant.modules  # type: ignore[arg-type]
-        for name, module in modules.items():
-            expected = {p.name: p.value + p.u for p in module.parameters.values()}
-            for block in module.blocks:
-                for parameter, row in zip(block.parameters, block.factor, strict=True):
-                    expected[parameter] = module.parameters[parameter].value + sum(row)
-            values = {p.name: p.value for p in drawn[name].parameters.values()}
-            assert expected == pytest.approx(values, rel=1e-12)
+    """One standard deviation each: alone u, in a block the row of the Cholesky factor. Without
+    deviation the true plant has the undo plan of the ruleset."""
+    models = run_passes(Compilation(path=ABC), "types")
+    faults = [f.id for f in compiled("abc").faults]
+    assert compiled("abc").undo == true_plan(models, faults, Fixed(0.0))  # type: ignore[arg-type]
+    models = run_passes(Compilation(path=ROOT / "plants" / "zema-hydraulic"), "types")
+    drawn = perturbed(models, Fixed(1.0)).plant.modules  # type: ignore[arg-type]
+    for name, module in models.network.plant.modules.items():
+        expected = {p.name: p.value + p.u for p in module.parameters.values()}
+        for block in module.blocks:
+            for parameter, row in zip(block.parameters, block.factor, strict=True):
+                expected[parameter] = module.parameters[parameter].value + sum(row)
+        values = {p.name: p.value for p in drawn[name].parameters.values()}
+        assert expected == pytest.approx(values, rel=1e-12)
 
 
 def test_upper_bound_of_a_rate() -> None:
@@ -190,18 +140,12 @@ def counted() -> Tally:
     return tally(compiled("abc"), TYPES, outcomes, samples=20, lead_in=0)
 
 
-def test_tally_pools_modules_of_a_type() -> None:
-    """Two modules, one row; errors and bounds of those named first."""
+def test_summary_says_what_the_counts_mean() -> None:
+    """Two modules of a type are one row; reliable, without a name, confused, blind, left out are
+    each a sentence; a degree that is found below one that is not is luck."""
     leak = next(c for c in counted().cells if c.fault.name == "leakage" and c.degree == 0.2)
     assert (leak.recordings, leak.found, leak.named, leak.covered) == (2, 2, 2, 1)
-    assert leak.error == pytest.approx(0.02)
-    assert leak.bias == pytest.approx(-0.01)
-    healthy = counted().healthy
-    assert (healthy.alarms, healthy.recordings, healthy.samples) == (1, 2, 40)
-
-
-def test_summary_says_what_the_counts_mean() -> None:
-    """Reliable, without a name, confused, blind, left out: each in one sentence."""
+    assert (leak.error, leak.bias) == pytest.approx((0.02, -0.01))
     text = "\n".join(sentences(counted()))
     for part in (
         "Found and named (or among the named) from 20 % on: Internal leakage of dosing-pcp.",
@@ -214,79 +158,47 @@ def test_summary_says_what_the_counts_mean() -> None:
         "Left out: 1 recordings",
     ):
         assert part in text
-
-
-def test_reliable_degree_holds_for_all_larger_ones() -> None:
-    """A degree that is found below one that is not is luck."""
     rows = {kind.name: cells for kind, cells in rows_of(counted()).items()}
-    assert reliable_from(rows["leakage"]) == 0.2
-    assert reliable_from(rows["leakage"][:1]) is None
-    assert reliable_from(rows["clogging"]) is None
-
-
-@pytest.mark.parametrize(
-    ("share", "shown"), [(0.0, "0 %"), (0.017, "1.7 %"), (0.994, "99 %"), (1.0, "100 %")]
-)
-def test_percent(share: float, shown: str) -> None:
-    """Two digits; only what is 100 % is called so."""
-    assert shown == percent(share)
+    found = (rows["leakage"], rows["leakage"][:1], rows["clogging"])
+    assert [0.2, None, None] == [reliable_from(cells) for cells in found]
+    assert ["1.7 %", "99 %", "100 %"] == [percent(share) for share in (0.017, 0.994, 1.0)]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--degrees", "ten"), "--degrees ten: give numbers with commas between"),
-        (("--degrees", "0.1,0"), "--degrees 0.1,0: a degree is a number above 0"),
         (("--degrees", "nan"), "--degrees nan: a degree is a number above 0"),
         (("--degrees", "50"), "--degrees 50: no fault of abc has such a degree"),
         (("--json", "nowhere/file.json"), "--json nowhere/file.json: there is no such folder"),
         (("--points", "0"), "--points 0: give 1 or more"),
-        (("--seeds", "-1"), "--seeds -1: give 1 or more"),
-        (("--jobs", "0"), "--jobs 0: give 1 or more"),
         (("--lead-in", "-5"), "--lead-in -5: give 0 or more"),
     ],
 )
 def test_bad_arguments(
     arguments: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A wrong argument is named with its remedy; exit code 2."""
+    """A wrong argument is named with its remedy; exit code 2. A ruleset has no covariances."""
     assert main(["study", str(ABC), *arguments]) == 2
     assert message in " ".join(capsys.readouterr().err.split())
+    assert main(["study", "abc.ruleset.json"]) == 2
+    assert "abc.ruleset.json: give the plant's folder" in capsys.readouterr().err
 
 
 def test_the_function_gives_what_the_command_writes(tiny: dict[str, Any]) -> None:
     """And tables of it; a number that makes no sense is refused with the words of the command."""
     told: list[str] = []
-    done: list[tuple[str, float, float]] = []
-    found = rulec.study(
-        ABC,
-        degrees=[0.3],
-        points=1,
-        seeds=1,
-        announce=told.append,
-        progress=lambda *one: done.append(one),
-    )
+    done: list[Any] = []
+    asked: dict[str, Any] = {"degrees": [0.3], "points": 1, "seeds": 1, "announce": told.append}
+    found = rulec.study(ABC, progress=lambda *one: done.append(one), **asked)
     assert tiny == json.loads(json.dumps(found.to_dict()))
     assert told[0].startswith("abc: ")
     assert done[-1][1] == done[-1][2]
     assert len(found.to_frame(backend="pandas")) == len(tiny["faults"])
-    assert found.tables == ("faults", "confusions")
     assert "False alarms: 0 of 20 healthy recordings" in str(found)
     assert "what its diagnosis can do" in " ".join(found.page().lower().split())
     with pytest.raises(rulec.Misused, match="--seeds 0: give 1 or more"):
         rulec.study(ABC, seeds=0)
-
-
-def test_ruleset_in_place_of_a_plant(capsys: pytest.CaptureFixture[str]) -> None:
-    """A ruleset has no covariances to draw from."""
-    assert main(["study", "abc.ruleset.json"]) == 2
-    assert "abc.ruleset.json: give the plant's folder" in capsys.readouterr().err
-
-
-def test_missing_plant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No such plant: the compiler's message, exit code 1."""
-    assert main(["study", str(tmp_path / "nowhere")]) == 1
-    assert "nowhere" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of process groups are a POSIX matter")

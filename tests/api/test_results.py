@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-import io
 import json
 import os
 import subprocess
@@ -17,7 +15,6 @@ import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pytest
-from rich.console import Console
 
 import rulec
 from rulec.api import frames
@@ -59,28 +56,7 @@ def test_data_are_those_of_the_command(capsys: pytest.CaptureFixture[str], tmp_p
     asked = ("calibrate", str(ABC), str(file), "-o", str(written))
     assert fitted.to_dict() == of_command(capsys, *asked)
     assert fitted.text == written.read_text(encoding="utf-8")
-
-
-def test_stories_are_those_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
-    """As text, on a console of rich, and as HTML that runs nothing."""
-    main(["diagnose", str(ABC), str(LEAKAGE), "-q", "--json", os.devnull])
-    assert "" == capsys.readouterr().out
-    text = str(found())
-    assert "A: the pump delivers 60 % less than its law says" in text
-    console = Console(file=io.StringIO(), width=100)
-    console.print(found())
-    assert isinstance(console.file, io.StringIO)
-    assert text.split() == console.file.getvalue().split()
-    page = found()._repr_html_()
-    assert page.startswith("<pre")
-    assert "delivers 60 % less" in page
-
-
-def test_results_are_frozen_and_short_to_print() -> None:
-    for result in (plant(), found(), explained()):
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            result.path = Path()  # type: ignore[misc, union-attr]
-        assert len(repr(result)) < 120
+    assert "A: the pump delivers 60 % less than its law says" in str(found())
 
 
 def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,7 +66,6 @@ def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> No
         table = found().to_frame(backend=name)  # type: ignore[arg-type]
         assert isinstance(table, kind)
         assert ["A.leakage"] * 3 == list(table["fault"].to_numpy())
-    assert isinstance(found().to_frame("samples"), pd.DataFrame)
     assert 80 == len(found().to_frame("samples"))
     with pytest.raises(rulec.Misused, match="table 'x': give one of findings, samples"):
         found().to_frame("x")
@@ -99,13 +74,6 @@ def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(frames, "find_spec", lambda name: None)
     with pytest.raises(rulec.FrameRefused, match="needs pandas or polars or pyarrow"):
         found().to_frame()
-
-
-def test_every_table_has_columns_of_one_length() -> None:
-    for result in (plant(), found(), explained()):
-        for name in result.tables:
-            table = result.to_frame(name, backend="pyarrow")
-            assert table.column_names, name
 
 
 def test_what_is_simulated_is_a_recording(tmp_path: Path) -> None:

@@ -73,12 +73,10 @@ def test_a_proof(elsewhere: Engine, tmp_path: Path) -> None:
 
 
 def test_what_kills_its_process_ends_a_run() -> None:
-    """Without an answer that stands for it, a run cannot go on; no process is left behind."""
+    """Without an answer that stands for it, a run cannot go on; no process is left behind. So it is
+    with what a call raises."""
     with pytest.raises(Refusal, match=f"{WORKER_DEATHS} processes died at the same work"):
         in_order(Engine(jobs=1), os._exit, [Call((1,))])
-
-
-def test_what_a_call_raises_ends_a_run() -> None:
     with pytest.raises(ZeroDivisionError):
         list(run(Engine(jobs=1), divmod, [Call((1, 1)), Call((1, 0))]))
 

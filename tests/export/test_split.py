@@ -12,14 +12,12 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.export.play import played, results_csv
-from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
-from tests.rig.exported.recordings import real, shipped
+from tests.rig.exported.recordings import shipped
 from tests.rig.exported.split import gaps, same_story, split
 
 SAME = 1e-9
-SLOW = pytest.mark.prove
 ABC = ROOT / "plants" / "abc"
 QUICK = ("leakage_A.csv", "swapped.csv")
 
@@ -40,21 +38,6 @@ def test_findings_are_those_of_the_whole(plant: Path, recording: Path, tmp_path:
         assert same_story(found.whole, part)
         assert max(gaps(found.whole, part), default=0.0) < SAME
         assert found.whole.judged == part.judged
-
-
-@pytest.mark.prove
-def test_findings_are_those_of_the_whole_on_real_recordings(tmp_path: Path) -> None:
-    """As far as they are there."""
-    for i, (plant, recording) in enumerate(real(tmp_path)):
-        folder = tmp_path / str(i)
-        folder.mkdir()
-        try:
-            found = split(compile_plant(plant), recording, folder)
-        except RecordingRefused:
-            continue
-        for part in (found.given, found.asked):
-            assert same_story(found.whole, part), (plant, recording)
-            assert max(gaps(found.whole, part), default=0.0) < SAME
 
 
 def test_without_readings_slopes_stand_for_the_equations(tmp_path: Path) -> None:
@@ -123,26 +106,6 @@ def test_what_does_not_suffice_is_refused(
     file = write(columns, tmp_path / "r.csv")
     with pytest.raises(RecordingRefused, match=told.replace("[", r"\[")):
         diagnose_results(read_results(file, compiled("abc")), compiled("abc"))
-
-
-def test_only_diagnose_takes_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Others would take each row for readings; and what needs samples says so."""
-    file = str(write(results(tmp_path), tmp_path / "r.csv"))
-    assert 0 == main(["diagnose", str(ABC), file])
-    assert 1 == main(["diagnose", str(ABC), file, "--trace", str(tmp_path / "t.csv")])
-    assert 1 == main(["diagnose", str(ABC), file, "--mode", "paper"])
-    assert 1 == main(["calibrate", str(ABC), file, "-o", str(tmp_path / "c.yaml")])
-    told = capsys.readouterr().err
-    assert "a trace or report needs a recording" in told
-    assert "--mode paper needs a recording" in told
-    assert "only rulec diagnose takes such a file" in told
-
-
-def test_a_plant_that_stores_is_refused(tmp_path: Path) -> None:
-    """Its balances need courses, not points."""
-    said = read_results(write(results(tmp_path), tmp_path / "r.csv"), compiled("abc"))
-    with pytest.raises(RecordingRefused, match="this plant stores"):
-        diagnose_results(said, compiled("cascaded-tanks"))
 
 
 @pytest.mark.parametrize(("language", "ends"), [("c", {".h", ".c"}), ("st", {".st"})])

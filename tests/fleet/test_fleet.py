@@ -210,23 +210,6 @@ def test_ranking_puts_the_worst_first() -> None:
     )
 
 
-def test_titles_and_days_of_a_fleet(home: Path) -> None:
-    """Foreign columns are known by their titles, and other days are left out."""
-    file = home / "foreign.yaml"
-    file.write_text(
-        "fleet: few\nrecordings: recordings\n"
-        "plants: {P1: {judged_by: abc.json}}\n"
-        "titles: {PT1: 'A.dp [mbar]', TS: time}\n"
-        "days: {from: '2026-01-02'}\n"
-    )
-    found = read_fleet(file, ruleset_of)
-    (text,) = found.rulesets.values()
-    columns = {one["column"]: one["factor"] for one in json.loads(text)["columns"]}
-    assert columns == {"PT1": pytest.approx(100.0)}
-    assert json.loads(text)["time_column"] == "TS"
-    assert [("P1", "2026-01-02")] == [(t.plant, t.day) for t in tasks_of(found)]
-
-
 def test_results_go_elsewhere_only_by_the_command(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -241,38 +224,3 @@ def test_results_go_elsewhere_only_by_the_command(
     said = " ".join(capsys.readouterr().err.split())
     assert "few: recordings come from http://127.0.0.1 rulec: " in said
     assert "secret" not in said
-
-
-def test_recordings_elsewhere(fleet: Fleet, home: Path, here: dict[Task, Row]) -> None:
-    """Any address that fsspec knows."""
-    from dataclasses import replace
-
-    elsewhere = replace(fleet, recordings=f"file://{home}/recordings")
-    tasks = tasks_of(elsewhere)
-    assert [(t.plant, t.day) for t in here] == [(t.plant, t.day) for t in tasks]
-    far = next(t for t in tasks if (t.plant, t.day) == ("P2", "2026-01-01"))
-    row = judge_day(far, fleet.rulesets[far.ruleset])
-    assert {"A.leakage"} == {f["fault"] for f in row["findings"]}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--jobs", "0"], "--jobs 0: give 1 or more"),
-        (["--scheduler", "tcp://x:1"], "--scheduler is an address for --engine dask"),
-    ],
-)
-def test_wrong_usage(
-    home: Path, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["fleet", str(home / "fleet.yaml"), *arguments]) == 2
-    assert text in capsys.readouterr().err
-
-
-def test_nothing_to_judge_is_told(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = home / "late.yaml"
-    file.write_text(
-        "fleet: few\nrecordings: recordings\njudged_by: abc.json\ndays: {from: '2027-01-01'}\n"
-    )
-    assert main(["fleet", str(file)]) == 1
-    assert "no recording below plant=.../day=..." in capsys.readouterr().err

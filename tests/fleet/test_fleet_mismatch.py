@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import pytest
 from rulec_runtime.fleet.plant_day import Task
 
 from rulec.api.given import ruleset_of
-from rulec.api.plant_day import _recording, ask_day
+from rulec.api.plant_day import ask_day
 from rulec.cli import main
 from rulec.commands import fleet_mismatch
 from rulec.engines.call import Engine
@@ -64,36 +63,19 @@ def tasks(home: Path) -> dict[str, Task]:
     return {task.plant: task for task in tasks_of(read_fleet(home / "fleet.yaml", ruleset_of))}
 
 
-def test_a_worker_asks_and_never_raises(tasks: dict[str, Task]) -> None:
-    """The answer is that of `rulec mismatch`; a file that is none is a reason."""
+def test_rows_and_their_sentence(tasks: dict[str, Task]) -> None:
+    """The answer is that of `rulec mismatch`; a file that is none is a reason. The sentence
+    counts plants by what most of them differ, whatever the number of days; a row holds place,
+    name, proof."""
     few = answer_of(tasks["west"], ask_day(tasks["west"], str(ABC)))
     assert few.verdict == "cannot judge"
     assert few.text.startswith("Cannot judge")
     broken = answer_of(tasks["east"], ask_day(tasks["east"], str(ABC)))
     assert broken.verdict == "unread"
     assert "broken.parquet" in broken.reason
-
-
-def test_files_of_a_plant_day_are_one_recording(tmp_path: Path) -> None:
-    """Also where they were fetched one by one; in their order, whatever they are called."""
-    files = [tmp_path / folder / "part.csv" for folder in ("b", "a")]
-    for file in files:
-        file.parent.mkdir()
-        file.write_text(file.parent.name)
-    with ExitStack() as stack:
-        folder = _recording(files, stack)
-        assert ["b", "a"] == [file.read_text() for file in sorted(folder.iterdir())]
-    assert not folder.exists()
-
-
-def test_a_row_holds_place_name_and_proof(tasks: dict[str, Task]) -> None:
-    row = answer_of(tasks["south"], FORM)
-    assert (row.module, row.place, row.effect, row.probability) == ("A", "Q_geo", "slip", 0.97)
-    assert (row.signal, row.shipped, row.repaired) == ("C.dp", 3.0, 1.0)
-
-
-def test_the_sentence_counts_plants() -> None:
-    """By what most of them differ, whatever the number of days."""
+    full = answer_of(tasks["south"], FORM)
+    assert (full.module, full.place, full.effect) == ("A", "Q_geo", "slip")
+    assert (full.probability, full.signal, full.shipped, full.repaired) == (0.97, "C.dp", 3.0, 1.0)
     row = Answer(plant="a", day="1", verdict="named", title="Slip")
     rows = [row, replace(row, day="2"), replace(row, plant="b"), replace(row, plant="c", title="X")]
     sound = replace(row, plant="d", verdict="none", title="")
@@ -136,20 +118,3 @@ def test_it_goes_on_where_it_was_stopped(
     form = json.loads((home / "told.json").read_text())
     (south,) = (row for row in form["plant_days"] if row["plant"] == "south")
     assert json.loads(Path(south["answer"]).read_text()) == FORM
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("judged_by: abc.json\n", "needs the folder of the plant"),
-        (f"judged_by: {ABC}\ntitles: {{PT1: 'A.dp [mbar]'}}\n", "columns.yaml of the plant"),
-    ],
-)
-def test_what_cannot_be_asked_says_what_to_do(
-    home: Path, text: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (home / "abc.json").write_text(ruleset_of(ABC).to_json(), encoding="utf-8")
-    file = home / "other.yaml"
-    file.write_text(f"fleet: few\nrecordings: recordings\n{text}")
-    assert main(["fleet", str(file), "--mismatch"]) == 1
-    assert said in " ".join(capsys.readouterr().err.split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +20,6 @@ from rulec.knowledge.fluid import property_of
 from rulec.knowledge.module_type import Fluid
 from rulec.knowledge.read import read_files
 from rulec.language.symbolic import TEMPERATURE
-from rulec.passes.differentiate import TypeModel
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT
@@ -33,13 +33,6 @@ from tests.kb.fit_fluids import (
     vogel,
 )
 
-
-def friction_factor(number: float, roughness: float, method: str) -> float:
-    """By `fluids`, which is slow to import."""
-    friction = pytest.importorskip("fluids.friction")
-    return float(friction.friction_factor(Re=number, eD=roughness, Method=method))
-
-
 LETTER = {"density": "D", "viscosity": "V"}
 FITTED = {
     "water": {"density": 1e-4, "viscosity": 4e-3},
@@ -49,9 +42,8 @@ FITTED = {
 }
 """How far the closed forms may be off CoolProp, as their files say; the rest of a stated bound is
 for what CoolProp does not know: pressure, tap water, a little more or less glycol."""
-OILS = {"hydraulic-oil-32": (32.0, 5.4), "hydraulic-oil-46": (46.0, 6.8)}
-"""Kinematic viscosity at 40 and at 100 degC, mm2/s."""
-CASES = [(fluid, name) for fluid in LIQUIDS for name in LETTER]
+OILS = {"hydraulic-oil-32": (32.0, 5.4, 872.0), "hydraulic-oil-46": (46.0, 6.8, 877.0)}
+"""Kinematic viscosity at 40 and at 100 degC, mm2/s, and density at 15 degC, kg/m3."""
 
 
 @functools.cache
@@ -73,14 +65,10 @@ def bound(fluid: str, name: str) -> float:
     return fluids()[fluid].properties[name].u * math.sqrt(3.0)
 
 
-def test_every_fluid_is_tested() -> None:
-    """Each file of kb/fluids has a reference here."""
-    assert set(fluids()) == {*LIQUIDS, *OILS, "glycerol"}
-
-
-@pytest.mark.parametrize(("fluid", "name"), CASES)
+@pytest.mark.parametrize(("fluid", "name"), [*itertools.product(LIQUIDS, LETTER)])
 def test_property_is_within_its_stated_error(fluid: str, name: str) -> None:
     """Against CoolProp over the valid range: within the fit's figure, which is below the bound."""
+    assert set(fluids()) == {*LIQUIDS, *OILS, "glycerol"}
     liquid = LIQUIDS[fluid]
     T = temperatures(liquid, 500)
     assert (fluids()[fluid].lowest, fluids()[fluid].highest) == pytest.approx((T[0], T[-1]))
@@ -88,9 +76,9 @@ def test_property_is_within_its_stated_error(fluid: str, name: str) -> None:
     assert off <= FITTED[fluid][name] <= bound(fluid, name)
 
 
-@pytest.mark.parametrize("fluid", ["water", "mpg-30"])
-def test_fit_gives_the_coefficients(fluid: str) -> None:
+def test_fit_gives_the_coefficients() -> None:
     """Fitting again gives the same curves, to the digits kept."""
+    fluid = "mpg-30"
     found, T = fit_liquid(LIQUIDS[fluid]), temperatures(LIQUIDS[fluid])
     for name, law in (("density", polynomial), ("viscosity", vogel)):
         assert law(found[name][0], T) == pytest.approx(formula(fluid, name)(T), rel=1e-5)
@@ -98,23 +86,17 @@ def test_fit_gives_the_coefficients(fluid: str) -> None:
 
 @pytest.mark.parametrize("oil", OILS)
 def test_oil_follows_walther_through_its_two_points(oil: str) -> None:
-    """ASTM D341 in its own form: log10 log10 (nu + 0.7) is linear in log10 T."""
-    points, given = np.array([313.15, 373.15]), np.array(OILS[oil])
+    """ASTM D341 in its own form: log10 log10 (nu + 0.7) is linear in log10 T. The density of the
+    data sheet at 15 degC is 4.55 % less at 80 degC: 7e-4 for each kelvin."""
+    points, given, sheet = np.array([313.15, 373.15]), np.array(OILS[oil][:2]), OILS[oil][2]
     slope, start = np.polyfit(np.log10(points), np.log10(np.log10(given + 0.7)), 1)
     T = np.append(np.linspace(fluids()[oil].lowest, fluids()[oil].highest, 200), points)
     nu = 10**10 ** (start + slope * np.log10(T)) - 0.7
     kinematic = formula(oil, "viscosity")(T) / formula(oil, "density")(T) * 1e6
     assert nu == pytest.approx(kinematic, rel=1e-9)
     assert given == pytest.approx(kinematic[-2:], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("oil", "expected"), [("hydraulic-oil-32", 872), ("hydraulic-oil-46", 877)]
-)
-def test_oil_density_falls_linearly(oil: str, expected: float) -> None:
-    """That of the data sheet at 15 degC, 4.55 % less at 80 degC: 7e-4 for each kelvin."""
     found = formula(oil, "density")(np.array([288.15, 353.15]))
-    assert [expected, 0.9545 * expected] == pytest.approx(found)
+    assert [sheet, 0.9545 * sheet] == pytest.approx(found)
 
 
 def test_glycerol_is_that_of_the_tables() -> None:
@@ -141,14 +123,11 @@ def _plant(folder: Path, fluid: str, modules: str = "  P: {type: straight-pipe}"
     return folder
 
 
-def _models(folder: Path) -> dict[str, TypeModel]:
-    return dict(run_passes(Compilation(path=folder), "types").types)
-
-
 @pytest.fixture(scope="module")
 def pipe(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     """The flow of the pipe with water; readings and parameters are inputs."""
-    (model,) = _models(_plant(tmp_path_factory.mktemp("pipe"), "water")).values()
+    folder = _plant(tmp_path_factory.mktemp("pipe"), "water")
+    (model,) = run_passes(Compilation(path=folder), "types").types.values()
     graph = Graph(model.symbols)
     nodes = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
     graph.outputs["Q"] = lower(graph, model.observers["resis"], nodes)
@@ -174,10 +153,6 @@ def loss_of(number: Array, factor: Array, celsius: float = 20.0) -> Array:
     return np.asarray(factor * LENGTH / DIAMETER * rho * velocity**2 / 2)
 
 
-def factors(number: Array, roughness: float, method: str) -> Array:
-    return np.array([friction_factor(r, roughness, method) for r in number])
-
-
 @pytest.mark.parametrize("celsius", [5.0, 60.0])
 def test_laminar_flow_is_that_of_hagen_and_poiseuille(pipe: Plan, celsius: float) -> None:
     """f = 64/Re up to Re 2300, at any roughness."""
@@ -186,22 +161,14 @@ def test_laminar_flow_is_that_of_hagen_and_poiseuille(pipe: Plan, celsius: float
     assert number == pytest.approx(found, rel=1e-6)
 
 
-@pytest.mark.parametrize("roughness", [0.0, 1e-5, 1e-3, 0.05])
+@pytest.mark.parametrize("roughness", [0.0, 1e-3, 0.05])
 def test_turbulent_flow_is_that_of_colebrook(pipe: Plan, roughness: float) -> None:
     """Re 4006 to 1e8 against Clamond's solution in `fluids`: explicit in the flow, yet exact."""
+    friction = pytest.importorskip("fluids.friction")
     number = np.geomspace(4006.0, 1e8, 200)
-    loss = loss_of(number, factors(number, roughness, "Clamond"))
+    found = [friction.friction_factor(Re=r, eD=roughness, Method="Clamond") for r in number]
+    loss = loss_of(number, np.array(found))
     assert number == pytest.approx(reynolds(pipe, loss, roughness), rel=1e-6)
-
-
-@pytest.mark.parametrize("roughness", [0.0, 1e-5, 1e-3, 0.05])
-def test_turbulent_friction_is_close_to_haaland(pipe: Plan, roughness: float) -> None:
-    """The friction factor at the flow found is within 1.4 % of Haaland's, Re 4006 to 1e8."""
-    number = np.geomspace(4006.0, 1e8, 200)
-    loss = loss_of(number, factors(number, roughness, "Clamond"))
-    found = reynolds(pipe, loss, roughness)
-    implied = loss / loss_of(found, np.ones_like(found))
-    assert implied == pytest.approx(factors(found, roughness, "Haaland"), rel=0.014)
 
 
 @pytest.mark.parametrize("roughness", [0.0, 1e-3, 0.05])
@@ -216,19 +183,6 @@ def test_flow_rises_through_the_transition_without_a_jump(pipe: Plan, roughness:
 # --- fluids in plants ------------------------------------------------------------------------
 
 
-def test_symbolic_work_is_once_per_type_and_fluid(tmp_path: Path) -> None:
-    """Four pipes with two fluids are two models; a type that asks for nothing stays one."""
-    modules = """\
-  P: {type: straight-pipe}
-  R: {type: straight-pipe}
-  S: {type: straight-pipe, fluid: meg-30}
-  U: {type: straight-pipe, fluid: meg-30}
-  M: {type: static-mixer}
-  N: {type: static-mixer, fluid: meg-30}"""
-    models = _models(_plant(tmp_path, "water", modules))
-    assert ["straight-pipe with water", "straight-pipe with meg-30", "static-mixer"] == list(models)
-
-
 def test_two_fluids_in_one_plant(tmp_path: Path) -> None:
     """At equal readings the flows through two valves are as the roots of the densities."""
     modules = """\
@@ -241,6 +195,10 @@ def test_two_fluids_in_one_plant(tmp_path: Path) -> None:
     )
     ratio = formula("meg-50", "density")(293.15) / formula("water", "density")(293.15)
     assert math.sqrt(ratio) == pytest.approx(float(out["q:A.plant"][0] / out["q:B.plant"][0]))
+    # Leaving the range of the fluid is said as leaving the calibrated range is.
+    spec = ruleset.signal_by_id["B.T"]
+    assert (253.15, 368.15) == pytest.approx((spec.valid_from, spec.valid_to))
+    assert ruleset.signal_by_id["B.n"].valid_from is None
 
 
 def test_error_of_a_property_enters_the_budget_once(tmp_path: Path) -> None:
@@ -258,12 +216,3 @@ connections: [P -> R]"""
         share = out[f"s:{pipe}.resis:viscosity(hydraulic-oil-46)"] / out[f"q:{pipe}.resis"]
         assert -0.1 / math.sqrt(3.0) == pytest.approx(float(share[0]))
     assert [] == [name for name in out if name.endswith(".viscosity(hydraulic-oil-46)")]
-
-
-def test_thermometer_has_the_range_of_the_fluid(tmp_path: Path) -> None:
-    """Leaving it is said as leaving the calibrated range is."""
-    modules = "  P: {type: straight-pipe}\n  R: {type: straight-pipe}\nconnections: [P -> R]"
-    ruleset = compile_plant(_plant(tmp_path, "meg-30", modules))
-    spec = ruleset.signal_by_id["P.T"]
-    assert (263.15, 368.15) == pytest.approx((spec.valid_from, spec.valid_to))
-    assert ruleset.signal_by_id["P.dp"].valid_from is None

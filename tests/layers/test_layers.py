@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import shutil
 from pathlib import Path
@@ -13,12 +11,11 @@ from typing import cast
 import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
-from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.effects.adopt import Adoption
 from rulec.effects.write_plant import knowledge_files
 from rulec.knowledge.read import read_plant
-from rulec.language.diagnostics import Diagnostic, Refused, render_all
+from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, compiled
 from tests.layers.conftest import PLANT, UNITS, VALVE, Install, write
@@ -30,54 +27,48 @@ def refused(plant: Path) -> list[Diagnostic]:
     return list(mistakes.value.diagnostics)
 
 
-def test_folder_of_the_plant_counts_without_being_named(plant: Path) -> None:
-    """A type, a unit and a root in a unit of one's own, beside all shipped ones."""
-    write(plant / "kb", units=UNITS, modules__acme_valve=VALVE)
+def test_folders_count(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A type, a unit and a root in a unit of one's own, beside all shipped ones: below the plant
+    without being named, as links too; named by the plant; named by the variable."""
+    write(plant / "kb", units=UNITS)
+    write(Path("elsewhere"), valve=VALVE)
+    (plant / "kb" / "acme.yaml").symlink_to(Path("elsewhere/valve.yaml").resolve())
     assert collect([plant]) == []
     ruleset = compile_plant(plant)
     flow = 0.5 / 3600 * (ruleset.signal_by_id["A.dp"].reference / 1000) ** 0.5
     assert ruleset.observer_by_id["A.valve"].reference == pytest.approx(flow, rel=1e-6)
     assert ("p/kb", "") == (ruleset.knowledge[0].name, ruleset.knowledge[0].version)
-    assert "p/kb/modules/acme_valve.yaml:9" in ruleset.parameters[0].origin
-
-
-@pytest.mark.parametrize("listed", ["{}", "[{}]"])
-def test_named_folder_counts(plant: Path, listed: str) -> None:
-    write(Path("maker"), units=UNITS, acme_valve=VALVE)
-    write(plant, plant=f"{PLANT}kb: {listed.format('../maker')}\n")
-    assert collect([plant]) == []
-    assert compile_plant(plant).knowledge[0].name.endswith("/maker")
-
-
-def test_folders_of_the_variable_count(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write(Path("first"), units=UNITS)
-    write(Path("second"), acme_valve=VALVE)
-    monkeypatch.setenv("RULEC_KB", f"first{os.pathsep}second")
+    assert "p/kb/acme.yaml:9" in ruleset.parameters[0].origin
+    shutil.move(plant / "kb", "maker")
+    for listed in ("../maker", "[../maker]"):
+        write(plant, plant=f"{PLANT}kb: {listed}\n")
+        assert collect([plant]) == []
+        assert compile_plant(plant).knowledge[0].name.endswith("/maker")
+    write(plant, plant=PLANT)
+    monkeypatch.setenv("RULEC_KB", f"maker{os.pathsep}elsewhere")
+    Path("maker/acme.yaml").unlink()
     assert len(compile_plant(plant).knowledge) == 3
-    monkeypatch.setenv("RULEC_KB", f"first{os.pathsep}third")
+    monkeypatch.setenv("RULEC_KB", f"maker{os.pathsep}third")
     assert [("KB001", "RULEC_KB")] == [(d.code, d.place.file) for d in refused(plant)]
 
 
-def test_installed_package_counts(plant: Path, install: Install, tmp_path: Path) -> None:
-    """With its version, and with no code of it run; so it stands in the file."""
-    install(units=UNITS, modules__acme_valve=VALVE)
+def test_installed_packages_count(plant: Path, install: Install, tmp_path: Path) -> None:
+    """With their versions, and with no code of them run; so they stand in the file. The plant names
+    a type, the type a unit of another package; the hash follows what is taken."""
+    package = install(modules__acme_valve=VALVE)
+    install("inch-kb", "inch_kb", units=UNITS)
     assert collect([plant]) == []
     ruleset = compile_plant(plant)
     assert ("acme-pumps-kb", "1.2") == (ruleset.knowledge[0].name, ruleset.knowledge[0].version)
+    assert {"acme-pumps-kb", "inch-kb"} < {k.name for k in ruleset.knowledge}
     assert "acme-pumps-kb/modules/acme_valve.yaml" in ruleset.parameters[0].origin
     (tmp_path / "p.json").write_text(ruleset.to_json(), encoding="utf-8")
     assert read_ruleset(tmp_path / "p.json") == ruleset
-
-
-def test_hash_follows_what_is_taken(plant: Path, install: Install) -> None:
-    package = install(units=UNITS, modules__acme_valve=VALVE)
-    before = compile_plant(plant)
     write(package, modules__acme_valve=VALVE.replace("0.5, unit", "0.6, unit"))
     after = compile_plant(plant)
-    assert [k.name for k in before.knowledge] == [k.name for k in after.knowledge]
-    changed = [a.name for a, b in zip(before.knowledge, after.knowledge, strict=True) if a != b]
+    changed = [a.name for a, b in zip(ruleset.knowledge, after.knowledge, strict=True) if a != b]
     assert changed == ["acme-pumps-kb"]
-    assert before.sources != after.sources
+    assert ruleset.sources != after.sources
 
 
 def test_package_that_a_plant_does_not_name_changes_nothing(install: Install) -> None:
@@ -87,88 +78,10 @@ def test_package_that_a_plant_does_not_name_changes_nothing(install: Install) ->
     assert compile_plant(ROOT / "plants" / "abc") == compiled("abc")
 
 
-def test_package_can_lean_on_another(plant: Path, install: Install) -> None:
-    """The plant names a type, the type a unit of another package."""
-    install(modules__acme_valve=VALVE)
-    install("inch-kb", "inch_kb", units=UNITS)
-    assert {"acme-pumps-kb", "inch-kb"} < {k.name for k in compile_plant(plant).knowledge}
-
-
 @pytest.mark.parametrize("entry", ["gone_kb", "acme_pumps_kb.deeper", "..", ""])
 def test_package_without_knowledge_is_told(plant: Path, install: Install, entry: str) -> None:
     install(entry=entry, units=UNITS)
     assert [("KB001", "acme-pumps-kb")] == [(d.code, d.place.file) for d in refused(plant)]
-
-
-def test_name_in_two_layers_is_told_with_both_places(plant: Path, install: Install) -> None:
-    package = install(units=UNITS, modules__acme_valve=VALVE)
-    write(plant / "kb", modules__mine=VALVE)
-    (found,) = refused(plant)
-    places = {found.place.file, found.second.file if found.second else ""}
-    assert found.code == "KB030"
-    assert places == {
-        "p/kb/modules/mine.yaml",
-        f"site-packages/{package.name}/modules/acme_valve.yaml",
-    }
-    assert [found] == collect([plant])
-    assert "see also" in render_all([found])
-
-
-def test_unit_may_be_listed_twice_if_it_means_the_same(plant: Path, install: Install) -> None:
-    install(units=UNITS, modules__acme_valve=VALVE)
-    write(plant / "kb", units=UNITS.replace("inch of water", "the same"))
-    assert collect([plant]) == []
-    write(plant / "kb", units=UNITS.replace("249.08891", "249.174"))
-    (found,) = refused(plant)
-    assert (found.code, found.place.line) == ("KB030", 2)
-    assert "the unit 'inWC'" in found.message
-
-
-def test_whole_knowledge_base_stands_alone(plant: Path, install: Install) -> None:
-    """As `rulec adopt` writes it: a shipped type that was changed there is no twin."""
-    install(modules__acme_valve=VALVE)
-    kb = shutil.copytree(ROOT / "kb", plant / "kb", ignore=shutil.ignore_patterns("effects"))
-    file = kb / "modules" / "control-valve.yaml"
-    file.write_text(file.read_text(encoding="utf-8").replace("value: 4,", "value: 5,"))
-    write(plant, plant=PLANT.replace("acme", "control"))
-    assert collect([plant]) == []
-    ruleset = compile_plant(plant)
-    assert ruleset.knowledge == ()
-    assert ruleset.parameters[0].value == pytest.approx(5)
-    write(plant, plant=PLANT)
-    assert ["KB070"] == [d.code for d in refused(plant)]
-
-
-def test_types_of_two_plants_may_have_one_name(plant: Path) -> None:
-    """Each has a folder of its own; checked together they do not meet."""
-    write(plant / "kb", units=UNITS, acme_valve=VALVE)
-    write(
-        Path("q"),
-        plant=PLANT,
-        kb__units=UNITS,
-        kb__acme_valve=VALVE.replace("value: 0.5", "value: 0.7"),
-    )
-    assert collect([plant, Path("q")]) == []
-
-
-def test_file_apart_is_checked_once(plant: Path) -> None:
-    """Also where a folder that the plant names holds it."""
-    write(plant, plant=f"{PLANT}kb: .\n", units=UNITS, acme_valve=VALVE)
-    assert collect([plant]) == []
-
-
-def test_listing_says_what_came_from_where(plant: Path, install: Install) -> None:
-    install(units=UNITS, modules__acme_valve=VALVE)
-    write(plant / "kb", units="units:\n  gpm: {factor: 6.30902e-5, dimension: {m: 3, s: -1}}\n")
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        assert main(["show", "knowledge", str(plant)]) == 0
-    lines = [line.split() for line in out.getvalue().splitlines()]
-    heads = [line[0] for line in lines if line and line[-1].startswith(("/", "p/"))]
-    assert heads == ["p/kb", "acme-pumps-kb", "kb"]
-    assert ["unit", "gpm", "units.yaml"] in lines
-    assert ["module", "acme-valve", "v3", "modules/acme_valve.yaml"] in lines
-    assert ["fault", "leakage", "faults/leakage.yaml"] in lines
 
 
 def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> None:
@@ -187,14 +100,3 @@ def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> 
     after = compile_plant(Path("copy"))
     assert (after.plan, after.cells) == (before.plan, before.cells)
     assert after.knowledge == ()
-
-
-def test_linked_file_counts_where_the_link_is(plant: Path) -> None:
-    """Its layer is that of the folder that was read."""
-    write(Path("elsewhere"), valve=VALVE)
-    write(plant / "kb", units=UNITS)
-    (plant / "kb" / "acme.yaml").symlink_to(Path("elsewhere/valve.yaml").resolve())
-    assert collect([plant]) == []
-    ruleset = compile_plant(plant)
-    assert ruleset.knowledge[0].name == "p/kb"
-    assert "p/kb/acme.yaml" in ruleset.parameters[0].origin

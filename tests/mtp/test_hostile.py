@@ -65,15 +65,7 @@ CASES = {
     "entity bomb": (text_of(head=BOMB), r"x.aml:2: it declares a document type or entities"),
     "external entity": (text_of(head=OUTSIDE), r"x.aml:2: it declares a document type"),
     "nesting": (text_of(nested(100)), r"x.aml:\d+: elements are nested deeper than 60"),
-    "nesting in a library": (
-        text_of(f"<RoleClassLib>{nested(100)}</RoleClassLib>"),
-        "nested deeper than 60",
-    ),
     "huge attribute": (text_of(f'<InternalElement Name="{"a" * 70_000}"/>'), "70000 characters"),
-    "huge text": (
-        text_of(f'<Attribute Name="a"><Value>{"a" * 70_000}</Value></Attribute>'),
-        "a text has more than 65536 characters",
-    ),
     "long name": (
         manifest((FLOW,)).replace('"FI12"', f'"{"a" * 400}"').encode(),
         r"x.aml:\d+: a name has 400 characters, more than 300; shorten it",
@@ -82,25 +74,14 @@ CASES = {
         manifest((FLOW,)).replace('"FI12"', '"\x9b31m"').encode(),
         r"x.aml:\d+: a name holds control characters",
     ),
-    "turned direction in an identifier": (
-        manifest((FLOW,)).replace("<Value>FI12.V<", "<Value>\u202eFI12.V<").encode(),
-        r"x.aml:\d+: an identifier holds control characters",
-    ),
-    "escape by number": (
-        manifest((FLOW,)).replace('Name="FI12"', 'Name="&#27;[31m"').encode(),
-        r"x.aml:\d+: this is not XML \(reference to invalid character number\)",
-    ),
     "Latin-1": ("<CAEXFile>\nFüllstand</CAEXFile>".encode("latin-1"), "x.aml:2: this is not UTF-8"),
-    "UTF-16": (example().encode("utf-16"), "x.aml:1: this is not UTF-8"),
     "one node for two": (
         text_of().replace(b'ID="item-1-V"', b'ID="item-0-V"'),
         r"x.aml:\d+: the id 'item-0-V' stands at .*x.aml:\d+ already, and which node is meant",
     ),
     "another kind of XML": (b"<html></html>", "the file is no CAEX|no 'CAEXFile' in it"),
-    "half a file": (text_of()[:2000], r"x.aml:\d+: this is not XML .*is the file whole"),
     "blanks": (b"   \n", "x.aml: the file is empty; export it again"),
     "no tags": (manifest(()).encode(), r"x.aml:\d+: the list of instances is empty"),
-    "no list": (b"<CAEXFile></CAEXFile>", "no list of instances in it"),
 }
 
 
@@ -119,9 +100,6 @@ def test_a_hostile_manifest_is_refused(tmp_path: Path, name: str) -> None:
 GOOD = text_of()
 CONTAINERS = {
     "zip slip": (packed({"../../x.aml": GOOD}), "'../../x.aml' in it leads out of the container"),
-    "zip slip of Windows": (packed({"a\\..\\..\\x.aml": GOOD}), "leads out of the container"),
-    "absolute": (packed({"/etc/x.aml": GOOD}), "leads out of the container"),
-    "drive": (packed({"C:\\x.aml": GOOD}), "leads out of the container"),
     "escape in a name": (packed({"\x1b[31m.aml": GOOD}), "a file name in it holds control"),
     "bomb": (packed({"x.aml": bytes(30 << 20)}), "200 times its size"),
     "forged sizes": (forged(packed({"x.aml": bytes(30 << 20)})), "damaged|200 times its size"),
@@ -130,10 +108,8 @@ CONTAINERS = {
         packed({f"{i}.txt": b"" for i in range(limits.MOST_MEMBERS + 1)}, zipfile.ZIP_STORED),
         "2001 files in it",
     ),
-    "nothing to read": (packed({"a.txt": b"a"}), "no .aml file in it, but a.txt"),
     "empty": (b"", "the file is empty; export it again"),
     "cut off": (packed({"x.aml": GOOD})[:-30], "the container is damaged"),
-    "only a head": (b"PK\x03\x04", "the container is damaged"),
 }
 
 
@@ -147,10 +123,20 @@ def test_a_hostile_container_is_refused(tmp_path: Path, name: str) -> None:
     assert [file] == list(tmp_path.iterdir())
 
 
-def test_together_members_keep_to_the_limit(
+def test_a_manifest_in_several_files_is_one_module(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each is small enough alone."""
+    """With a path of Windows, as some makers write it; files may use the ids of others again.
+    What a Mac puts beside them, and XML of the container's own, is left alone. Together members
+    keep to the limit, though each is small enough alone."""
+    own = b'<CAEXFile><InstanceHierarchy Name="H" ID="tag-0"/></CAEXFile>'
+    file = tmp_path / "x.mtp"
+    beside = {"__MACOSX/._Manifest.aml": b"\0\xff", "[Content_Types].xml": b"<Types/>"}
+    good = b"\xef\xbb\xbf" + GOOD
+    file.write_bytes(packed({"Manifest.aml": good, "Source\\Hmi.aml": own, **beside}))
+    (package,) = read_packages(file)
+    assert [tag.name for tag in package.tags] == ["PI11", "FI12"]
+    assert package.odd == ()
     monkeypatch.setattr(limits, "LARGEST_UNPACKED", int(1.5 * len(GOOD)))
     file = tmp_path / "x.mtp"
     file.write_bytes(packed({"a.aml": GOOD, "b.aml": GOOD}))
@@ -158,54 +144,21 @@ def test_together_members_keep_to_the_limit(
         read_packages(file)
 
 
-def test_a_manifest_in_several_files_is_one_module(tmp_path: Path) -> None:
-    """With a path of Windows, as some makers write it; files may use the ids of others again."""
-    own = b'<CAEXFile><InstanceHierarchy Name="H" ID="tag-0"/></CAEXFile>'
-    file = tmp_path / "x.mtp"
-    file.write_bytes(packed({"Manifest.aml": GOOD, "Source\\Hmi.aml": own}))
-    (package,) = read_packages(file)
-    assert [tag.name for tag in package.tags] == ["PI11", "FI12"]
-    assert package.odd == ()
-
-
-def test_what_stands_beside_a_manifest_is_left_alone(tmp_path: Path) -> None:
-    """What a Mac puts there, and XML of the container's own."""
-    file = tmp_path / "x.mtp"
-    beside = {"__MACOSX/._Manifest.aml": b"\0\xff", "[Content_Types].xml": b"<Types/>"}
-    file.write_bytes(packed({"Manifest.aml": b"\xef\xbb\xbf" + GOOD, **beside}))
-    (package,) = read_packages(file)
-    assert package.odd == ()
-
-
-def test_an_id_that_stands_twice_leads_nowhere(tmp_path: Path) -> None:
-    file = tmp_path / "x.aml"
-    file.write_bytes(GOOD.replace(b'ID="tag-1"', b'ID="tag-0"'))
-    (package,) = read_packages(file)
-    assert [o.kind for o in package.odd] == ["ids that stand twice"]
-    assert all(tag.attributes["V"].node for tag in package.tags)
-
-
-TEXTS = [
-    '"}: x',
-    "a: b # c",
-    "é\u202e\u2028\x85",
-    "- [",
-    "'",
-    "\\",
-    "{{}}",
-    "*a &b !c",
-    "%YAML 9",
-    "",
-]
-
-
 def test_texts_of_a_manifest_are_never_yaml(tmp_path: Path) -> None:
     """Titles, units and names of versions stand in what is written as texts and comments alone."""
-    points = [
-        analog(f"PI{i}", text, text or "1137", 0, 5) for i, text in enumerate([*TEXTS, "x\ny: z"])
-    ]
+    texts = (
+        '"}: x',
+        "a: b # c",
+        "é\u202e\u2028\x85",
+        "- [",
+        "'",
+        "{{}}",
+        "*a &b !c",
+        "",
+        "x\ny: z",
+    )
+    points = [analog(f"PI{i}", text, text or "1137", 0, 5) for i, text in enumerate(texts)]
     text = manifest(points, name="a: [b] # {c}", endpoint="opc.tcp://h:1/'\"}")
-    text = text.replace('ID="package"', 'ID="package"', 1)
     title = "<Description>&lt;x&gt;: [\n signals: {} # \u202e</Description>"
     at = text.index(">", text.index('ID="package"')) + 1
     (tmp_path / "x.aml").write_text(text[:at] + title + text[at:], encoding="utf-8")

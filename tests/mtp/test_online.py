@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from asyncua import Server, ua
 
-from rulec.cli import main
 from rulec.mtp import limits
 from tests.live.sources.plant_server import PlantServer, free_port
 from tests.mtp.test_import import imported
@@ -57,7 +56,8 @@ def controller() -> Iterator[Controller]:
 def test_units_and_ranges_are_read_from_the_controller(
     controller: Controller, tmp_path: Path
 ) -> None:
-    """At the address in the file; what is no unit there either is told, and what is lacking."""
+    """At the address in the file, or another that is given; what is no unit there either is
+    told, and what is lacking."""
     module = imported(tmp_path, manifest(POINTS, endpoint=controller.url), "--online")
     pressure, flow = module["signals"]
     assert (pressure["unit"], pressure["range"]) == ("bar", [-1.0, 10.0])
@@ -66,10 +66,8 @@ def test_units_and_ranges_are_read_from_the_controller(
     assert sorted(o["kind"] for o in module["odd"]) == ["unknown units", "values not there"]
     text = (tmp_path / "out" / "modules" / "Dosing.yaml").read_text(encoding="utf-8")
     assert "by default" not in text
-
-
-def test_another_address_replaces_that_of_the_file(controller: Controller, tmp_path: Path) -> None:
-    module = imported(tmp_path, manifest(POINTS), "--online", controller.url)
+    (tmp_path / "other").mkdir()
+    module = imported(tmp_path / "other", manifest(POINTS), "--online", controller.url)
     assert module["signals"][0]["unit"] == "bar"
 
 
@@ -80,9 +78,3 @@ def test_without_the_controller_the_rest_is_imported(tmp_path: Path) -> None:
     (oddity,) = (o for o in module["odd"] if o["kind"] == "servers that do not answer")
     assert oddity["text"].startswith(address)
     assert module["signals"][0]["lacks"] == "the unit: the controller holds it"
-
-
-def test_an_address_is_for_one_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["import", "mtp", "a.mtp", "b.mtp", "-o", str(tmp_path / "out")]
-    assert 1 == main([*asked, "--online", "opc.tcp://h:1"])
-    assert "--online with an address is for one file" in capsys.readouterr().err

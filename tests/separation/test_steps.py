@@ -1,16 +1,23 @@
-"""From a finding with alternatives to the step that tells them apart, and what is known then."""
+"""From a finding with alternatives to the step that tells them apart, which keeps all limits."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
 from rulec.cli import main
+from rulec.separation.allowed import Allowed, Range, allowed_of
+from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
+from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
 from tests.conftest import ROOT, compiled
 
 PLANT = ROOT / "plants" / "abc"
@@ -99,6 +106,8 @@ def test_step_keeps_a_file_of_limits_and_says_what_it_costs(
 def test_matrix_tells_the_step_of_each_pair(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Of 16 pairs 10 are alike, and one step tells each of them apart. What has no steps is
+    refused."""
     told = tmp_path / "matrix.json"
     assert main(["matrix", str(PLANT), "--separate", "--json", str(told)]) == 0
     assert "of the other 10 one step tells 10 apart" in " ".join(capsys.readouterr().out.split())
@@ -109,38 +118,133 @@ def test_matrix_tells_the_step_of_each_pair(
         assert [part["degree"] for part in pair["sigma"]] == [0.1, 0.2]
         assert np.all([part["then"] > max(4.0, part["now"]) for part in pair["sigma"]])
         assert all(change["unit"] == "rpm" for change in pair["changes"])
+    for words, code, said in (
+        ([str(PLANT), "--separate", "--limits", "none.yaml"], 1, "KB001"),
+        ([str(PLANT), "--limits", "none.yaml"], 2, "--separate"),
+        ([str(ROOT / "plants" / "cascaded-tanks"), "--separate"], 1, "stores"),
+    ):
+        assert main(["matrix", *words]) == code
+        assert said in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("unit: rpm", "unit: bar", "KB073"),
-        ("lowest: 700", "lowest: 1700", "KB055"),
-        ("rate: 10", "rate: 0", "KB026"),
-        ("costs: product", "costs: money", "KB023"),
-        ("hold: 120", "holds: 120", "KB020"),
-        ("unit: rpm, rate", "unit: rpmm, rate", "KB050"),
-    ],
-)
-def test_mistakes_in_limits_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
-) -> None:
-    file = tmp_path / "limits.yaml"
-    file.write_text(LIMITS.replace(old, new, 1), encoding="utf-8")
-    assert main(["matrix", str(PLANT), "--separate", "--limits", str(file)]) == 1
-    assert capsys.readouterr().err.count(said) == 1
+PROPOSALS = 10_000
+PLANTS = ("abc", "mixing-rig")
+ROUNDING = 1e-9
+"""Share of a value that is lost between units."""
 
 
-def test_limits_that_are_not_there_or_not_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    absent = str(tmp_path / "none.yaml")
-    assert main(["matrix", str(PLANT), "--separate", "--limits", absent]) == 1
-    assert "KB001" in capsys.readouterr().err
-    assert main(["matrix", str(PLANT), "--limits", absent]) == 2
-    assert "--separate" in capsys.readouterr().err
+def _measure(random: np.random.Generator, ruleset: Ruleset, rows: int) -> Measure:
+    """Any distances and flows at all; some points are impossible."""
+
+    def measure(points: Sequence[Point]) -> Looked:
+        apart = random.exponential(random.choice([0.5, 3.0, 20.0]), (rows, len(points)))
+        apart[:, random.random(len(points)) < 0.2] = np.nan
+        flows = {m: 1.0 + 0.02 * random.standard_normal(len(points)) for m in ruleset.modules}
+        return Looked(apart, flows)
+
+    return measure
 
 
-def test_plant_that_stores_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["matrix", str(ROOT / "plants" / "cascaded-tanks"), "--separate"]) == 1
-    assert "stores" in capsys.readouterr().err
+def _limits(random: np.random.Generator, ruleset: Ruleset) -> Allowed | None:
+    """Limits of some inputs, some of them far outside of the plant's range; or none."""
+    if random.random() < 0.2:
+        return None
+    inputs = {}
+    for name in ruleset.simulation.given:
+        if random.random() < 0.7:
+            reference = ruleset.signal_by_id[name].shown(ruleset.signal_by_id[name].reference)
+            lowest, highest = np.sort(reference * random.uniform(0.0, 2.0, 2))
+            inputs[name] = Range(
+                signal=ruleset.signal_by_id[name],
+                lowest=float(lowest),
+                highest=float(highest),
+                rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
+                hold=float(random.choice([0.0, random.uniform(1.0, 1000.0)])),
+                costs=bool(random.random() < 0.3),
+            )
+    costly = [m for m in ruleset.modules if random.random() < 0.2]
+    return Allowed(inputs, frozenset(costly))
+
+
+def _ranged(random: np.random.Generator, ruleset: Ruleset) -> Ruleset:
+    """A plant whose inputs have other ranges, calibrated or not."""
+    signals = []
+    for signal in ruleset.signals:
+        made = signal
+        if signal.is_input and random.random() < 0.5:
+            low, high = np.sort(signal.reference * random.uniform(0.2, 1.8, 2)).tolist()
+            made = replace(signal, valid_from=low, valid_to=high)
+        if signal.is_input and random.random() < 0.3:
+            low, high = np.sort(signal.reference * random.uniform(0.0, 2.0, 2)).tolist()
+            made = replace(made, lowest=low, highest=high)
+        signals.append(made)
+    return replace(ruleset, signals=tuple(signals))
+
+
+def _breaches(
+    ruleset: Ruleset,
+    given: Allowed | None,
+    present: dict[str, float],
+    proposal: Proposal,
+) -> list[str]:
+    """What a proposal does that it must not."""
+    found = []
+    for name, value in proposal.changes.items():
+        signal = ruleset.signal_by_id[name]
+        bounds = _bounds(signal, given)
+        slack = ROUNDING * abs(value)
+        found += [
+            f"{name} {value}: {b}" for b in bounds if not b[0] - slack <= value <= b[1] + slack
+        ]
+        if given is None:
+            continue
+        if name not in given.inputs:
+            found.append(f"{name} is not to be moved")
+            continue
+        limit = given.inputs[name]
+        if abs(value - present[name]) > limit.rate * proposal.ramp * (1.0 + ROUNDING) and (
+            math.isfinite(limit.rate)
+        ):
+            found.append(f"{name} moves too fast")
+        if proposal.hold < limit.hold:
+            found.append(f"{name} is held too briefly")
+        if limit.costs and name not in proposal.costs:
+            found.append(f"{name} costs product, and nothing says so")
+    if proposal.changes and proposal.hold < STEP_SECONDS:
+        found.append("held too briefly to be judged")
+    if len(proposal.changes) > MOST_INPUTS_OF_A_STEP:
+        found.append("too many changes at once")
+    return found
+
+
+def _bounds(signal: SignalSpec, given: Allowed | None) -> list[tuple[float, float]]:
+    """Every range that a value as shown must lie in, worked out anew."""
+    pairs = [(signal.lowest, signal.highest), (signal.valid_from, signal.valid_to)]
+    ends = [(signal.shown(a), signal.shown(b)) for a, b in pairs if a is not None and b is not None]
+    ends += [(signal.shown(signal.minimum), math.inf)] if signal.minimum is not None else []
+    if given is not None and signal.id in given.inputs:
+        ends.append((given.inputs[signal.id].lowest, given.inputs[signal.id].highest))
+    return ends
+
+
+def test_ten_thousand_proposals_keep_the_limits() -> None:
+    """Also where the present point itself lies outside of them; most of them change something."""
+    random = np.random.default_rng(27)
+    plants = [compiled(name) for name in PLANTS]
+    moved = costly = 0
+    for number in range(PROPOSALS):
+        if number % 20 == 0:
+            ruleset = _ranged(random, plants[random.integers(len(plants))])
+        given = _limits(random, ruleset)
+        present = {
+            name: ruleset.signal_by_id[name].shown(ruleset.signal_by_id[name].reference)
+            * float(random.uniform(0.3, 1.7))
+            for name in ruleset.simulation.given
+        }
+        rows = int(random.integers(1, 4))
+        proposal = propose(allowed_of(ruleset, given), present, _measure(random, ruleset, rows))
+        assert _breaches(ruleset, given, present, proposal) == []
+        moved += bool(proposal.changes)
+        costly += bool(proposal.costs)
+    assert moved > PROPOSALS // 2
+    assert costly > PROPOSALS // 20

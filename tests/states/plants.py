@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.integrate import solve_ivp
 
-from tests.conftest import ROOT, recordings_folder
+from tests.conftest import ROOT
 
 TANKS = ROOT / "plants" / "cascaded-tanks"
 
@@ -53,12 +53,6 @@ def plant_in(folder: Path, modules: str, connections: str = "", **types: str) ->
     text += f"connections: [{connections}]\n" if connections else ""
     (folder / "plant.yaml").write_text(text, encoding="utf-8")
     return folder
-
-
-def recorded() -> Path | None:
-    """The real recording of the two tanks, where there is one."""
-    file = recordings_folder() / "cascaded-tanks" / "estimation.csv"
-    return file if file.is_file() else None
 
 
 def write_inputs(file: Path, time: Array, u: Array) -> Path:

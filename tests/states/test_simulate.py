@@ -1,4 +1,4 @@
-"""`rulec simulate` for plants that store: balances integrated over a recording."""
+"""Plants that store: what the compiler says of them, and `rulec simulate`."""
 
 from __future__ import annotations
 
@@ -15,17 +15,8 @@ from rulec_runtime.recordings.recording_file import read_file
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.first_readings import starts_of
-from tests.conftest import ROOT, compiled
-from tests.states.plants import (
-    FEED,
-    STORE,
-    TANKS,
-    plant_in,
-    random_inputs,
-    recorded,
-    two_tanks,
-    write_inputs,
-)
+from tests.conftest import compiled
+from tests.states.plants import FEED, STORE, TANKS, plant_in, random_inputs, two_tanks, write_inputs
 
 CHAIN = "  P: {type: feed}\n  T: {type: store}\n"
 
@@ -59,19 +50,6 @@ def test_a_test_record_needs_time_and_input_alone(tmp_path: Path) -> None:
     assert ["time [s]", "u [V]", "y [V]"] == table(made)[0]
     expected = np.clip(two_tanks(time, u), 0.0, 10.0)
     np.testing.assert_allclose(column(made, "y [V]"), expected, rtol=0, atol=1e-5)
-
-
-def test_a_real_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What was measured is ignored, and no reading is beyond the sensor."""
-    source = recorded()
-    if source is None:
-        pytest.skip("no real recordings (set RULEC_RECORDINGS)")
-    made = simulated(source, tmp_path / "out.csv")
-    assert "1024 rows; predicted lower.y from pump.u" in capsys.readouterr().out
-    measured = column(source, "u [V]")
-    expected = np.clip(two_tanks(column(source, "time [s]"), measured), 0.0, 10.0)
-    np.testing.assert_allclose(column(made, "y [V]"), expected, rtol=0, atol=1e-5)
-    np.testing.assert_array_equal(column(made, "u [V]"), measured)
 
 
 def test_sensors_show_the_ends_of_their_range(
@@ -127,34 +105,6 @@ def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
     assert read_ruleset(tmp_path / "rules.json") == rules
 
 
-def test_a_ruleset_says_only_what_is_unusual() -> None:
-    """Where nothing is stored and all inputs are held, a ruleset is what it was."""
-    assert '"between"' not in compiled("abc").to_json()
-    assert "dynamics" not in compiled("abc").to_json()
-    assert "dynamics" in compiled("cascaded-tanks").to_json()
-
-
-def test_each_file_of_a_folder_starts_anew(tmp_path: Path) -> None:
-    """They are runs of their own, from the start values of the ruleset."""
-    time, u = random_inputs(50)
-    (tmp_path / "in").mkdir()
-    write_inputs(tmp_path / "in" / "a.csv", time, u)
-    write_inputs(tmp_path / "in" / "b.csv", time + 200.0, u)
-    out = simulated(tmp_path / "in", tmp_path / "out")
-    first, second = (column(out / name, "y [V]") for name in ("a.csv", "b.csv"))
-    np.testing.assert_array_equal(first, second)
-    assert 5.0 == first[0]
-
-
-def test_a_ruleset_predicts_as_its_plant(tmp_path: Path) -> None:
-    """An operator's station has the file alone."""
-    file = tmp_path / "tanks.ruleset.json"
-    file.write_text(compiled("cascaded-tanks").to_json(), encoding="utf-8")
-    inputs = write_inputs(tmp_path / "in.csv", *random_inputs(40))
-    a = simulated(inputs, tmp_path / "a.csv", plant=file).read_bytes()
-    assert a == simulated(inputs, tmp_path / "b.csv").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("rows", "options", "message"),
     [
@@ -171,51 +121,18 @@ def test_what_cannot_be_simulated_is_told(
     message: str,
 ) -> None:
     """A message, no file, no traceback."""
-    source, target = tmp_path / "in.csv", tmp_path / "out.csv"
+    assert message in refused(TANKS, tmp_path, rows, capsys, *options)
+
+
+def refused(
+    plant: Path, folder: Path, rows: str, capsys: pytest.CaptureFixture[str], *options: str
+) -> str:
+    """What is told; nothing is written."""
+    source, target = folder / "in.csv", folder / "none.csv"
     source.write_text(rows)
-    assert 1 == main(["simulate", str(TANKS), str(source), "-o", str(target), *options])
-    assert message in capsys.readouterr().err
+    assert 1 == main(["simulate", str(plant), str(source), "-o", str(target), *options])
     assert not target.exists()
-
-
-def test_a_state_without_bounds_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A balance that feeds on itself: a message, no file."""
-    store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
-    store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
-    plant = plant_in(tmp_path, CHAIN, "P -> T", feed=FEED, store=store)
-    (tmp_path / "in.csv").write_text("time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n")
-    call = ["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "out.csv")]
-    assert 1 == main(call)
-    assert "a state of made-up grows beyond all bounds" in capsys.readouterr().err
-    assert not (tmp_path / "out.csv").exists()
-
-
-PCP = "  P: {type: dosing-pcp, reference: {n: 900}}\n  T: {type: store}\n"
-
-
-def test_balances_need_what_follows_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A pump whose pressure follows from its speed fills a store: both are predicted."""
-    plant = plant_in(tmp_path, PCP, "P -> T", store=STORE)
-    (tmp_path / "in.csv").write_text("time [s],P.n [rpm]\n0,900\n60,900\n120,600\n180,0\n240,0\n")
-    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
-    assert ["time [s]", "P.n [rpm]", "P.dp [bar]", "P.P_el [W]", "T.y [m]"] == table(made)[0]
-    level = column(made, "T.y [m]")
-    rules = compile_plant(plant)
-    law = rules.plan.select(["q:P.pump"])
-    dp = 1e5 * column(made, "P.dp [bar]")
-    flow = law.run({"P.n": np.array([15.0, 15.0, 10.0]), "P.dp": dp[:3]})["q:P.pump"]
-    np.testing.assert_allclose(np.diff(level)[:3], flow * 60.0 / 2.0, rtol=1e-6)
-    assert np.isnan(dp[3:]).all()
-    assert "predicted in full" in capsys.readouterr().out
-    leaking = simulated(
-        tmp_path / "in.csv", tmp_path / "x.csv", "--fault", "P.leakage=0.2", plant=plant
-    )
-    dp = 1e5 * column(leaking, "P.dp [bar]")
-    flow = 0.8 * law.run({"P.n": np.array([15.0, 15.0, 10.0]), "P.dp": dp[:3]})["q:P.pump"]
-    rise = np.diff(column(leaking, "T.y [m]"))[:3]
-    np.testing.assert_allclose(rise, flow * 60.0 / 2.0, rtol=1e-6)
+    return capsys.readouterr().err
 
 
 PRESSED = """\
@@ -246,8 +163,11 @@ readings:
 """
 
 
-def test_what_follows_at_once_needs_balances(tmp_path: Path) -> None:
-    """A pressure over a level: the predicted level counts, not the recorded one."""
+def test_balances_and_what_follows_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pressure over a level: the predicted level counts, not the recorded one. A balance that
+    feeds on itself, and a flow by a pressure that follows from the level, are told."""
     plant = plant_in(tmp_path, "  T: {type: pressed-store}\n", pressed=PRESSED)
     (tmp_path / "in.csv").write_text("time [s],T.n [rpm],T.y [m]\n0,900,9\n60,900,9\n120,900,9\n")
     made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
@@ -256,51 +176,30 @@ def test_what_follows_at_once_needs_balances(tmp_path: Path) -> None:
     np.testing.assert_allclose(column(made, "T.y [m]"), level, rtol=1e-9)
     dp = 0.1 * level + flow * 3.6e6 / 100
     np.testing.assert_allclose(column(made, "T.dp [bar]"), dp, rtol=1e-6)
-
-
-def test_balances_that_need_at_once_what_they_give_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A flow by a pressure that follows from the level: such a circle is not solved."""
+    store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
+    store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
+    plant = plant_in(tmp_path / "a", CHAIN, "P -> T", feed=FEED, store=store)
+    told = refused(plant, tmp_path, "time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n", capsys)
+    assert "a state of made-up grows beyond all bounds" in told
     circle = PRESSED.replace("outflow: {is: n*V}", "outflow: {is: k*(dp - b*y)}")
-    plant = plant_in(tmp_path, "  T: {type: pressed-store}\n", pressed=circle)
-    (tmp_path / "in.csv").write_text("time [s],T.n [rpm]\n0,900\n60,900\n")
-    call = ["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "out.csv")]
-    assert 1 == main(call)
-    assert "its balances need T.dp, which follows from T.y" in capsys.readouterr().err
+    plant = plant_in(tmp_path / "b", "  T: {type: pressed-store}\n", pressed=circle)
+    told = refused(plant, tmp_path, "time [s],T.n [rpm]\n0,900\n60,900\n", capsys)
+    assert "its balances need T.dp, which follows from T.y" in told
 
 
-def stored_from(folder: Path, level: float) -> Path:
-    """A feed and a store that is filled to a level, cm, when it begins."""
+def stored(folder: Path, level: float) -> tuple[Path, Path]:
+    """A feed and a store that is filled to a level, cm, when it begins; a minute of a steady
+    signal to the feed."""
     store = STORE.replace("value: 50", f"value: {level}")
-    return plant_in(folder, CHAIN, "P -> T", feed=FEED, store=store)
-
-
-def pumped(file: Path) -> Path:
-    """Sixty seconds of a steady signal to the feed."""
-    rows = "".join(f"{t},2\n" for t in range(60))
-    file.write_text(f"time [s],P.u [V]\n{rows}", encoding="utf-8")
-    return file
-
-
-def test_what_is_stored_may_start_from_the_first_readings(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A store that begins at 80 cm instead of the stated 50: the same course comes out."""
-    inputs = pumped(tmp_path / "in.csv")
-    stated, fuller = (stored_from(tmp_path / str(level), level) for level in (50, 80))
-    seen = simulated(inputs, tmp_path / "seen.csv", plant=fuller)
-    capsys.readouterr()
-    made = simulated(inputs, tmp_path / "made.csv", "--start", str(seen), plant=stated)
-    told = capsys.readouterr().err
-    np.testing.assert_allclose(column(made, "T.y [m]"), column(seen, "T.y [m]"), atol=1e-6)
-    assert "starts at 80 " in told
-    assert "by the first readings of T.y" in told
+    inputs = folder / "in.csv"
+    inputs.write_text("time [s],P.u [V]\n" + "".join(f"{t},2\n" for t in range(60)))
+    return plant_in(folder / str(level), CHAIN, "P -> T", feed=FEED, store=store), inputs
 
 
 def test_a_noisy_start_lies_within_its_uncertainty(tmp_path: Path) -> None:
-    """Ten draws of the sensor's errors: what is told is not too sure."""
-    inputs, fuller = pumped(tmp_path / "in.csv"), stored_from(tmp_path / "fuller", 80)
+    """A store that begins at 80 cm instead of the stated 50, ten draws of the sensor's errors: what
+    is told of the first readings is not too sure."""
+    fuller, inputs = stored(tmp_path, 80)
     ruleset = compile_plant(fuller)
     far = []
     for seed in range(10):
@@ -314,48 +213,44 @@ def test_a_noisy_start_lies_within_its_uncertainty(tmp_path: Path) -> None:
     assert 0.3 < np.sqrt(np.mean(np.square(far))) < 2.0
 
 
-def test_a_state_that_no_sensor_reads_starts_as_stated(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of two tanks only the lower one is measured."""
-    seen = simulated(TANKS / "examples" / "inputs.csv", tmp_path / "seen.csv")
-    capsys.readouterr()
-    simulated(TANKS / "examples" / "inputs.csv", tmp_path / "out.csv", "--start", str(seen))
-    told = capsys.readouterr().err
-    assert "level of lower tank starts at 10.0" in told
-    assert "no sensor reads level of upper tank alone; it starts at 10 ± 8 cm as stated" in told
+COLUMNS = "columns:\n  time: {from: t, unit: s}\n  pump.u: {from: u, unit: V}\n"
 
 
 @pytest.mark.parametrize(
-    ("plant", "start", "message"),
-    [
-        (ROOT / "plants" / "abc", "in.csv", "abc stores nothing"),
-        (TANKS, "in.csv", "no usable first reading of upper.y or lower.y"),
-        (TANKS, "absent.csv", "absent.csv"),
-    ],
+    ("mapped", "expected"),
+    [("lower.y", ()), ("upper.y", ("lower",)), ("", ("pump", "upper", "lower"))],
 )
-def test_a_recording_that_tells_no_start_is_refused(
-    plant: Path, start: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_only_sensors_that_are_there_see(
+    tmp_path: Path, mapped: str, expected: tuple[str, ...]
 ) -> None:
-    """With what lacks, and nothing written."""
-    inputs = write_inputs(tmp_path / "in.csv", *random_inputs())
-    target = tmp_path / "out.csv"
-    options = ["simulate", str(plant), str(inputs), "-o", str(target)]
-    assert 0 != main([*options, "--start", str(tmp_path / start)])
-    assert message in capsys.readouterr().err
-    assert not target.exists()
+    """A column map says which ones are; what lies below the last one is not seen."""
+    assert () == compiled("cascaded-tanks").unobserved
+    text = (TANKS / "plant.yaml").read_text(encoding="utf-8")
+    (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
+    column = f"  {mapped}: {{from: y, unit: V}}\n" if mapped else ""
+    (tmp_path / "columns.yaml").write_text(COLUMNS + column, encoding="utf-8")
+    assert expected == compile_plant(tmp_path).unobserved
 
 
-def test_each_file_of_a_folder_starts_from_its_own(tmp_path: Path) -> None:
-    """Files of the same names."""
-    stated = stored_from(tmp_path / "stated", 50)
-    inputs, seen = tmp_path / "inputs", tmp_path / "seen"
-    inputs.mkdir()
-    seen.mkdir()
-    for level in (60, 90):
-        pumped(inputs / f"{level}.csv")
-        fuller = stored_from(tmp_path / str(level), level)
-        simulated(inputs / f"{level}.csv", seen / f"{level}.csv", plant=fuller)
-    made = simulated(inputs, tmp_path / "made", "--start", str(seen), plant=stated)
-    for level in (60, 90):
-        assert abs(column(made / f"{level}.csv", "T.y [m]")[0] - 0.01 * level) < 1e-6
+def test_a_plant_of_stores_alone(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    """No observer at all: nothing is compared at rest, but levels are predicted."""
+    plant = plant_in(tmp_path, "  T: {type: store}\n", store=STORE)
+    rules = compile_plant(plant)
+    assert [] == list(recwarn)
+    assert rules.dynamics is not None
+    assert ((), ("T.y",)) == (rules.dynamics.inputs, rules.dynamics.outputs)
+    (tmp_path / "in.csv").write_text("time [s],run\n0,7\n5,7\n")
+    assert 0 == main(["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "o")])
+    assert "time [s],run,T.y [m]\n0,7,0.5\n5,7,0.5\n" == (tmp_path / "o").read_text()
+
+
+def test_a_reading_is_read_as_its_sensor_shows_it(tmp_path: Path) -> None:
+    """A feed by the level of the store that it fills: the level is no input of the balances."""
+    feed = FEED.replace("Q: k*u", "Q: k*(u - u_h*downstream(l_store))")
+    feed = feed.replace("observers:", "  u_h: {value: 1, unit: V/m, u: 0, source: x}\nobservers:")
+    store = STORE.replace("der: inflow/A", "der: (inflow - r*y*A)/A")
+    store = store.replace("readings:", "  r: {value: 0.01, unit: 1/s, u: 0, source: x}\nreadings:")
+    modules = "  P: {type: feed}\n  T: {type: store}\n"
+    dynamics = compile_plant(plant_in(tmp_path, modules, "P -> T", feed=feed, store=store)).dynamics
+    assert dynamics is not None
+    assert ("P.u",) == dynamics.inputs

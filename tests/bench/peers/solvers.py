@@ -63,7 +63,7 @@ def stepped(solve: Solve, time: Array, u: Array) -> Array:
 
 
 def _rates() -> Any:
-    """Rates of levels and of their derivatives; `tests/states/test_kernel.py` has them as well."""
+    """Rates of levels and of their derivatives, by hand."""
     from numba import njit
 
     v = SHIPPED

@@ -1,7 +1,8 @@
-"""Exported C: compiled without a warning, and equal to the plan."""
+"""Exported C and structured text: compiled or parsed without a warning, and equal to the plan."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +11,15 @@ import pytest
 from rulec_runtime.contract.ruleset import KnowledgeSpec
 
 from rulec.export.c_printer import header, source
-from rulec.export.interpret import run
+from rulec.export.identifiers import RESERVED, Identifiers
+from rulec.export.limits import LONGEST_IDENTIFIER
 from rulec.export.module_code import code_of
-from rulec.export.program import Apply, Name, Number, Routine, Section, Statement, Variable
 from rulec.export.st_printer import blocks
-from rulec.export.without_plc import sign, tanh
 from tests.conftest import compiled
 from tests.export.plants import NO_COMPILER, codes, library
 from tests.rig.exported.compiled import COMPILER
 from tests.rig.exported.compiled import compiled as compile_c
+from tests.rig.exported.parsed import parsed
 from tests.rig.exported.reference import differences, expected, inputs_of
 
 MODULES = {
@@ -26,7 +27,6 @@ MODULES = {
     "mixing-rig": ("D", "E"),
     "zema-hydraulic": ("main",),
     "esp-pump": ("pump",),
-    "hsy-pumping": ("P11",),
 }
 """Of each type one."""
 
@@ -72,11 +72,7 @@ def test_standstill_and_odd_readings_are_flagged() -> None:
         wrong = {n for n in ("pump", "power", "plant") if not found[f"{n}_valid"][0]}
         assert set(invalid) == wrong, change
         assert all(np.isfinite(values).all() for values in found.values()), change
-
-
-@needs_compiler
-def test_a_degree_at_the_end_of_its_range_traps_nothing() -> None:
-    """A reading that is 100 % low divides by zero: flagged, and finite."""
+    # A reading that is 100 % low divides by zero.
     undo = codes("abc")[0].routines[1]
     values = {v.name: True if v.kind == "bool" else 0.0 for v in undo.inputs}
     values |= {"n": 900.0, "dp": 1.8, "P_el": 150.0, "C_dp": 0.4, "x_dp_low": 1.0}
@@ -85,23 +81,19 @@ def test_a_degree_at_the_end_of_its_range_traps_nothing() -> None:
     assert all(np.isfinite(v).all() for v in found.values())
 
 
-def test_files_are_plain() -> None:
-    """ASCII, no line too long, no memory of its own, no state."""
-    for code in codes("abc"):
-        text = header(code) + source(code)
-        assert text.isascii()
-        assert max(map(len, text.splitlines())) < 110
-        assert not any(word in text for word in ("malloc(", "static ", "goto ", "NAN"))
-
-
-def test_the_head_says_where_it_is_from() -> None:
-    """Module, type, digest of the ruleset, the maker's version, each equation with its source."""
+def test_files_are_plain_and_say_where_they_are_from() -> None:
+    """ASCII, no line too long, no memory of its own, no state; module, type, digest of the ruleset,
+    the maker's version, each equation with its source."""
     kb = KnowledgeSpec(name="acme-pumps", version="1.2", digest="d0d0")
     ruleset = replace(compiled("abc"), knowledge=(kb,))
-    head = source(code_of(ruleset)[0])[:1500]
-    for text in ("Module A", "dosing-pcp.yaml", ruleset.sources, "A.pump = Q_geo", "Eq. 1"):
-        assert text in head
-    assert "acme-pumps 1.2 d0d0" in head
+    code = code_of(ruleset)[0]
+    text = header(code) + source(code)
+    assert text.isascii()
+    assert max(map(len, text.splitlines())) < 110
+    assert not any(word in text for word in ("malloc(", "static ", "goto ", "NAN"))
+    for told in ("Module A", "dosing-pcp.yaml", ruleset.sources, "A.pump = Q_geo", "Eq. 1"):
+        assert told in source(code)[:1500]
+    assert "acme-pumps 1.2 d0d0" in source(code)[:1500]
 
 
 @needs_compiler
@@ -115,22 +107,66 @@ def test_words_of_a_ruleset_stay_in_their_comments(tmp_path: Path) -> None:
     assert head.count("(*") == head.count("*)") == 2
 
 
-@pytest.mark.parametrize("x", [-30.0, -1.0, -0.05, -1e-3, 0.0, 1e-9, 0.049, 0.051, 0.7, 400.0])
-def test_what_no_plc_has_is_calculated(x: float) -> None:
-    """Sign and hyperbolic tangent by other operations."""
-    name = Name("x")
-    size = Apply("abs", (name,))
-    fall = Apply("exp", (Apply("mul", (Number(-2.0), size)),))
-    statements = (Statement("a", sign(name)), Statement("b", tanh(name, size, fall)))
-    real = [Variable(n, n, "real", "", "") for n in ("x", "a", "b")]
-    routine = Routine(
-        name="f",
-        text="",
-        inputs=(real[0],),
-        parameters=(),
-        sections=(Section("", statements),),
-        outputs=(real[1], real[2]),
-    )
-    found = run(routine, {"x": x})
-    assert np.sign(x) == found["a"]
-    assert pytest.approx(np.tanh(x), rel=1e-13, abs=0) == found["b"]
+def test_names_are_legal_and_differ() -> None:
+    """Whatever the words, in a language that knows no case: letters, digits, single underscores,
+    short, no reserved word."""
+    names = Identifiers()
+    words = [
+        "a" * 50,
+        "a" * 51,
+        "A" * 50,
+        "",
+        "int",
+        "INT",
+        "x__y_",
+        "_x",
+        "3",
+        "größe",
+        "in",
+        "IF",
+    ]
+    made = [names.new(word) for word in words]
+    assert len(made) == len({name.lower() for name in made})
+    for name in made:
+        assert re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*", name)
+        assert len(name) <= LONGEST_IDENTIFIER
+        assert name.lower() not in RESERVED
+    for routine in (routine for code in codes("mixing-rig") for routine in code.routines):
+        parts = (*routine.inputs, *routine.parameters, *routine.statements)
+        lower = [part.name.lower() for part in parts]
+        assert len(lower) == len(set(lower))
+        assert not RESERVED & set(lower)
+
+
+N = 1500
+
+
+@pytest.mark.parametrize(
+    ("plant", "module"),
+    [
+        ("abc", "C"),
+        ("wastewater-lab", "pump1"),
+        pytest.param("abc", "A", marks=pytest.mark.prove),
+        pytest.param("mixing-rig", "E", marks=pytest.mark.prove),
+        pytest.param("zema-hydraulic", "main", marks=pytest.mark.prove),
+        pytest.param("hsy-pumping", "P11", marks=pytest.mark.prove),
+    ],
+)
+def test_structured_text_is_the_plan(plant: str, module: str) -> None:
+    """Parse the blocks of a module and run them; the parser is slow, so large ones are proved."""
+    ruleset = compiled(plant)
+    (code,) = (c for c in codes(plant) if c.module == module)
+    text = blocks(code)
+    assert text.isascii()
+    found = parsed(text)
+    assert {f"{code.name}_observe", f"{code.name}_undo"} == found.keys()
+    for routine in code.routines:
+        values = inputs_of(routine, ruleset, N, seed=5)
+        block = found[f"{code.name}_{routine.name}"]
+        assert {v.name.lower() for v in routine.inputs} == block.declared["inputs"].keys()
+        outputs = block.run(values)
+        named = {v.name: np.broadcast_to(outputs[v.name.lower()], (N,)) for v in routine.outputs}
+        gap, flags, compared = differences(routine, named, expected(routine, ruleset, values))
+        assert gap < EQUAL
+        assert 0 == flags
+        assert compared > N
