@@ -26,7 +26,7 @@ from rulec.mismatch.result import (
     Rival,
     Update,
 )
-from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, NONE, SENSOR, UNNAMED, WARM, broken
+from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, UNNAMED, WARM, broken
 from tests.runtime.pages import subject
 
 HOSTILE = "[bold]x[/bold] [/] [red] \\"
@@ -145,20 +145,6 @@ def test_a_repair_that_makes_worse_is_said_to() -> None:
     assert expected in words(NAMED, fit=fit)
 
 
-def test_strongest_rival_is_told() -> None:
-    """With its gain; one whose gain is not known is no rival. Terminal and page say it alike."""
-    rivals = (Rival("a", NAN), Rival("b", -2.0), Rival("c", 3.0))
-    won = dataclasses.replace(
-        NAMED, findings=(dataclasses.replace(WARM, rivals=rivals, gain=40.0),)
-    )
-    expected = (
-        "Gap flow that follows the temperature in A: gain in log likelihood 40; "
-        "strongest of 3 rivals 3 (c)."
-    )
-    assert expected in words(won)
-    assert expected in page(won)
-
-
 def test_periods_of_a_fault() -> None:
     """The four largest of six in order of time, and how many there are besides; the machine form
     has all. One may have no end."""
@@ -187,15 +173,6 @@ def test_hidden_driver_shows_course_and_sensor() -> None:
     rows = hidden_csv(UNNAMED.hidden).splitlines()
     assert ["time [s],course [l/h]", "0,0"] == rows[:2]
     assert ("35,", 81) == (rows[8], len(rows))
-
-
-def test_what_is_not_there_is_not_claimed() -> None:
-    """Where nothing is missing no repair and nothing to do next; a sensor is named with its
-    shift."""
-    text = words(NONE)
-    assert "100 points were held out and played no part in the search." in text
-    assert not [word for word in ("repaired", "Next", "also", "Recordings") if word in text]
-    assert words(SENSOR).count("A.dp reads high by 0.12 bar") == 2
 
 
 def test_hostile_texts_stay_text() -> None:

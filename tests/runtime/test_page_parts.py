@@ -18,11 +18,11 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
-from rulec_runtime.report.chart import Panel, axis
-from rulec_runtime.report.made import EPOCH, made_now
+from rulec_runtime.report.chart import axis
+from rulec_runtime.report.made import EPOCH
 from rulec_runtime.report.sketch import MOST, sketch, topology_of
 from rulec_runtime.report.terminal_story import explain
-from rulec_runtime.report.thin_curves import COLUMNS, thin_marks, thin_series
+from rulec_runtime.report.thin_curves import COLUMNS, thin_series
 from rulec_runtime.report.time_axis import Dated, time_axis
 from rulec_runtime.report.truth import Cases, cases_of, read_truth, shares
 
@@ -79,19 +79,6 @@ def test_thin_series_keeps_the_extremes(values: list[float]) -> None:
         assert (np.nanmin(series), np.nanmax(series)) == (np.nanmin(thin), np.nanmax(thin))
 
 
-def test_pauses_break_a_curve_and_marks_stay_apart() -> None:
-    """No stroke leads across a pause of the recording, nor across missing readings; one mark a
-    column, at the largest value, and none where nothing was chosen."""
-    time = np.array([0.0, 1, 2, 50, 51, 52, 53])
-    values = np.array([1.0, 1, 1, 1, np.nan, 1, 1])
-    scale = axis(0.0, 60.0)
-    drawn = Panel(scale, scale, 100).curve(*thin_series(time, values), "")
-    assert 3 == drawn.count("M")
-    size = np.arange(100.0)
-    assert [49, 99] == list(thin_marks(size, size, size >= 0, 2))
-    assert [] == list(thin_marks(size, size, size < 0, 10))
-
-
 def test_layers_run_with_the_flow_and_loops_run_back(abc: Ruleset) -> None:
     """A recirculating line comes back below. At tanks no flows balance, and yet they are
     connected."""
@@ -133,18 +120,18 @@ def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
     assert "box is-F" in [g.get("class") for g in drawn.iter("g")]
 
 
-def test_the_time_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For those who want the same bytes again."""
+def test_a_matrix_has_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All residuals and faults, a row per reading, and each group of faults that are alike. The
+    time can be given, for those who want the same bytes again."""
     monkeypatch.setenv(EPOCH, "1790078400")
-    assert "2026-09-22 12:00 UTC" == made_now("rulec-runtime").when
-
-
-def test_a_matrix_has_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All residuals and faults, a row per reading, and each group of faults that are alike."""
     file = tmp_path / "matrix.html"
     assert 0 == main(["matrix", str(ROOT / "plants" / "abc"), "--report", str(file)])
     assert "matrix.html" in capsys.readouterr().out.replace("\n", "")
-    page, abc = ET.fromstring(file.read_text(encoding="utf-8")), compiled("abc")
+    text = file.read_text(encoding="utf-8")
+    assert "2026-09-22 12:00 UTC" in text
+    page, abc = ET.fromstring(text), compiled("abc")
     rows = page.findall(".//table[@class='matrix']/tbody/tr")
     names = [*(f.id for f in abc.faults), *abc.moved_by_reading]
     assert names == [row.findtext("th") for row in rows]

@@ -16,17 +16,14 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     evaluate_stretches,
     residuals_at,
 )
-from rulec_runtime.diagnosis.steady.observe import Observed, observe
-from rulec_runtime.diagnosis.steady.points import points_of_samples
+from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.trace import trace
-from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.stationary import settle
 from rulec_runtime.report.series import detail
 from rulec_runtime.report.wording import titled
 
 from rulec.cli import main
-from tests.conftest import ROOT, compiled, recordings_folder
-from tests.runtime.pages import dated
+from tests.conftest import ROOT
 from tests.runtime.reports import (
     EXAMPLES,
     NEEDS_MORE,
@@ -134,30 +131,6 @@ def test_finding_comes_first(leaking: Judged) -> None:
     assert [["A.leakage"]] == [[h.text for h in r.iter("th")] for r in rows]
 
 
-def test_dates_stand_on_the_axes_and_in_captions(leaking: Judged) -> None:
-    """Where the recording has them."""
-    page = dated(leaking).page()
-    axis = [t.text for t in tree(page).findall(".//figure[@id='estimates']//text")]
-    assert {"01:59:30", "02:00:00", "2026-09-21"} <= set(axis)
-    assert "time (UTC+02:00)" in page
-    assert "from 2026-09-21 02:00:11 to 02:00:19" in caption(page, "degrees")
-
-
-def test_alternatives_stand_in_matrix_and_table(leaking: Judged) -> None:
-    """What else it could be has a row of its own kind; what is alike is marked and told."""
-    first, *rest = leaking.diagnosis.findings
-    either = dataclasses.replace(first, alternatives=(("A.dp.low", 0.3),))
-    diagnosis = dataclasses.replace(leaking.diagnosis, findings=(either, *rest))
-    page = tree(dataclasses.replace(leaking, diagnosis=diagnosis).page())
-    [row] = [r for r in page.iter("tr") if "possible" in (r.get("class") or "")]
-    assert ["A.dp.low", "could also be"] == list(row.find("th").itertext())  # type: ignore[union-attr]
-    marks = {b.text for b in row.iter("b") if b.get("class") == "alike"}
-    assert marks
-    assert marks <= {b.text for b in page.findall(".//dt/b[@class='alike']")}
-    others = [td for td in page.iter("td") if td.get("data-of") == "could also be"]
-    assert "A.dp.low" in [td.text for td in others]
-
-
 def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
     """All samples as read, and residuals with their thresholds against the baseline, l/h."""
     recording, ruleset = judged.recording, judged.diagnosis.ruleset
@@ -212,22 +185,6 @@ def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
     assert expected == caption(leaking.page(), "estimates")
 
 
-def test_caption_without_baseline_has_one_distance(abc: Ruleset) -> None:
-    """The paper knows no baseline: the distance drawn is the one compared with the threshold."""
-    recording = read_recording(EXAMPLES / "leakage_A.csv", abc)
-    diagnosis = diagnose(recording, abc, "paper")
-    judged = Judged(recording, diagnosis, trace(recording, abc, "paper"), None)
-    _, noise = settle(recording, abc)
-    observed = observe(abc, points_of_samples(recording, abc, noise))
-    row = [r.id for r in abc.residuals].index("A.pump-plant")
-    distance = np.mean(observed.residuals[row, 51:60]) * 3.6e6
-    threshold = limits.THRESHOLD * np.mean(observed.residual_u[row, 51:60]) * 3.6e6
-    said = caption(judged.page(), "estimates")
-    assert f"A stands {distance:.0f} l/h above the plant estimate from 51 s to 59 s, " in said
-    assert f"59 s, beyond the threshold of {threshold:.0f} l/h; " in said
-    assert "fault-free" not in judged.page()
-
-
 def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
     """Rate, error and coverage, from the trace and the truth file alone; the largest finding with
     its bounds, as in the diagnosis."""
@@ -254,16 +211,6 @@ def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
     assert expected == caption(page, "degrees")
 
 
-def test_faults_named_together_count_as_named(leaking: Judged) -> None:
-    """A sample may have two faults: each is marked as named, none is missed."""
-    words = [w.replace("A.leakage", "A.leakage + B.clogging") for w in leaking.trace.verdict]
-    together = dataclasses.replace(leaking.trace, verdict=tuple(words))
-    page = dataclasses.replace(leaking, trace=together).page()
-    assert caption(leaking.page(), "degrees") == caption(page, "degrees")
-    [marks] = tree(page).findall(".//figure[@id='degrees']//svg[@aria-label='A.leakage']")
-    assert 27 == sum("#disc" == u.get("href") for u in marks.iter("use"))
-
-
 def test_long_recordings_give_small_files(leaking: Judged) -> None:
     """2000 samples instead of 80: a few hundred kB, and the estimates of a part only."""
     recording, ruleset, n = leaking.recording, leaking.diagnosis.ruleset, 80 * 25
@@ -276,17 +223,6 @@ def test_long_recordings_give_small_files(leaking: Judged) -> None:
     judged = Judged(repeated, diagnose(repeated, ruleset), trace(repeated, ruleset), None)
     assert len(judged.page().encode()) < 400_000
     assert len(detail(judged.curves()).time) < 600
-
-
-@pytest.mark.prove
-def test_zema_recording_gives_a_small_file() -> None:
-    """100,000 samples of a real rig."""
-    path = recordings_folder() / "zema-hydraulic" / "recording.csv.gz"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
-    page = judge(path, compiled("zema-hydraulic")).page()
-    assert USUAL == figures(page)
-    assert len(page.encode()) < 300_000
 
 
 def test_command_writes_the_report(
