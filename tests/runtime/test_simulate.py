@@ -61,7 +61,7 @@ def test_every_fault_as_the_truth_has_it(plant: str) -> None:
         assert furthest(plant, expected, {fault: DEGREES}) < 1e-8, fault
 
 
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("plant", ["abc-centrifugal", "mixing-rig"])
 def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
     """The plan that diagnoses sees nothing in a healthy simulation at random inputs."""
     rules, random = ruleset(plant), np.random.default_rng(7)
