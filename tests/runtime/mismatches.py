@@ -276,6 +276,32 @@ ALL = {
 }
 
 
+def spoken(text: str) -> Mismatch:
+    """One that says the same everywhere: in titles, places, units, drivers and notes."""
+    assert NAMED.fit is not None
+    assert UNNAMED.hidden is not None
+    finding = replace(
+        WARM,
+        **dict.fromkeys(("name", "title", "module", "place", "text", "action", "source"), text),
+        equation=text,
+        parameters={text: replace(WARM.parameters["b"], title=text, unit=text)},
+        alternatives=tuple(replace(a, title=text) for a in WARM.alternatives),
+        rivals=tuple(replace(r, title=text) for r in WARM.rivals),
+        periods=FAULT.findings[0].periods,
+    )
+    return replace(
+        NAMED,
+        **dict.fromkeys(("plant", "title", "recording", "headline", "next", "noise"), text),
+        **dict.fromkeys(("split", "digest"), text),
+        **dict.fromkeys(("notes", "untested"), (text,)),
+        findings=(finding,),
+        fit=replace(NAMED.fit, signal=text, unit=text),
+        locations=(replace(PLACE, title=text, also=(text,)),),
+        hidden=replace(UNNAMED.hidden, module=text, text=text, unit=text, sensor=text),
+        curves=replace(curves(), drivers={text: curves().time}),
+    )
+
+
 def broken(mismatch: Mismatch) -> Mismatch:
     """The same verdict with no number known, as a comparison that went badly may leave it."""
     found: Mismatch = _unknown(mismatch)

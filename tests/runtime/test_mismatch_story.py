@@ -23,13 +23,10 @@ from rulec.mismatch.result import (
     Moved,
     OfRecording,
     Period,
-    Rival,
     Update,
 )
-from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, UNNAMED, WARM, broken
+from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, UNNAMED, broken, spoken
 from tests.runtime.pages import subject
-
-HOSTILE = "[bold]x[/bold] [/] [red] \\"
 
 
 def story(mismatch: Mismatch, width: int = 80) -> str:
@@ -177,24 +174,8 @@ def test_hidden_driver_shows_course_and_sensor() -> None:
 
 def test_hostile_texts_stay_text() -> None:
     """Brackets of titles, places and notes are no markup."""
-    finding = dataclasses.replace(
-        WARM,
-        **dict.fromkeys(("title", "text", "action", "equation"), HOSTILE),
-        alternatives=tuple(dataclasses.replace(a, title=HOSTILE) for a in WARM.alternatives),
-        rivals=(Rival(HOSTILE, 1.0),),
-        parameters={HOSTILE: dataclasses.replace(WARM.parameters["b"], title=HOSTILE, unit="[/]")},
-    )
-    assert NAMED.fit is not None
-    mismatch = dataclasses.replace(
-        NAMED,
-        **dict.fromkeys(("title", "recording", "headline", "next", "split", "noise"), HOSTILE),
-        findings=(finding,),
-        fit=dataclasses.replace(NAMED.fit, signal=HOSTILE, unit="[/]"),
-        locations=(dataclasses.replace(NAMED.locations[0], title=HOSTILE, also=(HOSTILE,)),),
-        untested=(HOSTILE,),
-        notes=(HOSTILE,),
-    )
-    assert 15 <= story(mismatch, 400).count(HOSTILE)
+    hostile = "[bold]x[/bold] [/] [red] \\"
+    assert 15 <= story(spoken(hostile), 400).count(hostile)
 
 
 def test_machine_form_of_a_named_effect() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rulec_runtime.contract.ruleset import Junction, Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -21,7 +19,6 @@ from rulec_runtime.recordings.when import course
 from rulec_runtime.report.chart import axis
 from rulec_runtime.report.made import EPOCH
 from rulec_runtime.report.sketch import MOST, sketch, topology_of
-from rulec_runtime.report.terminal_story import explain
 from rulec_runtime.report.thin_curves import COLUMNS, thin_series
 from rulec_runtime.report.time_axis import Dated, time_axis
 from rulec_runtime.report.truth import Cases, cases_of, read_truth, shares
@@ -170,23 +167,8 @@ def test_what_follows_a_fault_is_said(
     assert ("not settled" in text) == (behind == "not settled")
 
 
-def test_names_stay_whole_on_a_narrow_terminal(leaking: Judged) -> None:
-    """Long periods and bounds go on in the next line instead."""
-    finding = leaking.diagnosis.findings[0]
-    again = dataclasses.replace(
-        finding, since=finding.since + 40_000.0, until=finding.until + 90_000.0
-    )
-    file = io.StringIO()
-    found = dataclasses.replace(leaking.diagnosis, findings=(finding, again))
-    explain(Terminal(file=file, width=52, color_system=None), found)
-    table = file.getvalue().split("probability")[1].split("\n\n")[0]
-    assert table.count(finding.fault.id) == 2
-    assert "…" not in table
-
-
-def test_shares(leaking: Judged) -> None:
-    """By hand, four cases: right, a little low, far too high, a false alarm; of a recording, every
-    case lies in exactly one cell."""
+def test_shares_by_hand() -> None:
+    """Four cases: right, a little low, far too high, a false alarm."""
     true, degree = np.array([0.2, 0.4, 0.9, 0.0]), np.array([0.21, 0.3, 1.9, 0.12])
     named = np.array([True, True, True, False])
     fault = np.array([0, 0, 0, -1])
@@ -195,23 +177,6 @@ def test_shares(leaking: Judged) -> None:
     expected = np.zeros((9, 5))
     expected[4, 1] = expected[3, 2] = expected[8, 4] = expected[5, 0] = 0.25
     np.testing.assert_array_equal(expected, shares(cases))
-    assert leaking.truth is not None
-    table = shares(cases_of(leaking.truth, leaking.trace))
-    assert table.sum() == pytest.approx(1.0, abs=1e-12)
-    assert {0.0} == set(np.delete(table, 4, axis=0).ravel())
-
-
-def test_another_fault_counts_as_nothing_found(leaking: Judged) -> None:
-    """Truth about B while A is diagnosed: degree 0, not named; A alone is a false alarm."""
-    assert leaking.truth is not None
-    swapped = dataclasses.replace(leaking.truth, faults=("B.leakage",))
-    cases = cases_of(swapped, leaking.trace)
-    assert {0.0} == set(cases.degree[cases.fault >= 0])
-    assert not cases.named[cases.fault >= 0].any()
-    none = dataclasses.replace(leaking.truth, degree=np.zeros_like(leaking.truth.degree))
-    cases = cases_of(none, leaking.trace)
-    assert 27 == int((~cases.named).sum())
-    assert 0.6 == round(float(cases.discrepancy.max()), 1)
 
 
 @pytest.mark.parametrize(
@@ -236,6 +201,8 @@ def test_several_faults_at_once(
     truth = dataclasses.replace(leaking.truth, faults=tuple(faults), degree=degree)
     cases = cases_of(truth, dataclasses.replace(leaking.trace, verdict=(word,) * n))
     assert {named} == set(cases.named)
+    if word == "C.clogging":  # is diagnosed, but not what is there
+        assert {0.0} == set(cases.degree[cases.fault >= 0])
 
 
 TRUTHS = {

@@ -162,45 +162,42 @@ def set_to(*path: Any) -> Callable[[dict[str, Any]], object]:
     return lambda data: entered(data, *path)
 
 
-DAMAGES_OF_PLANS: Mapping[str, Callable[[dict[str, Any]], object]] = {
-    "unknown operation": set_to("operations", 5, 0, "eval"),
-    "reads itself": lambda p: entered(
-        p, "operations", 0, 1, len(p["inputs"]) + len(p["constants"])
-    ),
-    "reads what comes later": lambda p: entered(p, "operations", 0, ["add", 0, end_of(p) - 1]),
-    "reads before the first": set_to("operations", 3, 1, -1),
-    "output beyond the end": lambda p: entered(p, "outputs", name_of_output(p), end_of(p)),
-    "output before the first": lambda p: entered(p, "outputs", name_of_output(p), -1),
-    "operation too short": set_to("operations", 2, ["neg"]),
-    "operation too long": lambda p: p["operations"][2].append(0),
-    "operand is text": set_to("operations", 2, 1, "0"),
-    "operand is a fraction": set_to("operations", 2, 1, 0.5),
-    "output is text": lambda p: entered(p, "outputs", name_of_output(p), "x"),
-    "constant is text": set_to("constants", 0, "os.system"),
-    "no operations": lambda p: p.pop("operations"),
-}
+DAMAGES_OF_PLANS: tuple[Callable[[dict[str, Any]], object], ...] = (
+    set_to("operations", 5, 0, "eval"),
+    lambda p: entered(p, "operations", 0, 1, len(p["inputs"]) + len(p["constants"])),
+    lambda p: entered(p, "operations", 0, ["add", 0, end_of(p) - 1]),
+    set_to("operations", 3, 1, -1),
+    lambda p: entered(p, "outputs", name_of_output(p), end_of(p)),
+    lambda p: entered(p, "outputs", name_of_output(p), -1),
+    set_to("operations", 2, ["neg"]),
+    lambda p: p["operations"][2].append(0),
+    set_to("operations", 2, 1, "0"),
+    set_to("operations", 2, 1, 0.5),
+    lambda p: entered(p, "outputs", name_of_output(p), "x"),
+    set_to("constants", 0, "os.system"),
+    lambda p: p.pop("operations"),
+)
+"""Operations that are none, or read themselves, what comes later or what is before the first;
+outputs that are none; too short, too long, of text or fractions; none at all."""
 
-GUARD = {"output": "guard:no", "text": "x"}
-DAMAGES: Mapping[str, Callable[[dict[str, Any]], object]] = {
-    "plan is a list": set_to("plan", []),
-    "plan is null": set_to("undo", None),
-    "a cell of an unknown fault": set_to("cells", 0, "fault", "A.nothing"),
-    "a cell of an unknown residual": set_to("cells", 0, "residual", "A.nothing"),
-    "a fault of an unknown observer": set_to("faults", 0, "affects", ["A.nothing"]),
-    "an observer of an unknown signal": set_to("observers", 0, "signals", ["A.nothing"]),
-    "an observer of an unknown module": set_to("observers", 0, "module", "Z"),
-    "a guard without output": set_to("observers", 2, "guards", [GUARD]),
-    "a residual of an unknown observer": set_to(
-        "residuals", 0, "terms", [{"observer": "A.nothing", "sign": 1}]
-    ),
-    "an unknown kind of uncertainty": set_to("signals", 0, "kind", "guess"),
-    "a signal twice": set_to("signals", 1, "id", "A.n"),
-    "a step of an unknown observer": set_to("simulation", "steps", 0, "zeros", 0, "A.x", 1.0),
-    "a step of an unknown flow": set_to("simulation", "steps", 0, "flows", "X", {"A.pump": 1.0}),
-    "a step with an equation too few": lambda d: d["simulation"]["steps"][0]["zeros"].pop(),
-    "steps in the wrong order": lambda d: d["simulation"]["steps"].reverse(),
-    "a step twice": lambda d: d["simulation"]["steps"].append(d["simulation"]["steps"][0]),
-}
+DAMAGES: tuple[Callable[[dict[str, Any]], object], ...] = (
+    set_to("plan", []),
+    set_to("undo", None),
+    set_to("cells", 0, "fault", "A.nothing"),
+    set_to("cells", 0, "residual", "A.nothing"),
+    set_to("faults", 0, "affects", ["A.nothing"]),
+    set_to("observers", 0, "signals", ["A.nothing"]),
+    set_to("observers", 0, "module", "Z"),
+    set_to("observers", 2, "guards", [{"output": "guard:no", "text": "x"}]),
+    set_to("residuals", 0, "terms", [{"observer": "A.nothing", "sign": 1}]),
+    set_to("signals", 0, "kind", "guess"),
+    set_to("signals", 1, "id", "A.n"),
+    set_to("simulation", "steps", 0, "zeros", 0, "A.x", 1.0),
+    set_to("simulation", "steps", 0, "flows", "X", {"A.pump": 1.0}),
+    lambda d: d["simulation"]["steps"][0]["zeros"].pop(),
+    lambda d: d["simulation"]["steps"].reverse(),
+    lambda d: d["simulation"]["steps"].append(d["simulation"]["steps"][0]),
+)
 
 
 @pytest.mark.parametrize("part", ["plan", "undo", ""])
@@ -208,11 +205,11 @@ def test_damaged_rulesets_are_refused(abc: Ruleset, part: str) -> None:
     """Nothing of a damaged plan is run, and what names what is not there is no KeyError later; the
     message says what to do."""
     text = abc.to_json()
-    for what, damage in (DAMAGES_OF_PLANS if part else DAMAGES).items():
+    for number, damage in enumerate(DAMAGES_OF_PLANS if part else DAMAGES):
         data = json.loads(text)
         damage(data[part] if part else data)
         with pytest.raises(RulesetRefused, match="compile again"):
-            pytest.fail(f"read with {what}: {parse_ruleset(data).plant}")
+            pytest.fail(f"read with damage {number}: {parse_ruleset(data).plant}")
 
 
 def test_what_is_no_ruleset_is_refused(abc: Ruleset, tmp_path: Path) -> None:

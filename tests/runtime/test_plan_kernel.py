@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -188,25 +189,19 @@ def test_any_memory() -> None:
 
 
 def test_code_is_made_when_it_pays(made: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not for a small job; for many of them, or for one that is long; what is kept is taken
-    earlier."""
-    plan = anew(PLAN)
-    plan.run(inputs(10_000))
-    assert (made, has_code(plan)) == ([], False)
+    """Not for a small job; for many of them, or for one that is long."""
     monkeypatch.setattr(limits, "KEPT_CODE_WORTH", 3 * 30_000)
     monkeypatch.setattr(limits, "PLAN_CODE_WORTH", 20_000)
-    many, long, again = anew(PLAN), anew(PLAN), anew(PLAN)
+    many, long = anew(PLAN), anew(PLAN)
     for _ in range(40):
         many.run(inputs(1))
-    assert not has_code(many)
+    assert (made, has_code(many)) == ([], False)
     for _ in range(2):
         many.run(inputs(1))
     long.run(inputs(60_000))
-    plan_kernel._IN_USE.clear()
-    monkeypatch.setattr(limits, "KEPT_CODE_WORTH", 3000)
-    again.run(inputs(10_000))
-    assert all(map(has_code, (many, long, again)))
-    assert len(made) == 1  # all are the same
+    assert has_code(many)
+    assert has_code(long)
+    assert len(made) == 1  # both plans are the same
 
 
 @pytest.mark.usefixtures("at_once")
@@ -243,35 +238,18 @@ def test_code_is_kept_for_the_next_start(
     assert (len(made), len(list(folder.iterdir()))) == (8, 3)
 
 
-@pytest.mark.usefixtures("at_once")
+@pytest.mark.usefixtures("at_once", "made")
 @pytest.mark.parametrize("error", [OSError, RuntimeError, ImportError])
 def test_without_llvm_numpy_does_it(
-    error: type[Exception], made: list[str], monkeypatch: pytest.MonkeyPatch
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """numba is not installed, or its LLVM knows no such machine."""
-
-    def fails(_: str) -> bytes:
-        raise error
-
-    expected = by_numpy(PLAN, inputs(100))
-    with monkeypatch.context() as patch:
-        patch.setattr(plan_kernel, "there_is_llvm", lambda: False)
-        assert_same(anew(PLAN).run(inputs(100)), expected)
-    monkeypatch.setattr(plan_kernel, "object_of", fails)
-    plan = anew(PLAN)
+    plan, expected = anew(PLAN), by_numpy(PLAN, inputs(100))
+    monkeypatch.setattr(plan_kernel, "object_of", Mock(side_effect=error))
     assert_same(plan.run(inputs(100)), expected)
-    assert (made, has_code(plan)) == ([], False)
-
-
-@pytest.mark.usefixtures("at_once")
-def test_copies_load_their_own() -> None:
-    """A plan goes to another process without addresses of this one."""
-    plan = anew(PLAN)
-    expected = plan.run(inputs(50))
-    copy = pickle.loads(pickle.dumps(plan))
-    assert not has_code(copy)
-    assert_same(copy.run(inputs(50)), expected)
-    assert has_code(copy)
+    assert not has_code(plan)
+    monkeypatch.setattr(plan_kernel, "there_is_llvm", lambda: False)
+    assert_same(anew(PLAN).run(inputs(100)), expected)
 
 
 def test_code_has_no_name_of_the_ruleset(at_once: None, made: list[str]) -> None:
