@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -275,63 +276,60 @@ ALL = {
 }
 
 
+def spoken(text: str) -> Mismatch:
+    """One that says the same everywhere: in titles, places, units, drivers and notes."""
+    assert NAMED.fit is not None
+    assert UNNAMED.hidden is not None
+    finding = replace(
+        WARM,
+        **dict.fromkeys(("name", "title", "module", "place", "text", "action", "source"), text),
+        equation=text,
+        parameters={text: replace(WARM.parameters["b"], title=text, unit=text)},
+        alternatives=tuple(replace(a, title=text) for a in WARM.alternatives),
+        rivals=tuple(replace(r, title=text) for r in WARM.rivals),
+        periods=FAULT.findings[0].periods,
+    )
+    return replace(
+        NAMED,
+        **dict.fromkeys(("plant", "title", "recording", "headline", "next", "noise"), text),
+        **dict.fromkeys(("split", "digest"), text),
+        **dict.fromkeys(("notes", "untested"), (text,)),
+        findings=(finding,),
+        fit=replace(NAMED.fit, signal=text, unit=text),
+        locations=(replace(PLACE, title=text, also=(text,)),),
+        hidden=replace(UNNAMED.hidden, module=text, text=text, unit=text, sensor=text),
+        curves=replace(curves(), drivers={text: curves().time}),
+    )
+
+
 def broken(mismatch: Mismatch) -> Mismatch:
-    """The same comparison with every number unknown."""
-    findings = tuple(
-        replace(
-            f,
-            parameters={
-                k: replace(e, value=NAN, u=NAN, lower=NAN, upper=float("inf"))
-                for k, e in f.parameters.items()
-            },
-            probability=NAN,
-            alternatives=tuple(replace(a, probability=NAN) for a in f.alternatives),
-            gain=NAN,
-            rivals=tuple(replace(r, gain=NAN) for r in f.rivals),
-            periods=tuple(Period(NAN, NAN, NAN, NAN) for _ in f.periods),
-            closed=NAN,
-        )
-        for f in mismatch.findings
-    )
-    locations = tuple(
-        replace(
-            place,
-            share=NAN,
-            region=tuple(replace(r, low=NAN, high=NAN, share=NAN) for r in place.region),
-            periods=tuple((NAN, NAN) for _ in place.periods),
-        )
-        for place in mismatch.locations
-    )
-    nothing = Errors(shipped=NAN, recalibrated=NAN, repaired=NAN, noise=NAN, points=0)
-    unknown = Fit(
-        signal="",
-        unit="",
-        estimation=nothing,
-        heldout=nothing,
-        gain_interval=(NAN, NAN),
-        closed=NAN,
-    )
-    hidden = mismatch.hidden
-    return replace(
-        mismatch,
-        findings=findings,
-        locations=locations,
-        fit=unknown if mismatch.fit else None,
-        fits=tuple(replace(f, estimation=nothing, heldout=nothing) for f in mismatch.fits),
-        confounded=tuple(replace(c, correlation=NAN) for c in mismatch.confounded),
-        hidden=replace(hidden, course=np.full(len(hidden.time), NAN)) if hidden else None,
-        repair=replace(mismatch.repair, covariance=np.full_like(mismatch.repair.covariance, NAN)),
-        curves=_unknown(mismatch.curves) if mismatch.curves else None,
-        seconds=NAN,
-    )
+    """The same verdict with no number known, as a comparison that went badly may leave it."""
+    found: Mismatch = _unknown(mismatch)
+    matrix = np.full_like(mismatch.repair.covariance, NAN)
+    return replace(found, repair=replace(mismatch.repair, covariance=matrix))
 
 
-def _unknown(drawn: Curves) -> Curves:
-    nothing = np.full(len(drawn.time), NAN)
-    return replace(
-        drawn,
-        shipped=nothing,
-        recalibrated=nothing,
-        repaired=nothing,
-        drivers=dict.fromkeys(drawn.drivers, nothing),
-    )
+NO_NUMBERS: dict[str, Any] = {"upper": float("inf"), "points": 0, "signal": ""}
+"""What a field of this name holds where nothing is known; in others numbers are NaN."""
+
+
+def _unknown(of: Any) -> Any:
+    """A part of a comparison without its numbers; what was measured, and when, is known."""
+    if isinstance(of, float):
+        return NAN
+    if isinstance(of, tuple):
+        return tuple(map(_unknown, of))
+    if isinstance(of, dict):
+        return {name: _unknown(part) for name, part in of.items()}
+    if isinstance(of, np.ndarray):
+        return of if of.dtype == bool else np.full(len(of), NAN)
+    if not is_dataclass(of):
+        return of
+    parts = {f.name: getattr(of, f.name) for f in fields(of)}
+    kept = ("time", "measured", "repair") if "time" in parts else ("repair",)
+    changed = {
+        name: NO_NUMBERS.get(name, _unknown(part))
+        for name, part in parts.items()
+        if name not in kept
+    }
+    return replace(of, **changed)  # type: ignore[type-var]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -20,6 +21,12 @@ from rulec_runtime.report.truth import Truth, read_truth
 from tests.conftest import ROOT
 
 EXAMPLES = ROOT / "plants" / "abc" / "examples"
+
+NO_NUMBER = re.compile(r"[ \"(]-?(?:nan|inf)\b")
+"""Numbers that no page may show."""
+
+NEEDS_MORE = re.compile(r"https?:|//\w|<script|<img|<link|@import|url\(|\ssrc=|\son\w+=")
+"""What would make a page depend on something else."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,13 +24,14 @@ PSI = 14.5038
 """Pounds per square inch in a bar."""
 
 
-def leaking(points: int = 6, hold: int = 40, seed: int = 1) -> Recording:
+@cache
+def leaking(points: int = 6, hold: int = 40) -> Recording:
     """Some operating points; the leakage begins behind a third of the samples."""
     plant = built("abc")
     run = visiting_run(plant, operating_points(plant, points), {}, 0, hold)
     n = run.operation.time.size
     degree = np.where(np.arange(n) < n // 3, 0.0, DEGREE)
-    made = record(Run(plant, run.operation, {LEAKAGE: degree}), INSIDE, seed)
+    made = record(Run(plant, run.operation, {LEAKAGE: degree}), INSIDE, 1)
     return recording(ruleset("abc"), made.readings)
 
 
@@ -51,7 +53,6 @@ ALL = ("A.dp", "B.dp", "C.dp")
 CASES: dict[str, tuple[Callable[[Recording], Recording], tuple[str, ...], str]] = {
     "two columns swapped": (exchanged, ("A.dp", "B.dp"), "A.dp and B.dp exchanged"),
     "one pressure in psi": (times(PSI, ("A.dp",)), ("A.dp",), "A.dp in psi"),
-    "all pressures in psi": (times(PSI, ALL), ALL, "A.dp, B.dp, C.dp in psi"),
     "all pressures in kPa": (times(100.0, ALL), ALL, "A.dp, B.dp, C.dp in kPa"),
 }
 
@@ -69,7 +70,6 @@ def test_what_is_in_the_mended_reading_is_told(case: str) -> None:
     bent, signals, mended = CASES[case]
     found = diagnose(bent(leaking()), ruleset("abc"))
     assert signals == tuple(s.signal for s in found.sensors)
-    assert {mended} == {s.mended for s in found.sensors}
     assert {f"judged as if mended: {mended}"} == {kept_of(s) for s in found.sensors}
     assert found.status == "C"
     leakage_of(found)
@@ -80,50 +80,26 @@ def test_what_is_in_the_mended_reading_is_told(case: str) -> None:
 def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
     """One cause is told, and nothing of the plant."""
     made = leaking()
-    sound = replace(
-        made,
-        time=made.time[:80],
-        values={n: v[:80] for n, v in made.values.items()},
-        segment=made.segment[:80],
-    )
+    values = {n: v[:80] for n, v in made.values.items()}
+    sound = replace(made, time=made.time[:80], values=values, segment=made.segment[:80])
     found = diagnose(times(100.0, ALL)(sound), ruleset("abc"))
     assert ALL == tuple(s.signal for s in found.sensors)
     assert ((), ()) == (found.findings, found.unknown)
 
 
-@pytest.mark.parametrize("points", [1, 6])
-def test_a_leakage_beside_a_frozen_pressure_of_its_module(points: int) -> None:
-    """All estimates of the module read the pressure, and any pressure leaves the leakage over."""
-    made = leaking(points, 180 // points)
-    stuck = made.values["A.dp"].copy()
-    stuck[30:] = stuck[30]
-    found = diagnose(replace(made, values={**made.values, "A.dp": stuck}), ruleset("abc"))
-    assert ["A.dp.stuck"] == [s.id for s in found.sensors]
-    leakage_of(found)
-    (blind,) = found.not_judged
-    assert "in part: A.dp: stuck at one value; cannot see A.dp.high, A.dp.low" == blind.text
-
-
-def test_a_leakage_beside_a_clipped_pressure_of_its_module() -> None:
-    """A transmitter at the end of its range from the first sample on that shows no pressure."""
-    made = leaking()
-    signal = ruleset("abc").signal_by_id["A.dp"]
+@pytest.mark.parametrize(("points", "kind"), [(1, "stuck"), (6, "stuck"), (6, "range")], ids=str)
+def test_a_leakage_beside_a_dead_pressure_of_its_module(points: int, kind: str) -> None:
+    """All estimates of the module read the pressure, which is frozen or, from the first sample on,
+    at the end of its range; any pressure leaves the leakage over."""
+    made, signal = leaking(points, 240 // points), ruleset("abc").signal_by_id["A.dp"]
     assert signal.highest is not None
-    beyond = np.full(len(made), 1.08 * signal.highest)
-    found = diagnose(replace(made, values={**made.values, "A.dp": beyond}), ruleset("abc"))
-    assert ["A.dp.range"] == [s.id for s in found.sensors]
+    shown = made.values["A.dp"].copy()
+    shown[30:] = shown[30]
+    if kind == "range":
+        shown[:] = 1.08 * signal.highest
+    found = diagnose(replace(made, values={**made.values, "A.dp": shown}), ruleset("abc"))
+    assert [f"A.dp.{kind}"] == [s.id for s in found.sensors]
     leakage_of(found)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_frozen_pressure_alone(seed: int) -> None:
-    """Of the plant nothing is told: it is sound."""
-    made = leaking(seed=seed)
-    sound = {n: v[:80].copy() for n, v in made.values.items()}
-    sound["A.dp"][20:] = sound["A.dp"][20]
-    found = diagnose(
-        replace(made, time=made.time[:80], values=sound, segment=made.segment[:80]),
-        ruleset("abc"),
-    )
-    assert ["A.dp.stuck"] == [s.id for s in found.sensors]
-    assert ((), ()) == (found.findings, found.unknown)
+    if kind == "stuck":
+        (blind,) = found.not_judged
+        assert "in part: A.dp: stuck at one value; cannot see A.dp.high, A.dp.low" == blind.text

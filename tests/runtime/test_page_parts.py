@@ -1,24 +1,31 @@
-"""Parts of pages: axes of dates, the sketch of a plant, when a page was made."""
+"""Parts of pages and reports: axes, thinned curves, the sketch of a plant, truth, courses."""
 
 from __future__ import annotations
 
 import dataclasses
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rulec_runtime.contract.ruleset import Junction, Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
-from rulec_runtime.report.made import EPOCH, made_now
+from rulec_runtime.report.chart import axis
+from rulec_runtime.report.made import EPOCH
 from rulec_runtime.report.sketch import MOST, sketch, topology_of
-from rulec_runtime.report.time_axis import Dated, named, time_axis
+from rulec_runtime.report.thin_curves import COLUMNS, thin_series
+from rulec_runtime.report.time_axis import Dated, time_axis
+from rulec_runtime.report.truth import Cases, cases_of, read_truth, shares
 
 from rulec.cli import main
 from tests.conftest import ROOT, compiled
+from tests.runtime.reports import Judged
 from tests.runtime.sheets import Sheet, example, write
 
 DAY = 86400.0
@@ -30,55 +37,61 @@ NOON = 1790078400.0
     ("length", "first", "step"),
     [
         (30.0, "12:00:00", 5.0),
-        (3000.0, "12:00", 600.0),
         (DAY, "12:00", 21600.0),
         (10 * DAY, "2026-09-24", 2 * DAY),
-        (100 * DAY, "2026-09-24", 14 * DAY),
+        (700 * DAY, "2026-10", 92 * DAY),
     ],
 )
 def test_dates_have_sensible_steps(length: float, first: str, step: float) -> None:
+    """Seconds to months; midnights on both sides of the night in which clocks are set back."""
     found = time_axis(0.0, length, Calendar(NOON))
     assert isinstance(found, Dated)
     assert first == found.labels()[0]
     assert step == found.ticks[1] - found.ticks[0]
     assert 3 <= len(found.ticks) <= 9
-
-
-def test_years_are_counted_in_months() -> None:
-    found = time_axis(0.0, 700 * DAY, Calendar(NOON))
-    assert ["2027-01", "2027-07", "2028-01", "2028-07"] == [
-        label for label in found.labels() if label[-2:] in ("01", "07")
-    ]
-
-
-def test_days_begin_at_midnight_on_both_sides_of_a_change_of_clocks() -> None:
-    """In the night of 2026-10-25 clocks are set back."""
     start = 1792800000.0 - 7200.0
-    change = 1792890000.0 - start
-    calendar = Calendar(start, ((0.0, 7200.0), (change, 3600.0)))
-    found = time_axis(0.0, 5 * DAY, calendar)
-    assert {(0, 0)} == {(calendar.at(t).hour, calendar.at(t).minute) for t in found.ticks}
-    assert 25 * 3600.0 in {b - a for a, b in zip(found.ticks, found.ticks[1:], strict=False)}
+    calendar = Calendar(start, ((0.0, 7200.0), (1792890000.0 - start, 3600.0)))
+    days = time_axis(0.0, 5 * DAY, calendar).ticks
+    assert {(0, 0)} == {(calendar.at(t).hour, calendar.at(t).minute) for t in days}
+    assert 25 * 3600.0 in np.diff(days)
 
 
-def test_without_dates_the_unit_follows_the_length() -> None:
-    names = [named(time_axis(0.0, length, None), None) for length in (80.0, 3600.0, 2 * DAY)]
-    assert ["time [s]", "time [min]", "time [h]"] == names
+@given(st.floats(-1e6, 1e6), st.floats(0, 1e6), st.integers(2, 9))
+def test_axes_have_sensible_ticks(low: float, span: float, wanted: int) -> None:
+    """Inside the axis, even, not too few and not too many, with different labels."""
+    scale = axis(low, low + span, wanted)
+    assert scale.low <= scale.ticks[0]
+    assert scale.ticks[-1] <= scale.high
+    assert 1 <= len(scale.ticks) <= 2 * wanted + 1
+    assert len(scale.ticks) == len(set(scale.labels()))
 
 
-def test_layers_run_with_the_flow_and_loops_run_back() -> None:
-    """A recirculating line comes back below."""
+@given(st.lists(st.floats(-1e3, 1e3) | st.just(float("nan")), min_size=1, max_size=4000))
+def test_thin_series_keeps_the_extremes(values: list[float]) -> None:
+    """At most two points a column, and neither the largest nor the smallest value is lost."""
+    time, series = np.arange(float(len(values))), np.array(values)
+    _, thin = thin_series(time, series)
+    assert len(thin) <= 2 * COLUMNS
+    if np.isfinite(series).any():
+        assert (np.nanmin(series), np.nanmax(series)) == (np.nanmin(thin), np.nanmax(thin))
+
+
+def test_layers_run_with_the_flow_and_loops_run_back(abc: Ruleset) -> None:
+    """A recirculating line comes back below. At tanks no flows balance, and yet they are
+    connected."""
     found = topology_of(
         "ABCD", [Junction(("A", "D"), ("B",)), Junction(("B",), ("C",)), Junction(("C",), ("D",))]
     )
     assert ((3, 1),) == found.back
     assert [(0,), (1,), (2,), (3,)] == [tuple(sorted(layer)) for layer in found.layers]
+    tanks = compiled("cascaded-tanks")
+    assert () == tanks.junctions
+    assert ((0, 1), (1, 2)) == topology_of(tanks.modules, tanks.unbalanced).pipes
 
 
 def test_many_modules_are_folded_and_what_is_marked_is_drawn() -> None:
     names = [f"P{i}" for i in range(200)] + ["channel"]
-    pipes = [Junction(tuple(names[:-1]), ("channel",))]
-    found = topology_of(names, pipes, ["P150"])
+    found = topology_of(names, [Junction(tuple(names[:-1]), ("channel",))], ["P150"])
     alone = [box[0] for box in found.boxes if len(box) == 1]
     assert MOST == len(alone)
     assert {"P150", "channel"} <= set(alone)
@@ -104,27 +117,18 @@ def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
     assert "box is-F" in [g.get("class") for g in drawn.iter("g")]
 
 
-def test_a_plant_that_stores_is_drawn_with_its_pipes() -> None:
-    """No flows balance at its tanks, and yet they are connected."""
-    ruleset = compiled("cascaded-tanks")
-    assert () == ruleset.junctions
-    found = topology_of(ruleset.modules, ruleset.unbalanced)
-    assert ((0, 1), (1, 2)) == found.pipes
-
-
-def test_the_time_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For those who want the same bytes again."""
+def test_a_matrix_has_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All residuals and faults, a row per reading, and each group of faults that are alike. The
+    time can be given, for those who want the same bytes again."""
     monkeypatch.setenv(EPOCH, "1790078400")
-    assert "2026-09-22 12:00 UTC" == made_now("rulec-runtime").when
-    assert "nothing-of-that-name" == made_now("nothing-of-that-name").tool
-
-
-def test_a_matrix_has_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All residuals and faults, a row per reading, and each group of faults that are alike."""
     file = tmp_path / "matrix.html"
     assert 0 == main(["matrix", str(ROOT / "plants" / "abc"), "--report", str(file)])
     assert "matrix.html" in capsys.readouterr().out.replace("\n", "")
-    page, abc = ET.fromstring(file.read_text(encoding="utf-8")), compiled("abc")
+    text = file.read_text(encoding="utf-8")
+    assert "2026-09-22 12:00 UTC" in text
+    page, abc = ET.fromstring(text), compiled("abc")
     rows = page.findall(".//table[@class='matrix']/tbody/tr")
     names = [*(f.id for f in abc.faults), *abc.moved_by_reading]
     assert names == [row.findtext("th") for row in rows]
@@ -136,24 +140,18 @@ LEAK = example("leakage_A")
 
 def moving_end(sheet: Sheet) -> Sheet:
     """The leakage of 51 s lasts, and from 58 s on every speed ramps."""
-    rows = sheet.rows[:58]
-    last = rows[-1]
-    columns = [i for i, title in enumerate(sheet.header) if ".n [" in title]
-    more = []
-    for k in range(1, 13):
-        cells = list(last)
-        cells[0] = str(57 + k)
-        for i in columns:
-            cells[i] = str(float(last[i]) - 40.0 * k)
-        more.append(tuple(cells))
-    return replace(sheet, rows=(*rows, *more))
+    kept = dataclasses.replace(sheet, rows=(*sheet.rows[:58], *[sheet.rows[57]] * 12))
+    kept = kept.mapped("time", lambda k, _: str(k))
+    for name in ("A.n", "B.n"):
+        kept = kept.mapped(name, lambda k, cell: str(float(cell) - 40.0 * max(k - 57, 0)))
+    return kept
 
 
 @pytest.mark.parametrize(
     ("sheet", "behind"),
     [
         (LEAK, None),
-        (replace(LEAK, rows=LEAK.rows[:58]), ""),
+        (dataclasses.replace(LEAK, rows=LEAK.rows[:58]), ""),
         (moving_end(LEAK), "not judged"),
     ],
 )
@@ -167,3 +165,78 @@ def test_what_follows_a_fault_is_said(
     text = course(None, last.since, last.until, last.behind)
     assert ("still active" in text) == last.active
     assert ("not settled" in text) == (behind == "not settled")
+
+
+def test_shares_by_hand() -> None:
+    """Four cases: right, a little low, far too high, a false alarm."""
+    true, degree = np.array([0.2, 0.4, 0.9, 0.0]), np.array([0.21, 0.3, 1.9, 0.12])
+    named = np.array([True, True, True, False])
+    fault = np.array([0, 0, 0, -1])
+    degrees = dict.fromkeys(("degree", "lower", "upper"), degree)
+    cases = Cases(names=("x",), fault=fault, true=true, **degrees, named=named)
+    expected = np.zeros((9, 5))
+    expected[4, 1] = expected[3, 2] = expected[8, 4] = expected[5, 0] = 0.25
+    np.testing.assert_array_equal(expected, shares(cases))
+
+
+@pytest.mark.parametrize(
+    ("word", "faults", "named"),
+    [
+        ("A.leakage", {"A.leakage": 0.4, "C.clogging": 0.2}, True),
+        ("C.clogging + A.leakage", {"A.leakage": 0.4, "C.clogging": 0.2}, True),
+        ("C.clogging", {"A.leakage": 0.4, "C.clogging": 0.2}, False),
+        ("C.clogging + A.leakage", {"A.leakage": 0.4}, False),
+        ("A.leakage + unknown", {"A.leakage": 0.4}, False),
+        ("C.clogging + A.leakage", {"A.leakage": 0.0}, False),
+        ("ok", {"A.leakage": 0.0}, True),
+    ],
+)
+def test_several_faults_at_once(
+    word: str, faults: dict[str, float], named: bool, leaking: Judged
+) -> None:
+    """The largest true fault must be among those named, and no false one beside it."""
+    assert leaking.truth is not None
+    n = len(leaking.trace.time)
+    degree = np.array([np.full(n, x) for x in faults.values()])
+    truth = dataclasses.replace(leaking.truth, faults=tuple(faults), degree=degree)
+    cases = cases_of(truth, dataclasses.replace(leaking.trace, verdict=(word,) * n))
+    assert {named} == set(cases.named)
+    if word == "C.clogging":  # is diagnosed, but not what is there
+        assert {0.0} == set(cases.degree[cases.fault >= 0])
+
+
+TRUTHS = {
+    "no time": ("A.leakage [1]\n0\n", "there is no time column"),
+    "no fault": ("time [s],A.lekage [1]\n0,0\n", "did you mean 'A.leakage'?"),
+    "percent": ("time [s],A.leakage [%]\n0,20\n", "write 'A.leakage [1]'"),
+    "twice": ("time [s],A.leakage,A.leakage [1]\n0,0,0\n", "two columns hold A.leakage"),
+    "negative": ("time [s],A.leakage [1]\n0,-0.1\n", "a true degree is negative"),
+    "dates": ("time,A.leakage [1]\n2025-01-01 00:00:00,0\n", "the times are dates"),
+    "elsewhere": ("time [s],A.leakage [1]\n900,0\n901,0\n", "no time of it lies at a sample"),
+    "empty": ("", "the file is empty"),
+}
+
+
+@pytest.mark.parametrize("case", TRUTHS)
+def test_unusable_truth_is_refused(case: str, healthy: Judged, tmp_path: Path) -> None:
+    """Each with the place and the remedy."""
+    content, message = TRUTHS[case]
+    path = write(tmp_path, content, "truth.csv")
+    with pytest.raises(RecordingRefused) as caught:
+        read_truth(path, healthy.diagnosis.ruleset, healthy.recording)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+
+
+def test_truth_of_other_times_is_matched(healthy: Judged, tmp_path: Path) -> None:
+    """The nearest time counts, up to half an interval; the rest is unknown and noted."""
+    lines = "".join(f"{t + 0.2},{0.1 * (t > 10)},0\n" for t in range(20, -1, -1))
+    path = write(tmp_path, "time [s],A.leakage,A.lekage [1]\n" + lines, "t.csv")
+    truth = read_truth(path, healthy.diagnosis.ruleset, healthy.recording)
+    assert [0.0] * 11 + [0.1] * 10 == list(truth.degree[0, :21])
+    assert np.isnan(truth.degree[0, 21:]).all()
+    assert (
+        "t.csv: 'A.lekage [1]' is no fault of this plant and is left out; "
+        "did you mean 'A.leakage'?",
+        "t.csv: 39 of 60 samples have no truth",
+    ) == truth.notes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,9 +12,6 @@ from tests.live.view.test_browser import CONTRAST
 from tests.runtime.pages import every_page
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
-
-PICTURES = os.environ.get("RULEC_PICTURES")
-"""Folder for pictures of the pages, for people to look at."""
 
 CUT = """(() => {
   const cut = [];
@@ -79,8 +75,6 @@ def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
         for width, scheme in ((w, s) for w in (390, 1280) for s in ("light", "dark")):
             chromium.look(width, scheme)
             found[f"weak at {width}, {scheme}"] = chromium.run(CONTRAST)
-            if PICTURES:
-                chromium.picture(Path(PICTURES) / f"{file.stem}-{width}-{scheme}.png")
             if scheme == "light":
                 found |= _misfits(chromium, width)
         chromium.look(PAPER, "dark")
@@ -89,8 +83,6 @@ def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
         found["shut on paper"] = chromium.run(SHUT)
         found["cut on paper"] = chromium.run(OVER_THE_EDGE)
         found["weak on paper"] = chromium.run(CONTRAST)
-        if PICTURES:
-            chromium.sheets(Path(PICTURES) / f"{file.stem}.pdf")
         chromium.print(False)
         if [verdict] != chromium.run(HEADINGS):
             wrong.append((name, "heading", verdict))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,8 @@ from rulec_runtime.recordings.together import together
 
 from rulec.prove.truth import abc as abc_rig
 from rulec.prove.truth import calibration_run, record, write_csv
-from tests.conftest import ROOT, compiled
+from tests.conftest import compiled
+from tests.runtime.reports import EXAMPLES
 
 HELD = 6
 """Rows for which a recording stays at a point, where a table has one."""
@@ -49,41 +49,24 @@ def _points(recording: Recording) -> NDArray[np.intp]:
     return middles[np.diff(edges) > HELD]
 
 
-TAKEN: dict[str, tuple[Callable[[NDArray[np.intp]], NDArray[np.intp]], bool]] = {
-    "one row of each point": (lambda points: points, True),
-    "the same shuffled": (np.random.default_rng(5).permutation, True),
-    "a few rows of each point": (lambda points: (points[:, None] + np.arange(3)).ravel(), False),
-    "all rows": (lambda points: np.arange(points[-1]), False),
-}
-
-
-@pytest.mark.parametrize("name", TAKEN)
-def test_tables_are_told_from_runs(name: str, run: Recording, abc: Ruleset) -> None:
-    """A table moves on at every row, in any order; what is held changes by its noise alone."""
-    taken, is_table = TAKEN[name]
-    assert is_table == is_point_table(_rows(run, taken(_points(run))), abc)
-
-
-def test_one_noisy_sensor_makes_no_table(run: Recording, abc: Ruleset) -> None:
-    """A single reading that jumps at every row is a bad sensor."""
-    held = _rows(run, np.full(40, _points(run)[0]))
-    noisy = held.values["A.dp"] * np.random.default_rng(5).uniform(0.5, 1.5, 40)
-    assert not is_point_table(replace(held, values={**held.values, "A.dp": noisy}), abc)
-
-
-def test_examples_are_runs(abc: Ruleset) -> None:
-    """The shipped recordings are no tables."""
-    folder = ROOT / "plants" / "abc" / "examples"
-    for name in ("calibration.csv", "healthy.csv", "leakage_A.csv"):
-        assert not is_point_table(read_recording(folder / name, abc), abc), name
-
-
-def test_every_row_is_a_stretch(run: Recording) -> None:
-    """Stretches of a table have one row each."""
-    table = _rows(run, _points(run))
-    stretches = each_row(table)
-    assert len(table) == len(stretches)
-    assert {1} == set(stretches.lengths.tolist())
+def test_tables_are_told_from_runs(run: Recording, abc: Ruleset) -> None:
+    """A table moves on at every row, in any order; what is held changes by its noise alone, and a
+    single reading that jumps at every row is a bad sensor."""
+    points, random = _points(run), np.random.default_rng(5)
+    table = _rows(run, points)
+    for one in (table, _rows(run, random.permutation(points))):
+        assert is_point_table(one, abc)
+    assert [1] * len(table) == each_row(table).lengths.tolist()
+    a_few_rows_each = (points[:, None] + np.arange(3)).ravel()
+    held = _rows(run, np.full(40, points[0]))
+    noisy = held.values["A.dp"] * random.uniform(0.5, 1.5, 40)
+    for other in (
+        _rows(run, a_few_rows_each),
+        _rows(run, np.arange(points[-1])),
+        replace(held, values={**held.values, "A.dp": noisy}),
+        *(read_recording(EXAMPLES / f"{n}.csv", abc) for n in ("calibration", "leakage_A")),
+    ):
+        assert not is_point_table(other, abc)
 
 
 def test_beside_a_table_a_course_counts_by_its_states(run: Recording, abc: Ruleset) -> None:

@@ -56,51 +56,34 @@ def said(
     return diagnose(recording(rules, readings), rules)
 
 
-def regimes(found: Diagnosis) -> set[str]:
-    """Ids of the regimes that are told."""
-    return {r.regime.id for r in found.regimes}
-
-
 @pytest.mark.parametrize(
-    ("rig", "module"), [("abc", "A"), ("mixing-rig", "B"), ("mixing-rig", "D")]
+    ("rig", "module", "how", "regime"),
+    [
+        ("abc", "A", {"speed": 0.0, "passage": OPEN}, "reverse-flow"),
+        ("mixing-rig", "D", {"speed": 0.0, "passage": OPEN}, "reverse-flow"),
+        # The line of a tight one loses nothing; pressures of the junction stand in front of it.
+        ("abc", "A", {"speed": 0.0}, ""),
+        ("mixing-rig", "E", {"speed": 0.0}, ""),
+        # Beside whatever fault it looks like to the estimates.
+        ("abc", "B", {"dry": True}, "dry-running"),
+        ("mixing-rig", "E", {"dry": True}, "dry-running"),
+        # At a third of its speed, where its slip at a pressure within the sensor's range takes all.
+        ("abc", "A", {"speed": 0.3, "closed": 1.0e5}, "dead-heading"),
+        ("mixing-rig", "A", {"speed": 0.3, "closed": 1.0e5}, "dead-heading"),
+    ],
 )
-def test_liquid_that_runs_back_through_a_standing_pump_is_told(rig: str, module: str) -> None:
-    """From the first to the last settled sample of the second half."""
-    for seed in range(3):
-        found = said(rig, module, seed, speed=0.0, passage=OPEN)
-        (regime,) = found.regimes
-        assert f"{module}.reverse-flow" == regime.regime.id
-        assert HOLD <= regime.since <= HOLD + 5
-        assert regime.active
-        assert found.status in ("S", "C")
-
-
-@pytest.mark.parametrize(
-    ("rig", "module"), [("abc", "A"), ("mixing-rig", "B"), ("mixing-rig", "E")]
-)
-def test_a_tight_pump_that_stands_is_no_regime(rig: str, module: str) -> None:
-    """Its line loses nothing; pressures of the junction stand in front of it."""
-    for seed in range(3):
-        assert not regimes(said(rig, module, seed, speed=0.0))
-
-
-@pytest.mark.parametrize(
-    ("rig", "module"), [("abc", "B"), ("mixing-rig", "A"), ("mixing-rig", "E")]
-)
-def test_a_pump_that_runs_dry_is_told(rig: str, module: str) -> None:
-    """Beside whatever fault it looks like to the estimates."""
-    for seed in range(3):
-        found = said(rig, module, seed, dry=True)
-        assert {f"{module}.dry-running"} == regimes(found)
-
-
-@pytest.mark.parametrize("rig", ["abc", "mixing-rig"])
-def test_a_pump_against_a_closed_way_is_told(rig: str) -> None:
-    """At a third of its speed, where its slip at a pressure within the sensor's range takes it
-    all."""
-    for seed in range(3):
-        found = said(rig, "A", seed, speed=0.3, closed=1.0e5)
-        assert {"A.dead-heading"} == regimes(found)
+def test_a_regime_is_told_and_no_other(
+    rig: str, module: str, how: dict[str, float], regime: str
+) -> None:
+    """Liquid that runs back through a standing pump, from the first to the last settled sample of
+    the second half; a pump that runs dry; one against a closed way."""
+    for seed in range(2):
+        found = said(rig, module, seed, **how)  # type: ignore[arg-type]
+        assert {r.regime.id for r in found.regimes} == ({f"{module}.{regime}"} if regime else set())
+        if regime == "reverse-flow":
+            assert HOLD <= found.regimes[0].since <= HOLD + 5
+            assert found.regimes[0].active
+            assert found.status in ("S", "C")
 
 
 def test_sound_plants_run_in_no_regime() -> None:

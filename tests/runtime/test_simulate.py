@@ -11,8 +11,6 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec.algebra.eliminate import independent_without, solved_for
-from rulec.algebra.matching import match, surplus
 from rulec.passes.pipeline import compile_plant
 from rulec.prove import truth
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
@@ -63,14 +61,7 @@ def test_every_fault_as_the_truth_has_it(plant: str) -> None:
         assert furthest(plant, expected, {fault: DEGREES}) < 1e-8, fault
 
 
-def test_two_faults_at_once() -> None:
-    """Faults of two modules together, as the truth has them."""
-    faults = {"A.leakage": np.array([0.2, 0.4]), "C.clogging": np.array([0.5, 1.0])}
-    expected = true_readings("abc", np.array([0.8, 0.8]), faults)
-    assert furthest("abc", expected, faults) < 1e-8
-
-
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("plant", ["abc-centrifugal", "mixing-rig"])
 def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
     """The plan that diagnoses sees nothing in a healthy simulation at random inputs."""
     rules, random = ruleset(plant), np.random.default_rng(7)
@@ -96,7 +87,8 @@ def test_inputs_far_from_the_reference() -> None:
 
 
 def test_no_operating_point() -> None:
-    """A pump too slow against the other one; its neighbours in the batch are as alone."""
+    """A pump too slow against the other one, whose neighbours in the batch are as alone; one that
+    loses everything."""
     rules = ruleset("abc-centrifugal")
     speeds = rules.signal_by_id["A.n"].reference * np.array([1.0, 0.3, 0.9])
     together = simulate_with(equations_of(rules), {"A.n": speeds}, {"B.clogging": 0.2})
@@ -105,13 +97,9 @@ def test_no_operating_point() -> None:
     assert np.isnan(together.values["A.dp"][1])
     alone = simulate_with(equations_of(rules), {"A.n": speeds[2:]}, {"B.clogging": 0.2})
     assert alone.values["A.dp"][0] == together.values["A.dp"][2]
-
-
-def test_all_flow_lost() -> None:
-    """A pump that loses everything carries no flow, which is no operating point."""
-    simulated = simulate_with(equations_of(ruleset("abc")), {}, {"A.leakage": 1.0})
-    assert [False] == simulated.solved.tolist()
-    assert "A carries" in simulated.why(0)
+    nothing_left = simulate_with(equations_of(ruleset("abc")), {}, {"A.leakage": 1.0})
+    assert [False] == nothing_left.solved.tolist()
+    assert "A carries" in nothing_left.why(0)
 
 
 def test_laws_may_be_off() -> None:
@@ -165,13 +153,6 @@ def test_over_determined_plant_is_refused(tmp_path: Path) -> None:
         equations_of(fixed)
 
 
-def test_steps_are_as_small_as_they_can_be() -> None:
-    """Pressures and flows hang together in a circle; each power then follows by itself."""
-    steps = ruleset("mixing-rig").simulation.steps
-    assert [7, 1, 1, 1, 1, 1] == [len(step.readings) for step in steps]
-    assert {*"ABCDE", "M1", "M2"} == {*steps[0].flows}
-
-
 def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
     """Where the speed of one of two plants side by side is missing, the other is predicted."""
     speeds = np.array([16.0, np.nan, 16.0])
@@ -187,11 +168,8 @@ def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
 @pytest.mark.parametrize(
     ("given", "degrees", "message"),
     [
-        ({"A.speed": 15.0}, {}, "abc has no input 'A.speed'; it has A.n, B.n"),
         ({"A.dp": 1e5}, {}, "abc has no input 'A.dp'; it has A.n, B.n"),
-        ({}, {"A.leak": 0.1}, "abc has no fault 'A.leak'; it has A.leakage, "),
         ({}, {"A.leakage": 1.5}, "A.leakage: its degree lies between 0 and 1"),
-        ({}, {"A.leakage": -0.1}, "A.leakage: its degree lies between 0 and 1"),
         ({"A.n": np.array([15.0, np.inf])}, {}, "A.n: not every value is a number"),
     ],
 )
@@ -202,58 +180,18 @@ def test_bad_arguments(given: dict[str, Array], degrees: dict[str, float], messa
     assert str(refused.value).startswith(message)
 
 
-def test_sensor_errors_are_constant_within_a_recording() -> None:
-    """Without the statistical part a sensor is off by one value, drawn by its class."""
-    rules = ruleset("abc")
-    true = {"A.dp": np.full(5, 1.8e5), "A.n": np.full(5, 15.0)}
-    shown = sense(rules, true, SensorErrors(statistical=0.0), np.random.default_rng(3))
-    drawn = np.random.default_rng(3)
-    for signal in (s for s in rules.signals if s.id in true):
-        off = systematic_u(signal, 1.0) * drawn.standard_normal()
-        drawn.standard_normal(5)
-        assert (true[signal.id] + off).tolist() == shown[signal.id].tolist()
-
-
-def test_bounded_sensor_errors_stay_inside_their_bounds() -> None:
-    """No systematic error beyond two standard uncertainties; unbounded ones go there."""
-    rules, true = ruleset("abc"), {"A.dp": np.full(1, 1.8e5)}
+def test_sensor_errors_are_those_of_the_class() -> None:
+    """Without the statistical part a sensor is off by one value, drawn by its class; bounded ones
+    by no more than two standard uncertainties, and unbounded ones go there."""
+    rules, true = ruleset("abc"), {"A.dp": np.full(5, 1.8e5)}
     standard = float(systematic_u(rules.signal_by_id["A.dp"], 1.8e5))
 
-    def largest(bounded: bool) -> float:
+    def drawn(bounded: bool) -> Array:
         random, errors = np.random.default_rng(5), SensorErrors(0.0, bounded)
-        drawn = [sense(rules, true, errors, random)["A.dp"][0] for _ in range(1000)]
-        return max(abs(value - 1.8e5) / standard for value in drawn)
+        shown = np.array([sense(rules, true, errors, random)["A.dp"] for _ in range(1000)])
+        assert (shown == shown[:, :1]).all()
+        return np.asarray((shown[:, 0] - 1.8e5) / standard)
 
-    assert largest(bounded=True) <= 2.0
-    assert largest(bounded=False) > 2.0
-
-
-def test_matching_serves_the_first_unknowns() -> None:
-    """Earlier unknowns keep an equation; the last one that cannot be served has none."""
-    assert [1, 0, None] == match([[0, 1], [0], [0, 1]])
-    assert [0, None, 1] == match([[0], [0], [0, 1]])
-
-
-def test_surplus_names_all_that_compete() -> None:
-    """Equations 0 and 1 hold unknown 0 alone; equation 2 has unknown 1 to itself."""
-    readers = [[0, 1], [2]]
-    assert ([0, 1], [0]) == surplus(readers, match(readers), 3)
-    assert ([], []) == surplus([[0], [1]], [0, 1], 2)
-
-
-def test_flows_are_eliminated() -> None:
-    """Two estimates of a flow, which is half of another one: what is left says they agree."""
-    #                  flows: a, b; estimates: p, q
-    equations = np.array([[-1.0, 0, 1, 0], [-1.0, 0, 0, 1], [2.0, -1.0, 0, 0]])
-    flows, left = solved_for(equations, 2)
-    assert [[1, 0], [2, 0]] == flows.tolist()
-    assert [[-1, 1]] == left.tolist()
-
-
-def test_balances_that_say_nothing_new_are_dropped() -> None:
-    """The flow of the first column is eliminated; the last balance is the sum of the others."""
-    balances = np.array([[1.0, -1, 0, 0], [-1.0, 0, 1, 0], [0, -1, 0, 1.0], [0, -2, 1, 1.0]])
-    kept = independent_without(balances, 1)
-    assert (2, 4) == kept.shape
-    assert [0, 0] == kept[:, 0].tolist()
-    assert 2 == np.linalg.matrix_rank(kept)
+    assert np.std(drawn(bounded=False)) == pytest.approx(1.0, abs=0.1)
+    assert np.max(np.abs(drawn(bounded=True))) <= 2.0
+    assert np.max(np.abs(drawn(bounded=False))) > 2.0

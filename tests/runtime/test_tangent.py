@@ -5,28 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import UNARY, Plan
-from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.algebra.tangent import run_with_slopes
 from tests.conftest import compiled
 
-PLANTS = ("abc", "esp-pump", "hsy-pumping", "mixing-rig", "zema-hydraulic")
-STEP = 1e-6
+PLANTS = ("abc", "esp-pump", "zema-hydraulic")
 BINARY = ("add", "sub", "mul", "div", "pow", "min", "max")
-
-
-def readings(rules: Ruleset) -> dict[str, np.ndarray]:
-    """Readings about the reference point, with unit uncertainties."""
-    draw = np.random.default_rng(4)
-    at = {s.id: s.reference * (1.0 + 0.02 * draw.uniform(-1, 1, 5)) for s in rules.signals}
-    return at | {name: np.ones(5) for name in rules.plan.inputs if name.startswith("u:")}
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
-    """Symbolic derivatives of every estimate by every reading, to 1e-9."""
-    rules = compiled(plant)
-    at = readings(rules)
+    """Symbolic derivatives of every estimate by every reading about the reference, to 1e-9."""
+    rules, draw = compiled(plant), np.random.default_rng(4)
+    at = {s.id: s.reference * (1.0 + 0.02 * draw.uniform(-1, 1, 5)) for s in rules.signals}
+    at |= {name: np.ones(5) for name in rules.plan.inputs if name.startswith("u:")}
     derived = rules.plan.run(at)
     seeds = [s.id for s in rules.signals]
     for observer in rules.observers:
@@ -37,23 +29,6 @@ def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
         for name, slope in slopes[key].items():
             expected_slope = derived[f"s:{observer.id}:{name}"]
             assert expected_slope == pytest.approx(np.broadcast_to(slope, 5), rel=1e-9)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_slopes_are_finite_differences(plant: str) -> None:
-    """Central differences of every estimate by every reading."""
-    rules = compiled(plant)
-    at = readings(rules)
-    flows = rules.plan.select([f"q:{o.id}" for o in rules.observers])
-    seeds = [s.id for s in rules.signals if s.id in flows.used_inputs]
-    _, slopes = run_with_slopes(flows, at, seeds)
-    for name in seeds:
-        up, down = (flows.run({**at, name: at[name] * (1 + h)}) for h in (STEP, -STEP))
-        for key in flows.outputs:
-            expected = (up[key] - down[key]) / (2 * STEP * at[name])
-            slope = np.broadcast_to(slopes[key].get(name, 0.0), 5)
-            size = np.abs(flows.run(at)[key] / at[name])
-            assert expected / size == pytest.approx(slope / size, rel=1e-6, abs=1e-8)
 
 
 def one(name: str) -> Plan:
@@ -98,22 +73,15 @@ def test_corners(name: str, x: float, y: float, by_x: float, by_y: float | None)
         assert by_y == pytest.approx(float(found["y"]), nan_ok=True)
 
 
-def test_an_exponent_that_is_fixed_does_not_spoil_a_negative_base() -> None:
-    """(-2)**2 has the slope -4; only a searched exponent needs a positive base."""
+def test_what_has_a_slope() -> None:
+    """Unknown seeds and constants have none; an input as output has slope 1; an absent input is no
+    number; (-2)**2 has the slope -4, as only a searched exponent needs a positive base."""
     _, slopes = run_with_slopes(one("pow"), {"x": -2.0, "y": 2.0}, ("x",))
     assert {"x": -4.0} == {k: float(v) for k, v in slopes["out"].items()}
-
-
-def test_what_an_output_does_not_depend_on_is_absent() -> None:
-    """Unknown seeds and constants have no slope; an input as output has slope 1."""
     plan = Plan(("x", "y"), (3.0,), (("mul", 0, 2),), {"three x": 3, "y": 1})
     values, slopes = run_with_slopes(plan, {"x": 2.0, "y": 5.0}, ("x", "y", "z"))
     assert {"three x": 6.0, "y": 5.0} == {k: float(v) for k, v in values.items()}
     assert {"x": 3.0} == {k: float(v) for k, v in slopes["three x"].items()}
     assert {"y": 1.0} == {k: float(v) for k, v in slopes["y"].items()}
-
-
-def test_an_absent_input_is_no_number() -> None:
-    """As in the interpreter itself."""
     values, _ = run_with_slopes(one("add"), {"x": 1.0}, ("x",))
     assert np.isnan(values["out"])

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
-from rulec_runtime.recordings.together import (
-    OWN_CLOCKS,
-    names_of,
-    part_of,
-    read_recordings,
-)
+from rulec_runtime.recordings.together import OWN_CLOCKS, names_of, part_of, read_recordings
 
 COLUMNS = ("A.n [rpm]", "A.dp [bar]", "A.T [degC]")
 STEP = 2.0
@@ -47,7 +42,8 @@ def speeds(recording: Recording) -> list[int]:
 
 
 def test_without_dates_they_stand_one_behind_the_other(tmp_path: Path, abc: Ruleset) -> None:
-    """In the order given; the clock of each begins anew, and the answer says so."""
+    """In the order given; the clock of each begins anew, and the answer says so. A part of them is
+    what was read."""
     paths = [written(tmp_path / "b.csv", 900), written(tmp_path / "a.csv", 700, rows=20)]
     found = read_recordings(paths, abc)
     assert ("b.csv", "a.csv") == found.sources
@@ -61,10 +57,15 @@ def test_without_dates_they_stand_one_behind_the_other(tmp_path: Path, abc: Rule
     assert 2 == len(np.unique(found.segment))
     assert OWN_CLOCKS in found.notes
     assert any("b.csv from 0 s, a.csv from 60 s" in note for note in found.notes)
+    alone, single = part_of(found, {1}), read_recording(paths[1], abc)
+    assert ((), None) == (alone.sources, alone.source)
+    assert alone.origin is not None
+    assert single.time.tolist() == (alone.time - alone.origin).tolist()
+    assert all(np.array_equal(alone.values[n], single.values[n]) for n in single.values)
 
 
 def test_with_dates_they_stand_on_one_axis(tmp_path: Path, abc: Ruleset) -> None:
-    """Whatever the order given; each keeps its number."""
+    """Whatever the order given; each keeps its number. Dates of some alone are not used."""
     late = written(tmp_path / "late.csv", 900, stamps=stamps(9))
     early = written(tmp_path / "early.csv", 700, stamps=stamps(2))
     found = read_recordings([late, early], abc)
@@ -79,6 +80,10 @@ def test_with_dates_they_stand_on_one_axis(tmp_path: Path, abc: Ruleset) -> None
     assert OWN_CLOCKS not in found.notes
     zero = [note for note in found.notes if "time 0 s is" in note]
     assert ["time 0 s is 2024-03-02 12:00:00 (the recording names no zone)"] == zero
+    found = read_recordings([written(tmp_path / "plain.csv", 700), late], abc)
+    assert found.calendar is None
+    assert found.origin is not None
+    assert "some recordings have dates, others none: the dates are not used" in found.notes
 
 
 def test_zones_of_all_recordings_count(tmp_path: Path, abc: Ruleset) -> None:
@@ -96,83 +101,46 @@ def test_zones_of_all_recordings_count(tmp_path: Path, abc: Ruleset) -> None:
         read_recordings([early, none], abc)
 
 
-def test_dates_of_some_are_not_used(tmp_path: Path, abc: Ruleset) -> None:
-    """They count one behind the other, and the answer says so."""
-    dated = written(tmp_path / "dated.csv", 900, stamps=stamps(9))
-    plain = written(tmp_path / "plain.csv", 700)
-    found = read_recordings([plain, dated], abc)
-    assert found.calendar is None
-    assert found.origin is not None
-    assert "some recordings have dates, others none: the dates are not used" in found.notes
-
-
-def test_a_part_is_what_was_read(tmp_path: Path, abc: Ruleset) -> None:
-    """One of them alone is a recording like any other; two of three keep their order."""
-    paths = [written(tmp_path / f"{n}.csv", 100 * n, rows=10 * n) for n in (7, 8, 9)]
-    found = read_recordings(paths, abc)
-    alone, single = part_of(found, {1}), read_recording(paths[1], abc)
-    assert () == alone.sources
-    assert alone.source is None
-    assert alone.origin is not None
-    assert single.time.tolist() == (alone.time - alone.origin).tolist()
-    assert all(np.array_equal(alone.values[n], single.values[n]) for n in single.values)
-    two = part_of(found, {0, 2})
-    assert ("7.csv", "9.csv") == two.sources
-    assert two.source is not None
-    assert [0] * 70 + [1] * 90 == two.source.tolist()
-
-
-def test_one_recording_stays_as_it_is(tmp_path: Path, abc: Ruleset) -> None:
-    """No number, and its own clock."""
-    found = read_recordings([written(tmp_path / "a.csv", 700)], abc)
-    assert () == found.sources
-    assert found.source is None
-    assert found.origin is None
-
-
-def test_files_called_alike_are_told_apart_by_their_folders() -> None:
-    """Else nobody knows which of them is meant."""
+def test_names_of_recordings(tmp_path: Path, abc: Ruleset) -> None:
+    """Files called alike are told apart by their folders; one alone has no number and its own
+    clock."""
     paths = [Path("/x/monday/run.csv"), Path("/x/tuesday/run.csv"), Path("/x/other.csv")]
     assert ("monday/run.csv", "tuesday/run.csv", "other.csv") == names_of(paths)
+    found = read_recordings([written(tmp_path / "a.csv", 700)], abc)
+    assert ((), None, None) == (found.sources, found.source, found.origin)
 
 
-def test_what_would_count_twice_is_refused(tmp_path: Path, abc: Ruleset) -> None:
-    """The same file, a copy of it, and two files of one time."""
+def test_what_does_not_suit_is_refused(tmp_path: Path, abc: Ruleset) -> None:
+    """The same file, a copy of it, two files of one time; columns that one lacks, other units:
+    which file, which column, what to do."""
     first = written(tmp_path / "first.csv", 700)
     copy = written(tmp_path / "copy.csv", 700)
-    with pytest.raises(RecordingRefused, match=r"first\.csv: this is the same file, given twice"):
-        read_recordings([first, first], abc)
-    with pytest.raises(RecordingRefused, match=r"copy\.csv: this is a copy of .*first\.csv"):
-        read_recordings([first, copy], abc)
     one = written(tmp_path / "one.csv", 700, stamps=stamps(2))
     other = written(tmp_path / "other.csv", 900, stamps=stamps(2))
-    with pytest.raises(RecordingRefused, match="were recorded at the same time"):
-        read_recordings([one, other], abc)
-
-
-def test_recordings_that_do_not_suit_each_other_are_refused(tmp_path: Path, abc: Ruleset) -> None:
-    """Columns that one lacks, other units: which file, which column, what to do."""
-    first = written(tmp_path / "first.csv", 700)
     fewer = written(tmp_path / "fewer.csv", 900, columns=COLUMNS[:2])
-    message = r"fewer\.csv has no column A\.T, and first\.csv has one"
-    for paths in ([first, fewer], [fewer, first]):
-        with pytest.raises(RecordingRefused, match=message):
-            read_recordings(paths, abc)
     unit = written(tmp_path / "unit.csv", 900, columns=("A.n [rpm]", "A.dp [kPa]", "A.T [degC]"))
-    with pytest.raises(RecordingRefused, match=r"unit\.csv: the column of A\.dp is in another"):
-        read_recordings([first, unit], abc)
     foreign = tmp_path / "foreign.csv"
     foreign.write_text("time [s],X.y [bar]\n0,1\n1,2\n", encoding="utf-8")
-    with pytest.raises(RecordingRefused, match="no column belongs to this plant"):
-        read_recordings([first, foreign], abc)
+    fewer_columns = r"fewer\.csv has no column A\.T, and first\.csv has one"
+    for paths, message in (
+        ([first, first], r"first\.csv: this is the same file, given twice"),
+        ([first, copy], r"copy\.csv: this is a copy of .*first\.csv"),
+        ([one, other], "were recorded at the same time"),
+        ([first, fewer], fewer_columns),
+        ([fewer, first], fewer_columns),
+        ([first, unit], r"unit\.csv: the column of A\.dp is in another"),
+        ([first, foreign], "no column belongs to this plant"),
+    ):
+        with pytest.raises(RecordingRefused, match=message):
+            read_recordings(paths, abc)
 
 
 def test_a_note_names_its_file_once(tmp_path: Path, abc: Ruleset) -> None:
     """Also one that begins with it."""
     paths = [written(tmp_path / "a.csv", 700), written(tmp_path / "b.csv", 900)]
-    lines = paths[1].read_text(encoding="utf-8").splitlines()
-    blank = [",".join((*line.split(",")[:-1], "")) for line in lines[1:]]
-    paths[1].write_text("\n".join([lines[0], *blank]) + "\n", encoding="utf-8")
+    head, *lines = paths[1].read_text(encoding="utf-8").splitlines()
+    blank = [line.rpartition(",")[0] + "," for line in lines]
+    paths[1].write_text("\n".join([head, *blank]) + "\n", encoding="utf-8")
     notes = [note for note in read_recordings(paths, abc).notes if "A.T" in note]
     assert notes
     assert all(note.count("b.csv") == 1 for note in notes)

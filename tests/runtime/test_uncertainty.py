@@ -24,58 +24,34 @@ from tests.conftest import ROOT
 from tests.runtime.equations import LITRE_PER_HOUR, TYPES, UNITS, Abc, Dosing, degree_law
 
 KINDS = ["dosing-pcp", "dosing-membrane", "dosing-centrifugal"]
-LINE = {"k0": (0.05, "bar", 0.002), "k2": (5.2e-6, "bar/(l/h)**2", 2e-8)}
-PARAMETERS: Mapping[str, Mapping[str, tuple[float, str, float]]] = {
-    "dosing-pcp": {
-        "V": (10, "ml/rev", 0),
-        "C0": (6, "l/h", 0.5),
-        "C1": (0.01, "l/h/rpm", 0.001),
-        "C2": (2, "l/h/bar**2", 0.1),
-        "P0": (25, "W", 0.5),
-        "P1": (0.095, "W/rpm", 0.001),
-        "eta": (0.7, "1", 0.005),
-        **LINE,
-    },
-    "dosing-membrane": {
-        "V": (50, "ml/stroke", 0),
-        "C0": (2, "l/h", 0.3),
-        "C1": (0.02, "l/h/rpm", 0.002),
-        "C2": (6, "l/h/bar", 0.2),
-        "P0": (20, "W", 0.5),
-        "P1": (0.25, "W/rpm", 0.003),
-        "eta": (0.65, "1", 0.005),
-        "k0": (0.05, "bar", 0.002),
-        "k2": (1.3e-5, "bar/(l/h)**2", 5e-8),
-    },
-    "dosing-centrifugal": {
-        "n0": (2650, "rpm", 0),
-        "h0": (1.111, "bar", 0.002),
-        "h1": (1.142e-4, "bar/(l/h)", 2e-6),
-        "h2": (3.04e-7, "bar/(l/h)**2", 2e-9),
-        "p0": (28.245, "W", 0.1),
-        "p1": (0.03228, "W/(l/h)", 3e-4),
-        "p2": (8.453e-6, "W/(l/h)**2", 2e-7),
-        "k0": (0.05, "bar", 0.002),
-        "k2": (2e-6, "bar/(l/h)**2", 1e-8),
-    },
+LINE = "k0 0.05 bar 0.002; k2 5.2e-6 bar/(l/h)**2 2e-8"
+PARAMETERS = {
+    "dosing-pcp": "V 10 ml/rev 0; C0 6 l/h 0.5; C1 0.01 l/h/rpm 0.001; C2 2 l/h/bar**2 0.1; "
+    f"P0 25 W 0.5; P1 0.095 W/rpm 0.001; eta 0.7 1 0.005; {LINE}",
+    "dosing-membrane": "V 50 ml/stroke 0; C0 2 l/h 0.3; C1 0.02 l/h/rpm 0.002; C2 6 l/h/bar 0.2; "
+    "P0 20 W 0.5; P1 0.25 W/rpm 0.003; eta 0.65 1 0.005; "
+    "k0 0.05 bar 0.002; k2 1.3e-5 bar/(l/h)**2 5e-8",
+    "dosing-centrifugal": "n0 2650 rpm 0; h0 1.111 bar 0.002; h1 1.142e-4 bar/(l/h) 2e-6; "
+    "h2 3.04e-7 bar/(l/h)**2 2e-9; p0 28.245 W 0.1; p1 0.03228 W/(l/h) 3e-4; "
+    "p2 8.453e-6 W/(l/h)**2 2e-7; k0 0.05 bar 0.002; k2 2e-6 bar/(l/h)**2 1e-8",
+    "static-mixer": "k0 0 bar 0.0005; k2 3.5e-7 bar/(l/h)**2 1.5e-9",
 }
-"""Value, unit, standard uncertainty; those of kb/ may change, the figures below stand for these."""
+"""Name, value, unit, standard uncertainty; those of kb/ may change, the figures below stand for
+these."""
 
 REFERENCE = {
     "dosing-pcp": {"n": 900, "dp": 1.8, "P_el": 150},
     "dosing-membrane": {"n": 120, "dp": 1.83, "P_el": 78},
     "dosing-centrifugal": {"n": 2650, "dp": 0.93, "P_el": 43},
 }
-MIXER = {"k0": (0, "bar", 0.0005), "k2": (3.5e-7, "bar/(l/h)**2", 1.5e-9)}
 
 
 def module(kind: str) -> dict[str, Any]:
     """A module of plant.yaml with all its values."""
-    parameters = PARAMETERS.get(kind, MIXER)
-    values = {
-        name: {"value": value, "unit": unit, "u": u, "source": "test"}
-        for name, (value, unit, u) in parameters.items()
-    }
+    values = {}
+    for parameter in PARAMETERS[kind].split("; "):
+        name, value, unit, u = parameter.split()
+        values[name] = {"value": float(value), "unit": unit, "u": float(u), "source": "test"}
     reference = dict(REFERENCE.get(kind, {"dp": 0.35}))
     return {"type": kind, "parameters": values, "reference": reference}
 
@@ -247,23 +223,18 @@ CASES = [(kind, point) for kind in (*KINDS, CALIBRATED) for point in POINTS]
 
 
 @pytest.mark.parametrize(("kind", "point"), CASES)
-def test_residuals_against_uncertainties(kind: str, point: str, folder: Path) -> None:
-    """Every residual and its standard uncertainty, all correlations, to 1e-9."""
-    at = case(kind, point, folder)
-    found, observers = at.results(), Abc(at.kinds(), with_uncertainties(at)).observers()
-    size = max(abs(flow.nominal_value) for flow in observers.values())
-    for residual in at.ruleset.residuals:
-        expected = signed_sum(residual, observers)
-        assert expected.nominal_value == pytest.approx(found[f"R:{residual.id}"], abs=1e-12 * size)
-        assert expected.std_dev == pytest.approx(found[f"u:{residual.id}"], rel=1e-9), residual.id
-
-
-@pytest.mark.parametrize(("kind", "point"), CASES)
-def test_degrees_against_uncertainties(kind: str, point: str, folder: Path) -> None:
-    """Every linear degree; its uncertainty is first-order propagation and a linearisation term."""
+def test_against_uncertainties(kind: str, point: str, folder: Path) -> None:
+    """Every residual and its standard uncertainty, all correlations, to 1e-9; every linear degree,
+    whose uncertainty is first-order propagation and a linearisation term."""
     at = case(kind, point, folder)
     found, system = at.results(), Abc(at.kinds(), with_uncertainties(at))
+    observers = system.observers()
+    size = max(abs(flow.nominal_value) for flow in observers.values())
     residuals = {r.id: r for r in at.ruleset.residuals}
+    for name, residual in residuals.items():
+        expected = signed_sum(residual, observers)
+        assert expected.nominal_value == pytest.approx(found[f"R:{name}"], abs=1e-12 * size)
+        assert expected.std_dev == pytest.approx(found[f"u:{name}"], rel=1e-9), name
     for cell in at.ruleset.cells:
         key, residual = f"{cell.fault}:{cell.residual}", residuals[cell.residual]
         expected = rule(system, residual, cell.fault)
@@ -291,19 +262,13 @@ def drawn(at: Case, count: int = 40_000) -> dict[str, Any]:
     return values
 
 
-@pytest.mark.parametrize(("kind", "point"), CASES)
-def test_residuals_against_monte_carlo(kind: str, point: str, folder: Path) -> None:
-    """Claim 12 of the method: propagation from raw inputs agrees with Monte Carlo within 5 %."""
-    at = case(kind, point, folder)
-    found, observers = at.results(), Abc(at.kinds(), drawn(at)).observers()
-    for residual in at.ruleset.residuals:
-        spread = float(np.std(signed_sum(residual, observers)))
-        assert spread == pytest.approx(found[f"u:{residual.id}"], rel=0.05), residual.id
+WELL_KNOWN = 0.09
 
 
 @pytest.mark.parametrize(("kind", "point"), CASES)
-def test_degrees_against_monte_carlo(kind: str, point: str, folder: Path) -> None:
-    """Degrees within 5 %, where they are known to better than 0.09.
+def test_against_monte_carlo(kind: str, point: str, folder: Path) -> None:
+    """Claim 12 of the method: propagation from raw inputs agrees with Monte Carlo within 5 %;
+    degrees where they are known to better than 0.09.
 
     A degree is a ratio, D/(g - D): beyond that its distribution has long tails (no standard
     deviation at all, strictly), so half the width of the middle 68 % is compared.
@@ -311,7 +276,10 @@ def test_degrees_against_monte_carlo(kind: str, point: str, folder: Path) -> Non
     at = case(kind, point, folder)
     found, system = at.results(), Abc(at.kinds(), drawn(at))
     residuals = {r.id: r for r in at.ruleset.residuals}
-    compared = 0
+    observers, compared = system.observers(), 0
+    for name, residual in residuals.items():
+        spread = float(np.std(signed_sum(residual, observers)))
+        assert spread == pytest.approx(found[f"u:{name}"], rel=0.05), name
     for cell in at.ruleset.cells:
         key, residual = f"{cell.fault}:{cell.residual}", residuals[cell.residual]
         extra = linearisation(at, cell, residual)
@@ -323,8 +291,6 @@ def test_degrees_against_monte_carlo(kind: str, point: str, folder: Path) -> Non
         assert (high - low) / 2 == pytest.approx(propagated, rel=0.05), key
     assert compared > len(at.ruleset.cells) / 2
 
-
-WELL_KNOWN = 0.09
 
 OFF_BY = [
     ("dosing-centrifugal", "A.pump-plant", "A.dp", 0.85),  # method.md has 153/184 for a larger one
