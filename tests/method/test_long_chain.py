@@ -51,13 +51,8 @@ def test_a_fault_is_found_as_by_long_sums(plant: Path, monkeypatch: pytest.Monke
     near = compile_plant(plant)
     assert len(near.residuals) < len(whole.residuals)
     assert len(near.cells) < len(whole.cells)
-    rows = 60
-    inputs = {"time [s]": np.arange(rows, dtype=float)}
-    inputs |= {
-        f"{s.id} [{s.unit}]": np.full(rows, s.shown(s.reference))
-        for s in whole.signals
-        if s.is_input
-    }
+    inputs = {f"{s.id} [{s.unit}]": np.full(60, s.shown(s.reference)) for s in whole.signals}
+    inputs["time [s]"] = np.arange(60.0)
     found = []
     for ruleset in (whole, near):
         given = rulec.CompileResult(path=plant, ruleset=ruleset)
