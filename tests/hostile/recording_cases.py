@@ -61,53 +61,25 @@ def cases() -> Iterator[Case]:
 
 
 TITLES = [
-    "x" + " " * 2500 + "y [z] w",
-    "A.dp" + " " * 100_000 + "[bar",
-    "a" + " \t" * 20_000 + "b]",
-    "[" * 20_000,
-    "[]" * 20_000,
-    "x" * 1_000_000,
-    "A.dp2 [" + "bar*" * 25_000 + "bar]",
-    "A.n [" + "(" * 500 + "rpm" + ")" * 500 + "]",
-    "A.n [rpm**999999999]",
-    "A.n [__import__('os')]",
-    "a\nb\n\nc",
-    "",
-    'a"b',
-]
+    "x" + " " * 2500 + "y [z] w", "A.dp" + " " * 100_000 + "[bar", "a" + " \t" * 20_000 + "b]",
+    "[" * 20_000, "[]" * 20_000, "x" * 1_000_000, "A.dp2 [" + "bar*" * 25_000 + "bar]",
+    "A.n [" + "(" * 500 + "rpm" + ")" * 500 + "]", "A.n [rpm**999999999]", "A.n [__import__('os')]",
+    "a\nb\n\nc", "", 'a"b',
+]  # fmt: skip
 HEADERS: list[str | bytes] = [
-    "time [s]" + ",x" * 20_000 + "\n0" + ",1" * 20_000,
-    "time [s],A.dp [bar]" * 50_000,
-    SHEET.text().encode("utf-16"),
-    SHEET.text().encode("utf-16")[:-1],
-    '"' + SHEET.text(),
-]
+    "time [s]" + ",x" * 20_000 + "\n0" + ",1" * 20_000, "time [s],A.dp [bar]" * 50_000,
+    SHEET.text().encode("utf-16"), SHEET.text().encode("utf-16")[:-1], '"' + SHEET.text(),
+]  # fmt: skip
 TIMES = [
-    "0001-01-01T00:00:{k:02}+05:00",
-    "9999-12-31T23:59:{k:02}-05:00",
-    "99.99.2024 00:00:{k:02}",
-    "{k}e300",
-    "{k}e-300",
-    "-{k}",
-    "inf",
-    "1000000000000{k:02}",
-    "0x{k}",
-    "\u0661{k}",
-    "1_{k}",
-    "2024-01-01T00:00:{k:02}+23:59",
-    "2024-01",
-]
+    "0001-01-01T00:00:{k:02}+05:00", "9999-12-31T23:59:{k:02}-05:00", "99.99.2024 00:00:{k:02}",
+    "{k}e300", "{k}e-300", "-{k}", "inf", "1000000000000{k:02}", "0x{k}", "\u0661{k}", "1_{k}",
+    "2024-01-01T00:00:{k:02}+23:59", "2024-01",
+]  # fmt: skip
 CELLS = ["1.7976931348623157e308", "5e-324", "9" * 400, "1" * 1_000_000, "nan", "0x1p3"]
 TEXT = SHEET.text().encode()
 GZIP = gzip.compress(TEXT)
 PACKED = [
-    gzip.compress(TEXT + b"0," * 70_000_000, 9),
-    gzip.compress(GZIP),
-    GZIP[:-9],
-    GZIP[:-8] + b"\0" * 8,
-    GZIP + b"rubbish",
-    gzip.compress(b""),
-    GZIP + GZIP,
-    GZIP[:10],
-]
+    gzip.compress(TEXT + b"0," * 70_000_000, 9), gzip.compress(GZIP), GZIP[:-9],
+    GZIP[:-8] + b"\0" * 8, GZIP + b"rubbish", gzip.compress(b""), GZIP + GZIP, GZIP[:10],
+]  # fmt: skip
 """A bomb, packed twice, cut, a wrong sum, rubbish behind, nothing, two in one, a head alone."""

@@ -87,8 +87,8 @@ def cases() -> Iterator[Case]:
         yield Case("markup", f"{i} in a title, shown", ("matrix", "p"), files)
         yield Case("markup", f"{i} as a plant", ("check", text))
     for name, step in STEPS.items():
-        for count in (10, 300):
-            yield check("definition bombs", f"{name} {count}", bomb(step, count), "bomb.yaml")
+        yield check("definition bombs", name, bomb(step, 300), "bomb.yaml")
+    yield check("definition bombs", "a short one", bomb(STEPS["max and min"], 40), "bomb.yaml")
     for i, text in enumerate(_shapes()):
         yield check("shapes of YAML", f"{i}", text)
     for i, text in enumerate(EQUATIONS):
@@ -125,25 +125,12 @@ def _shapes() -> Iterator[str]:
 
 
 EQUATIONS = [
-    "__import__('os').system('touch ../outside/owned')",
-    "dp.__class__",
-    "9**9**9**9",
-    "((dp**8)**8)**8",
-    "(" * 200 + "dp" + ")" * 200,
-    "abs(" * 40 + "dp" + ")" * 40,
-    "dp + " * 400 + "dp",
-    "-" * 500 + "dp",
-    "dp/0",
-    "dp/(q - q)",
-    "dp*1e400",
-    "dp*1j",
-    "lambda x: x",
-    "'a'*10**9",
-    "dp < 1",
-    "(x := dp)",
-    "d\u1e57",
+    "__import__('os').system('touch ../outside/owned')", "dp.__class__", "9**9**9**9",
+    "((dp**8)**8)**8", "(" * 200 + "dp" + ")" * 200, "abs(" * 40 + "dp" + ")" * 40,
+    "dp + " * 400 + "dp", "-" * 500 + "dp", "dp/0", "dp/(q - q)", "dp*1e400", "dp*1j",
+    "lambda x: x", "'a'*10**9", "dp < 1", "(x := dp)", "d\u1e57",
     "dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp))))))",
-]
+]  # fmt: skip
 FAULT = """fault: f
 title: t
 acts_on: flow
@@ -156,9 +143,6 @@ action: a
 source: s
 """
 LAWS = [
-    "(1 - x)*g**8",
-    "abs(" * 25 + "(1 - x)*g" + ")" * 25,
-    " + ".join(["((g + 1)**4*(x + 1)**4)**2"] * 20),
-    "g**9**9",
-    "0*g*x",
-]
+    "(1 - x)*g**8", "abs(" * 25 + "(1 - x)*g" + ")" * 25,
+    " + ".join(["((g + 1)**4*(x + 1)**4)**2"] * 20), "g**9**9", "0*g*x",
+]  # fmt: skip

@@ -64,19 +64,15 @@ UNIX = datetime(1970, 1, 1)
 
 DATES = {
     "historian": shown("%d-%b-%y %H:%M:%S"),
-    "historian, in full": shown("%d-%b-%Y %H:%M:%S.%f"),
     "American, AM and PM": shown("%m/%d/%Y %I:%M:%S %p"),
     "British": shown("%d/%m/%Y %H:%M:%S"),
-    "British, two digits": shown("%d/%m/%y %H:%M:%S"),
     "year first, slashes": shown("%Y/%m/%d %H:%M:%S"),
     "year first, two digits": shown("%y-%m-%d %H:%M:%S"),
     "German": shown("%d.%m.%Y %H:%M:%S"),
-    "German, two digits": shown("%d.%m.%y %H:%M:%S"),
     "German, in words": german,
     "in words": shown("%B %d %Y %H:%M:%S"),
     "milliseconds behind a colon": shown("%d.%m.%Y %H:%M:%S:000"),
     "day of the week": shown("%a %d %b %Y %H:%M:%S"),
-    "with a zone": shown("%d.%m.%Y %H:%M:%S UTC"),
     "compact": shown("%Y%m%dT%H%M%S"),
     "Unix, s": since(UNIX, 1),
     "Unix, ms": since(UNIX, 1e-3),
@@ -263,10 +259,14 @@ def with_map(ruleset: Ruleset, plant: Path, text: str) -> Ruleset:
     )
 
 
+def text_of(name: str) -> str:
+    return FORMS[name] if name in FORMS else stamped(DATES[name])
+
+
 @pytest.mark.parametrize("name", [*FORMS, *DATES])
 def test_forms(name: str, tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording) -> None:
     """The same recording, as it stands and with the map that is proposed; dates are dates."""
-    file = write(tmp_path, FORMS[name] if name in FORMS else stamped(DATES[name]))
+    file = write(tmp_path, text_of(name))
     check(file, plant, abc, expected)
     if name in DATES:
         calendar = read_recording(file, abc).calendar
@@ -315,16 +315,13 @@ def test_what_is_not_good_is_no_reading(
         assert all(np.isfinite(found.values[n]).all() for n in NAMES if n != "A.dp")
 
 
-def test_one_quality_judges_whole_rows(
-    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
-) -> None:
+def test_one_quality_judges_whole_rows(tmp_path: Path, plant: Path, abc: Ruleset) -> None:
     """Where a wide table has one; a status may be that of the plant, and judges nothing."""
     rows = [(*row, "Good" if k < 50 else "Bad") for k, row in enumerate(SHEET.rows)]
     for title, there in (("Quality", 50), ("Status", 60)):
         file = write(tmp_path, Sheet((*SHEET.header, title), tuple(rows)).text())
         for ruleset in (abc, with_map(abc, plant, proposed(file, abc).text)):
-            found = read_recording(file, ruleset)
-            assert there == np.isfinite(found.values["C.dp"]).sum()
+            assert there == np.isfinite(read_recording(file, ruleset).values["C.dp"]).sum()
 
 
 def test_readings_that_are_written_when_they_change(
@@ -472,8 +469,7 @@ def test_shared_cases(case: Path, plant: Path, abc: Ruleset, tmp_path: Path) -> 
     assert [0.2, 0.4, 0.6] == told
 
 
-AGAIN = ("WinCC", "date, time, milliseconds", "quality columns", "pairs", "LabVIEW",
-         "American, AM and PM", "annotated, pivoted")  # fmt: skip
+AGAIN = ("date, time, milliseconds", "pairs", "LabVIEW", "American, AM and PM")
 
 
 @pytest.mark.parametrize("name", AGAIN)
@@ -481,8 +477,7 @@ def test_what_is_simulated_from_it_can_be_read(
     name: str, tmp_path: Path, expected: Recording, abc: Ruleset
 ) -> None:
     """Written in the form of the file, or as a plain table of the same rows."""
-    text = FORMS[name] if name in FORMS else stamped(DATES[name])
-    file, again = write(tmp_path, text), tmp_path / "again.csv"
+    file, again = write(tmp_path, text_of(name)), tmp_path / "again.csv"
     assert 0 == main(["simulate", str(ROOT / "plants" / "abc"), str(file), "-o", str(again), "-q"])
     found = read_recording(again, abc)
     np.testing.assert_allclose(found.time, expected.time, atol=2e-6)

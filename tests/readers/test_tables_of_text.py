@@ -71,20 +71,6 @@ def test_lines_above_the_titles(
     assert (f"x.csv: {count} above the titles left out",) == found.notes
 
 
-def test_state_words_are_counted_by_word(tmp_path: Path, abc: Ruleset) -> None:
-    """Where a historian writes a state in place of a number, there is no reading."""
-    sheet = SHEET.filled("A.dp", "I/O Timeout", 3, 6).filled("A.dp", "Bad", 6, 8)
-    sheet = sheet.filled("A.dp", "No Data", 10, 11).filled("B.dp", "Off", 1, 2)
-    found = read(sheet.text(), tmp_path, abc)
-    assert (
-        "x.csv: 6 cells of A.dp are words (the first, in data row 4: 'I/O Timeout'; "
-        "'I/O Timeout' 3, 'Bad' 2, 'No Data' 1); there it has no reading",
-        "x.csv: 1 cell of B.dp is a word (the first, in data row 2: 'Off'); there it has no "
-        "reading",
-    ) == found.notes
-    assert [3, 4, 5, 6, 7, 10] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
-
-
 def long_rows(late: float = 0.0, of: str = "") -> list[tuple[str, str, str, str]]:
     """Tag, time, value and unit of each reading; those of one tag `late`, s."""
     return [
