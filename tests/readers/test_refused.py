@@ -26,7 +26,7 @@ from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
 from tests.readers.test_formats import READINGS
-from tests.readers.writers import WRITERS, Readings
+from tests.readers.writers import WRITERS
 from tests.runtime.sheets import example, write
 
 
@@ -232,12 +232,10 @@ def test_formulas_in_mdf_are_not_evaluated(tmp_path: Path, abc: Ruleset) -> None
     file = asammdf.MDF(version="4.10")
     file.header.start_time = datetime(1970, 1, 1, tzinfo=UTC)
     conversion = ChannelConversion(conversion_type=3, formula="__import__('os').getpid()+X1")
-    file.append(
-        [
-            asammdf.Signal(time, time, unit="bar", name="A.dp", conversion=conversion),
-            asammdf.Signal(time, time, unit="bar", name="B.dp"),
-        ]
-    )
+    file.append([
+        asammdf.Signal(time, time, unit="bar", name=name, conversion=own)
+        for name, own in (("A.dp", conversion), ("B.dp", None))
+    ])  # fmt: skip
     file.save(tmp_path / "x.mf4")
     found = read_recording(tmp_path / "x.mf4", abc)
     assert "A.dp" not in found.values
@@ -262,22 +260,8 @@ def test_groups_of_several_rates(tmp_path: Path, abc: Ruleset) -> None:
     assert 6 == len(read_recording(tmp_path / "x.tdms#run/6 rows at 10 s", abc))
 
 
-def test_units_that_no_table_knows(tmp_path: Path, abc: Ruleset) -> None:
-    """As in a title: the column, the unit, and what to write."""
-    wrong = {"A.dp": ("barr", np.arange(3.0))}
-    WRITERS["pyarrow.parquet"][0](tmp_path / "x.parquet", Readings(np.arange(3.0), wrong), False)
-    text = refusal(tmp_path / "x.parquet", abc)
-    assert "column 'A.dp': unknown unit 'barr'; did you mean 'bar'?" in text
-
-
-EXTRAS = {
-    "pyarrow.parquet": "parquet",
-    "openpyxl.xlsx": "excel",
-    "scipy.mat": "mat",
-    "asammdf4.mf4": "mdf",
-    "nptdms.tdms": "tdms",
-    "h5py.h5": "hdf5",
-}
+EXTRAS = {"pyarrow.parquet": "parquet", "openpyxl.xlsx": "excel", "scipy.mat": "mat",
+          "asammdf4.mf4": "mdf", "nptdms.tdms": "tdms", "h5py.h5": "hdf5"}  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "extra"), [*EXTRAS.items()])

@@ -4,6 +4,7 @@ in each form, or a refusal that names the key of the column map; never something
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -61,6 +62,8 @@ def german(date: datetime) -> str:
 
 
 UNIX = datetime(1970, 1, 1)
+
+Mapped = Callable[..., Ruleset]
 
 DATES = {
     "historian": shown("%d-%b-%y %H:%M:%S"),
@@ -229,55 +232,58 @@ def same(expected: Recording, found: Recording) -> None:
         np.testing.assert_allclose(found.values[name], values, rtol=1e-12, err_msg=name)
 
 
-@pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The plant abc, with a column map that is yet to be written."""
-    folder = tmp_path_factory.mktemp("plant")
-    for file in (ROOT / "plants" / "abc").glob("*.yaml"):
-        (folder / file.name).write_bytes(file.read_bytes())
-    with (folder / "plant.yaml").open("a", encoding="utf-8") as text:
-        text.write("\ncolumns: columns.yaml\n")
-    return folder
-
-
 def formed(ruleset: Ruleset, **form: Any) -> Ruleset:
     """The same for files of another form."""
     return dataclasses.replace(ruleset, file=dataclasses.replace(ruleset.file, **form))
 
 
-def with_map(ruleset: Ruleset, plant: Path, text: str) -> Ruleset:
-    """The ruleset of a plant that has a column map."""
-    (plant / "columns.yaml").write_text(text, encoding="utf-8")
-    found = run_passes(Compilation(path=plant), "plant").plant
-    columns = (ColumnMap(c.signal, c.column, c.factor, c.offset) for c in found.columns)
-    return dataclasses.replace(
-        ruleset,
-        columns=tuple(columns),
-        time_column=found.time_column,
-        time_zone=found.time_zone,
-        file=found.file,
-    )
+@pytest.fixture(scope="module")
+def mapped(abc: Ruleset, tmp_path_factory: pytest.TempPathFactory) -> Mapped:
+    """The plant abc with a column map: a text, or what is proposed for a file."""
+    plant = tmp_path_factory.mktemp("plant")
+    shutil.copytree(ROOT / "plants" / "abc", plant, dirs_exist_ok=True)
+    with (plant / "plant.yaml").open("a", encoding="utf-8") as text:
+        text.write("\ncolumns: columns.yaml\n")
+
+    def with_map(given: Path | str) -> Ruleset:
+        text = given if isinstance(given, str) else proposed(given, abc).text
+        (plant / "columns.yaml").write_text(text, encoding="utf-8")
+        found = run_passes(Compilation(path=plant), "plant").plant
+        columns = (ColumnMap(c.signal, c.column, c.factor, c.offset) for c in found.columns)
+        return dataclasses.replace(
+            abc,
+            columns=tuple(columns),
+            time_column=found.time_column,
+            time_zone=found.time_zone,
+            file=found.file,
+        )
+
+    return with_map
 
 
 def text_of(name: str) -> str:
     return FORMS[name] if name in FORMS else stamped(DATES[name])
 
 
-@pytest.mark.parametrize("name", [*FORMS, *DATES])
-def test_forms(name: str, tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording) -> None:
-    """The same recording, as it stands and with the map that is proposed; dates are dates."""
-    file = write(tmp_path, text_of(name))
-    check(file, plant, abc, expected)
-    if name in DATES:
-        calendar = read_recording(file, abc).calendar
-        assert calendar is not None
-        assert START.replace(tzinfo=UTC).timestamp() == pytest.approx(calendar.start)
-
-
-def check(file: Path, plant: Path, abc: Ruleset, expected: Recording) -> None:
-    """The same recording without a map, and with the one that is proposed."""
-    same(expected, read_recording(file, abc))
-    same(expected, read_recording(file, with_map(abc, plant, proposed(file, abc).text)))
+@pytest.mark.parametrize("name", [*FORMS, *DATES, "workbook"])
+def test_forms(
+    name: str, tmp_path: Path, mapped: Mapped, abc: Ruleset, expected: Recording
+) -> None:
+    """The same recording, as it stands and with the map that is proposed; dates are dates. In a
+    workbook, date and time of day in two columns."""
+    file = write(tmp_path, "" if name == "workbook" else text_of(name))
+    if name == "workbook":
+        book, file = openpyxl.Workbook(), tmp_path / "x.xlsx"
+        book.active.append(["Date", "Time", *SHEET.header[1:]])
+        for k, row in enumerate(SHEET.rows):
+            book.active.append([at(k).date(), at(k).time(), *map(float, row[1:])])
+        book.save(file)
+    for ruleset in (abc, mapped(file)):
+        found = read_recording(file, ruleset)
+        same(expected, found)
+        if name in DATES:
+            assert found.calendar is not None
+            assert START.replace(tzinfo=UTC).timestamp() == pytest.approx(found.calendar.start)
 
 
 def judged(quality: str, good: str) -> str:
@@ -300,7 +306,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_not_good_is_no_reading(
-    name: str, tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+    name: str, tmp_path: Path, mapped: Mapped, abc: Ruleset
 ) -> None:
     """And how often is told, with the first place."""
     text, wrong = BAD[name]
@@ -308,24 +314,24 @@ def test_what_is_not_good_is_no_reading(
     cells = first.split(",")
     cells[cells.index("1.82216") + (name != "pairs")] = wrong
     file = write(tmp_path, text.replace(first, ",".join(cells), 1))
-    for ruleset in (abc, with_map(abc, plant, proposed(file, abc).text)):
+    for ruleset in (abc, mapped(file)):
         found = read_recording(file, ruleset)
         assert [1] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
         assert any("1 cell of A.dp is a word (the first, in data row 2" in n for n in found.notes)
         assert all(np.isfinite(found.values[n]).all() for n in NAMES if n != "A.dp")
 
 
-def test_one_quality_judges_whole_rows(tmp_path: Path, plant: Path, abc: Ruleset) -> None:
+def test_one_quality_judges_whole_rows(tmp_path: Path, mapped: Mapped, abc: Ruleset) -> None:
     """Where a wide table has one; a status may be that of the plant, and judges nothing."""
     rows = [(*row, "Good" if k < 50 else "Bad") for k, row in enumerate(SHEET.rows)]
     for title, there in (("Quality", 50), ("Status", 60)):
         file = write(tmp_path, Sheet((*SHEET.header, title), tuple(rows)).text())
-        for ruleset in (abc, with_map(abc, plant, proposed(file, abc).text)):
+        for ruleset in (abc, mapped(file)):
             assert there == np.isfinite(read_recording(file, ruleset).values["C.dp"]).sum()
 
 
 def test_readings_that_are_written_when_they_change(
-    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+    tmp_path: Path, mapped: Mapped, abc: Ruleset, expected: Recording
 ) -> None:
     """By more than a share of themselves. Without a word on it they are refused; the map that is
     proposed lets them hold."""
@@ -339,27 +345,23 @@ def test_readings_that_are_written_when_they_change(
     file = write(tmp_path, "\n".join(["Tag,Time,Value,Quality", *rows]) + "\n")
     with pytest.raises(Unclear, match=r"file: \{hold: last\}"):
         read_recording(file, abc)
-    found = read_recording(file, with_map(abc, plant, proposed(file, abc).text))
+    found = read_recording(file, mapped(file))
     np.testing.assert_array_equal(found.time, expected.time)
     for name in NAMES:
         np.testing.assert_allclose(found.values[name], expected.values[name], rtol=0.0021)
     assert any("a reading holds until the next one of its signal" in n for n in found.notes)
 
 
-@pytest.mark.parametrize(("form", "rows"), [({}, range(30, 60)), ({"hold_for": 5.0}, range(60))])
-def test_nothing_holds_beyond_a_bad_quality_or_for_too_long(
-    form: dict[str, float], rows: range, tmp_path: Path, abc: Ruleset
-) -> None:
+def test_what_holds(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
+    """Nothing beyond a bad quality or for too long. In a table with a column per signal, where its
+    map says so, empty cells; a word ends it."""
     lines = [f"A.dp,{at(k)},{1.8 + k / 1000},Good" for k in range(60)]
     lines += [f"A.n,{at(0)},900,Good", f"A.n,{at(30)},901,Bad"]
     file = write(tmp_path, "Tag,Time,Value,Quality\n" + "\n".join(lines) + "\n")
-    found = read_recording(file, formed(abc, hold="last", **form))
-    there = np.flatnonzero(np.isfinite(found.values["A.n"])).tolist()
-    assert there == [k for k in range(60) if k not in rows or (form and k <= 5)]
-
-
-def test_empty_cells_hold(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """In a table with a column per signal, where its map says so; a word ends it."""
+    for form, until in (({}, 30), ({"hold_for": 5.0}, 6)):
+        found = read_recording(file, formed(abc, hold="last", **form))
+        there = np.flatnonzero(np.isfinite(found.values["A.n"])).tolist()
+        assert [*range(until)] == there
     text = SHEET.filled("A.n", "", 1).filled("A.n", "Bad", 40, 41).text()
     found = read_recording(write(tmp_path, text), formed(abc, hold="last"))
     np.testing.assert_array_equal(found.values["A.n"][:40], expected.values["A.n"][0])
@@ -380,7 +382,7 @@ ASKED = {
 
 @pytest.mark.parametrize("name", ASKED)
 def test_what_only_a_person_knows_is_asked(
-    name: str, tmp_path: Path, plant: Path, abc: Ruleset, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, mapped: Mapped, abc: Ruleset, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Refused with the key that helps, with the map too until it is answered there; exit code 1."""
     text, told, key = ASKED[name]
@@ -394,11 +396,11 @@ def test_what_only_a_person_knows_is_asked(
     assert f"# To be answered first: {str(refused.value).partition(': ')[2]}" in shown
     assert "to be answered in the map" in " ".join(aside.split())
     with pytest.raises(Unclear):
-        read_recording(file, with_map(abc, plant, shown))
+        read_recording(file, mapped(shown))
 
 
 def test_a_number_that_fits_two_conventions(
-    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+    tmp_path: Path, mapped: Mapped, abc: Ruleset, expected: Recording
 ) -> None:
     """54.054 in a file with decimal commas is refused, and the map takes what is likely."""
     speeds = SHEET.scaled("A.n", 60.0, "A.n [1/h]").mapped(
@@ -407,17 +409,15 @@ def test_a_number_that_fits_two_conventions(
     file = write(tmp_path, speeds.german().replace("_", "."))
     with pytest.raises(Unclear, match=r"'54.054' may be 54054 or 54.054"):
         read_recording(file, abc)
-    found = read_recording(file, with_map(abc, plant, proposed(file, abc).text))
+    found = read_recording(file, mapped(file))
     np.testing.assert_allclose(found.values["A.n"], expected.values["A.n"], rtol=2e-5)
 
 
-def test_numbers_that_mean_missing(
-    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
-) -> None:
+def test_numbers_that_mean_missing(tmp_path: Path, mapped: Mapped, abc: Ruleset) -> None:
     file = write(tmp_path, SHEET.filled("A.dp", "-9999", 20, 30).text())
     text = proposed(file, abc).text
     assert "missing: [-9999]" in text
-    found = read_recording(file, with_map(abc, plant, text))
+    found = read_recording(file, mapped(text))
     assert [*range(20, 30)] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
     told = "10 cells of A.dp are -9999, which the column map calls missing"
     assert any(told in note for note in found.notes)
@@ -448,22 +448,10 @@ def test_signals_are_known_by_their_words(tmp_path: Path, abc: Ruleset) -> None:
     assert "# no signal: Batch" in text
 
 
-def test_dates_of_a_workbook(
-    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
-) -> None:
-    """Date and time of day in two columns, and a date in one."""
-    book = openpyxl.Workbook()
-    book.active.append(["Date", "Time", *SHEET.header[1:]])
-    for k, row in enumerate(SHEET.rows):
-        book.active.append([at(k).date(), at(k).time(), *map(float, row[1:])])
-    book.save(tmp_path / "x.xlsx")
-    check(tmp_path / "x.xlsx", plant, abc, expected)
-
-
 @pytest.mark.parametrize("case", sorted(CASES.rglob("*.csv")) + sorted(CASES.rglob("*.lvm")))
-def test_shared_cases(case: Path, plant: Path, abc: Ruleset, tmp_path: Path) -> None:
+def test_shared_cases(case: Path, mapped: Mapped) -> None:
     """With the map that is proposed the three leakages are found."""
-    ruleset = with_map(abc, plant, proposed(case, abc).text)
+    ruleset = mapped(case)
     found = diagnose(read_recording(case, ruleset), ruleset).findings
     told = [round(f.degree, 1) for f in found if f.fault.id == "A.leakage"]
     assert [0.2, 0.4, 0.6] == told
