@@ -13,13 +13,28 @@ from typing import Any
 Content = str | bytes
 
 
+def _large(path: Path) -> None:
+    """A terabyte that takes no room."""
+    with path.open("wb") as file:
+        file.truncate(2**40)
+
+
+ODD: dict[str, Callable[[Path], None]] = {
+    "a pipe": os.mkfifo,
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+    "a folder": Path.mkdir,
+    "a link to itself": lambda path: path.symlink_to(path.name),
+    "a terabyte": _large,
+}
+"""What may stand in the place of a file."""
+
+
 @dataclass(frozen=True)
 class Case:
     """Files by name, and the arguments of `rulec`, which is started in their folder.
 
-    `links` lead somewhere, `odd` are no files.
-
-    `{kb}`, `{plants}` and `{rules}` in an argument or a text stand for what is shipped.
+    `links` lead somewhere, `odd` are no files. `{plants}` and `{rules}` in an argument stand for
+    what is shipped.
     """
 
     family: str
@@ -35,35 +50,15 @@ class Case:
 
     def lay_out(self, folder: Path) -> None:
         """Write all files."""
+        for name in (*self.files, *self.links, *self.odd):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
         for name, content in self.files.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
             raw = content if isinstance(content, bytes) else content.encode()
-            path.write_bytes(raw)
+            (folder / name).write_bytes(raw)
         for name, target in self.links.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.symlink_to(target)
+            (folder / name).symlink_to(target)
         for name, kind in self.odd.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            ODD[kind](path)
-
-
-def _large(path: Path) -> None:
-    """A terabyte that takes no room."""
-    with path.open("wb") as file:
-        file.truncate(2**40)
-
-
-ODD: dict[str, Callable[[Path], None]] = {
-    "a pipe": os.mkfifo,
-    "a device": lambda path: path.symlink_to("/dev/zero"),
-    "a folder": Path.mkdir,
-    "a link to itself": lambda path: path.symlink_to(path.name),
-    "a terabyte": _large,
-}
-"""What may stand in the place of a file."""
+            ODD[kind](folder / name)
 
 
 def sealed(data: Mapping[str, Any]) -> str:

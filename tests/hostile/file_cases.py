@@ -28,6 +28,9 @@ ABC = ROOT / "plants" / "abc"
 FLEET = f"fleet: f\nrecordings: recordings\njudged_by: {ABC}\n"
 DAY = "recordings/plant=p/day=2026-01-01"
 BASE: dict[str, Content] = {"r.csv": SHEET.text()}
+NAMED: dict[str, Content] = {"p/plant.yaml": JOINED + "kb: ../k\n", "k/f.yaml": "fault: f\n"}
+OTHER: dict[str, Content] = {"f.yaml": FLEET.replace(str(ABC), "x.json")}
+MQTT = ("--mqtt", "mqtts://localhost", "--mqtt-ca", "x")
 WATCH = ("watch", "{rules}", "--until-end", "--source")
 
 PLACES: dict[str, tuple[str, tuple[str, ...], dict[str, Content]]] = {
@@ -37,11 +40,7 @@ PLACES: dict[str, tuple[str, tuple[str, ...], dict[str, Content]]] = {
     "calibration": ("x", ("check", "plant.yaml"), {"plant.yaml": JOINED + "calibration: [x]\n"}),
     "adjacency": ("x", ("check", "plant.yaml"), {"plant.yaml": PLANT + "adjacency: x\n"}),
     "knowledge": ("p/kb/x.yaml", ("check", "p"), {"p/plant.yaml": JOINED}),
-    "named knowledge": (
-        "k/x.yaml",
-        ("compile", "p", "-o", "o.json"),
-        {"p/plant.yaml": JOINED + "kb: ../k\n", "k/f.yaml": "fault: f\n"},
-    ),
+    "named knowledge": ("k/x.yaml", ("compile", "p", "-o", "o.json"), NAMED),
     "schemas": ("f/x.yaml", ("schema", "f"), {"f/y.yaml": "fault: f\n"}),
     "ruleset": ("x.json", ("diagnose", "x.json", "r.csv"), BASE),
     "recording": ("x.csv", ("diagnose", "{rules}", "x.csv", "--json", "o.json"), {}),
@@ -54,11 +53,7 @@ PLACES: dict[str, tuple[str, tuple[str, ...], dict[str, Content]]] = {
     "truth": ("x.csv", ("diagnose", "{rules}", "r.csv", "--truth", "x.csv", "-q"), BASE),
     "limits": ("x.yaml", ("diagnose", "{plants}/abc", "r.csv", "--limits", "x.yaml"), BASE),
     "fleet": ("x.yaml", ("fleet", "x.yaml"), {}),
-    "ruleset of a fleet": (
-        "x.json",
-        ("fleet", "f.yaml"),
-        {"f.yaml": FLEET.replace(str(ABC), "x.json")},
-    ),
+    "ruleset of a fleet": ("x.json", ("fleet", "f.yaml"), OTHER),
     "mismatch to adopt": ("x.json", ("adopt", "x.json", "-o", "new"), {}),
     "mismatch to tell apart": ("x.json", ("experiment", "x.json"), {}),
     "source": ("x.csv", (*WATCH, "x.csv"), {}),
@@ -66,22 +61,21 @@ PLACES: dict[str, tuple[str, tuple[str, ...], dict[str, Content]]] = {
     "state": ("x", (*WATCH, "r.csv", "--state", "x"), BASE),
     "events": ("x", (*WATCH, "r.csv", "--events", "x"), BASE),
     "journal": ("x", ("journal", "x"), {}),
-    "authorities": (
-        "x",
-        (*WATCH, "r.csv", "--mqtt", "mqtts://localhost", "--mqtt-ca", "x", "--waiting", "."),
-        BASE,
-    ),
+    "authorities": ("x", (*WATCH, "r.csv", *MQTT, "--waiting", "."), BASE),
     "package": ("x.mtp", ("import", "mtp", "x.mtp", "-o", "new"), {}),
 }
 """Where a file is read: its name, the command, and the other files."""
 
+LEAKING = ("a list of users", "broken YAML", "JSON")
+
 
 def cases() -> Iterator[Case]:
     for place, (name, arguments, files) in PLACES.items():
-        for kind in ODD:
+        for kind in ODD if place in ("plant", "recording", "source") else ("a pipe", "a folder"):
             yield Case("no files", f"{kind} as {place}", arguments, files, odd={name: kind})
-        for kind, text in SECRETS.items():
-            own = {**files, name: text}
+        some = SECRETS if place in ("plant", "recording", "source") else LEAKING
+        for kind in some:
+            own = {**files, name: SECRETS[kind]}
             yield Case("files of others", f"{kind} as {place}", arguments, own)
         link = {name: "../" * (1 + name.count("/")) + "outside/precious"}
         yield Case("links", f"out, as {place}", arguments, files, link)
@@ -90,13 +84,8 @@ def cases() -> Iterator[Case]:
 
 
 def _paths() -> Iterator[Case]:
-    aims = {
-        "of the root": "/etc/passwd",
-        "upwards": "../" * 12 + "etc/passwd",
-        "by a link": "away/passwd",
-        "to a process": "/proc/self/environ",
-        "to a device": "/dev/zero",
-    }
+    aims = ["/etc/passwd", "../" * 12 + "etc/passwd", "away/passwd", "/proc/self/environ",
+            "/dev/zero"]  # fmt: skip
     keys = {
         "columns": JOINED + "columns: {}\n",
         "calibration": JOINED + "calibration: [{}]\n",
@@ -107,10 +96,10 @@ def _paths() -> Iterator[Case]:
         "results": FLEET + "results: {}\n",
     }
     for key, text in keys.items():
-        for name, aim in aims.items():
+        for aim in aims:
             files = {"p/plant.yaml": text.replace("{}", aim), f"p/{DAY}/r.csv": SHEET.text()}
             arguments = ("fleet", "p/plant.yaml") if text.startswith("fleet") else ("check", "p")
-            yield Case("paths", f"{key} {name}", arguments, files, {"p/away": "/etc"})
+            yield Case("paths", f"{key} {aim}", arguments, files, {"p/away": "/etc"})
     for scheme in SCHEMES.split():
         place = f"recordings: {scheme}:///etc/x"
         files = {"f.yaml": FLEET.replace("recordings: recordings", place)}
@@ -119,16 +108,17 @@ def _paths() -> Iterator[Case]:
 
 def _sizes() -> Iterator[Case]:
     wide = "time [s]" + ",x" * 2_000_000 + "\n0" + ",1" * 2_000_000 + "\n"
-    for name, text in {
-        "two million columns": wide,
-        "two million columns, semicolons": wide.replace(",", ";"),
-        "a line of 20 MB": "time [s],A.dp [bar]\n" + "1" * 20_000_000,
-        "a title of 20 MB": "A" * 20_000_000 + "\n1\n",
-        "zeros": "time [s],A.dp [bar]\n" + "\0" * 1000,
-    }.items():
-        for place in ("recording", "source"):
-            file, arguments, _ = PLACES[place]
-            yield Case("sizes", f"{name} as {place}", arguments, {file: text})
+    texts = [
+        wide,
+        wide.replace(",", ";"),
+        "time [s],A.dp [bar]\n" + "1" * 20_000_000,
+        "A" * 20_000_000 + "\n1\n",
+        "time [s],A.dp [bar]\n" + "\0" * 1000,
+    ]
+    for place in ("recording", "source"):
+        file, arguments, _ = PLACES[place]
+        for i, text in enumerate(texts):
+            yield Case("sizes", f"{i} as {place}", arguments, {file: text})
     for name, raw in _states():
         file, arguments, files = PLACES["state"]
         yield Case("sizes", f"{name} as state", arguments, {**files, file: raw})
@@ -148,10 +138,8 @@ def _states() -> Iterator[tuple[str, bytes]]:
     rules = compiled("abc")
     own = {"form": limits.STATE_FORM, "plant": rules.plant, "sources": rules.sources, "dated": 1}
     yield "half a state", archive(own)
-    header = (
-        b"\x93NUMPY\x01\0v\0{'descr': '<f8', 'fortran_order': False, 'shape': (%d,), }" % 10**15
-    )
-    npy = header.ljust(127) + b"\n"
+    head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({10**15},), }}"
+    npy = b"\x93NUMPY\x01\0v\0" + head.encode().ljust(117) + b"\n"
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as packed:
         packed.writestr("text.npy", npy)

@@ -71,95 +71,67 @@ def check(family: str, name: str, text: str, file: str = "plant.yaml") -> Case:
 
 
 def cases() -> Iterator[Case]:
+    family = "control characters in YAML"
     for name, text in ESCAPED.items():
-        family = "control characters in YAML"
-        yield check(family, f"{name} in a plant's title", plant(title=text))
-        yield check(family, f"{name} in a module's title", plant(module=text))
+        yield check(family, f"{name} in a title", plant(title=text, module=text))
         yield check(family, f"{name} as a key", plant(more=f'"{text}": 1'))
-        yield check(family, f"{name} as a file", plant(more=f'columns: "{text}"'))
-        yield check(family, f"{name} in a source", module(source=text), "bomb.yaml")
-        yield check(family, f"{name} as a unit", module().replace("ml/rev", f'"{text}"'), "b.yaml")
+    text = ESCAPED["escape"]
+    yield check(family, "as a file", plant(more=f'columns: "{text}"'))
+    yield check(family, "in a source", module(source=text), "bomb.yaml")
+    yield check(family, "as a unit", module().replace("ml/rev", f'"{text}"'), "b.yaml")
     for i, text in enumerate(MARKUP):
         quoted = text.replace("\\", "\\\\")
         files = {"p/plant.yaml": plant(title=quoted, module=quoted)}
-        yield Case("markup", f"{i} in a title, compiled", ("compile", "p"), files)
+        out = f"x{i}{text.replace('/', '')}"
+        yield Case("markup", f"{i} in a title, compiled", ("compile", "p", "-o", out), files)
         yield Case("markup", f"{i} in a title, shown", ("matrix", "p"), files)
-        yield Case(
-            "markup",
-            f"{i} as a file name",
-            ("compile", "p", "-o", f"x{i}{text.replace('/', '')}"),
-            files,
-        )
         yield Case("markup", f"{i} as a plant", ("check", text))
     for name, step in STEPS.items():
-        for count in (10, 40, 300):
-            yield check("definition bombs", f"{name} {count}", bomb(step, count), "bomb.yaml")
-    yield from _structures()
-    yield from _equations()
-
-
-def _structures() -> Iterator[Case]:
-    family = "shapes of YAML"
-    shapes = {
-        "deep list": "a: " + "[" * 5000 + "]" * 5000,
-        "deep group": "a: " + "{a: " * 3000 + "}" * 3000,
-        "anchors": "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n",
-        "tag": "plant: !!python/object/apply:os.system [touch ../outside/owned]\n",
-        "two documents": "plant: p\n---\nplant: q\n",
-        "number of 5000 digits": plant(more="x: " + "9" * 5000),
-        "infinite": plant(more="x: 1e999"),
-        "10000 keys": plant(more="\n".join(f"k{i}: 1" for i in range(10_000))),
-        "one key 10000 times": plant(more="k: 1\n" * 10_000),
-        "a name of 100000 letters": plant(more=f"{'k' * 100_000}: 1"),
-        "a calibration 20000 times": plant(more=f"calibration: [{', '.join(['k.yaml'] * 20_000)}]"),
-        "20000 calibrations": plant(
-            more=f"calibration: [{', '.join(f'k{i}.yaml' for i in range(20_000))}]"
-        ),
-        "5000 connections": plant(more="").replace(
-            "[A -> C, B -> C]", f"[{', '.join(['A -> C'] * 5000)}]"
-        ),
-        "blanks": "plant: " + " " * 200_000 + "p\n",
-        "quotes": '"' * 50_000,
-        "a list as plant": "plant: [p]\n",
-        "nothing": "",
-        "null byte": "plant: p\0\n",
-        "columns elsewhere": plant(more="columns: ../../../../etc/passwd"),
-        "knowledge base elsewhere": plant(more="kb: /proc"),
-        "itself as calibration": plant(more="calibration: [plant.yaml]"),
-        "adjacency from a device": plant(more="adjacency: /dev/null").replace(
-            "connections: [A -> C, B -> C]\n", ""
-        ),
-    }
-    for name, text in shapes.items():
-        yield check(family, name, text)
-
-
-def _equations() -> Iterator[Case]:
-    family = "equations"
-    texts = {
-        "call": "__import__('os').system('touch ../outside/owned')",
-        "attribute": "dp.__class__",
-        "tower": "9**9**9**9",
-        "nested powers": "((dp**8)**8)**8",
-        "deep": "(" * 200 + "dp" + ")" * 200,
-        "deep roots": "abs(" * 40 + "dp" + ")" * 40,
-        "long": "dp + " * 400 + "dp",
-        "minus signs": "-" * 500 + "dp",
-        "divides by zero": "dp/0",
-        "hidden zero": "dp/(q - q)",
-        "huge": "dp*1e400",
-        "imaginary": "dp*1j",
-        "lambda": "lambda x: x",
-        "string": "'a'*10**9",
-        "comparison": "dp < 1",
-        "walrus": "(x := dp)",
-        "unicode": "d\u1e57",
-        "fraction of fractions": "dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp))))))",
-    }
-    for name, text in texts.items():
+        yield check("definition bombs", name, bomb(step, 300), "bomb.yaml")
+    yield check("definition bombs", "a short one", bomb(STEPS["max and min"], 40), "bomb.yaml")
+    for i, text in enumerate(_shapes()):
+        yield check("shapes of YAML", f"{i}", text)
+    for i, text in enumerate(EQUATIONS):
         definition = f'  d1: {{is: "{text}"}}'
-        yield check(family, name, module(definition, "d1"), "bomb.yaml")
-    fault = """fault: f
+        yield check("equations", f"{i}", module(definition, "d1"), "bomb.yaml")
+    for i, law in enumerate(LAWS):
+        yield check("equations", f"law {i}", FAULT.format(law=law), "fault.yaml")
+
+
+def _shapes() -> Iterator[str]:
+    joined = "[A -> C, B -> C]"
+    yield "a: " + "[" * 5000 + "]" * 5000
+    yield "a: " + "{a: " * 3000 + "}" * 3000
+    yield "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n"
+    yield "plant: !!python/object/apply:os.system [touch ../outside/owned]\n"
+    yield "plant: p\n---\nplant: q\n"
+    yield plant(more="x: " + "9" * 5000)
+    yield plant(more="x: 1e999")
+    yield plant(more="\n".join(f"k{i}: 1" for i in range(10_000)))
+    yield plant(more="k: 1\n" * 10_000)
+    yield plant(more=f"{'k' * 100_000}: 1")
+    yield plant(more=f"calibration: [{', '.join(['k.yaml'] * 20_000)}]")
+    yield plant(more=f"calibration: [{', '.join(f'k{i}.yaml' for i in range(20_000))}]")
+    yield plant().replace(joined, f"[{', '.join(['A -> C'] * 5000)}]")
+    yield "plant: " + " " * 200_000 + "p\n"
+    yield '"' * 50_000
+    yield "plant: [p]\n"
+    yield ""
+    yield "plant: p\0\n"
+    yield plant(more="columns: ../../../../etc/passwd")
+    yield plant(more="kb: /proc")
+    yield plant(more="calibration: [plant.yaml]")
+    yield plant(more="adjacency: /dev/null").replace(f"connections: {joined}\n", "")
+
+
+EQUATIONS = [
+    "__import__('os').system('touch ../outside/owned')", "dp.__class__", "9**9**9**9",
+    "((dp**8)**8)**8", "(" * 200 + "dp" + ")" * 200, "abs(" * 40 + "dp" + ")" * 40,
+    "dp + " * 400 + "dp", "-" * 500 + "dp", "dp/0", "dp/(q - q)", "dp*1e400", "dp*1j",
+    "lambda x: x", "'a'*10**9", "dp < 1", "(x := dp)", "d\u1e57",
+    "dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp/(dp + dp))))))",
+]  # fmt: skip
+FAULT = """fault: f
 title: t
 acts_on: flow
 law: "{law}"
@@ -170,11 +142,7 @@ text: t
 action: a
 source: s
 """
-    for name, law in {
-        "power": "(1 - x)*g**8",
-        "deep": "abs(" * 25 + "(1 - x)*g" + ")" * 25,
-        "sum of powers": " + ".join(["((g + 1)**4*(x + 1)**4)**2"] * 20),
-        "tower": "g**9**9",
-        "nothing": "0*g*x",
-    }.items():
-        yield check("equations", f"law of a fault: {name}", fault.format(law=law), "fault.yaml")
+LAWS = [
+    "(1 - x)*g**8", "abs(" * 25 + "(1 - x)*g" + ")" * 25,
+    " + ".join(["((g + 1)**4*(x + 1)**4)**2"] * 20), "g**9**9", "0*g*x",
+]  # fmt: skip

@@ -31,15 +31,11 @@ def group(rules: Ruleset, *faults: str) -> AmbiguousGroup:
     return found
 
 
-def promised(advice: str) -> float:
-    """The last degree that an advice names."""
-    return float(re.findall(r"[0-9.]+(?= on$)", advice)[0])
-
-
 def isolability(plant: str) -> Compilation:
     here = PLANTS / plant
-    folder = here if here.is_dir() else ROOT / "plants" / plant
-    return run_passes(Compilation(path=folder), "isolability")
+    return run_passes(
+        Compilation(path=here if here.is_dir() else ROOT / "plants" / plant), "isolability"
+    )
 
 
 def degrees(made: Compilation, faults: Sequence[str], tables: Linearised | None = None) -> Array:
@@ -57,43 +53,28 @@ def degrees(made: Compilation, faults: Sequence[str], tables: Linearised | None 
     return found
 
 
-@pytest.mark.parametrize(
-    ("faults", "expected"),
-    [(("A.dp.high", "A.clogging"), (0.44, 0.57)), (("A.dp.low", "A.widening"), (0.44, 0.57))],
-)
-def test_pump_pressure_against_clogging(faults: tuple[str, str], expected: object) -> None:
-    """By Table 1 alone a sensor error of 0.44 or a clogging of 0.57 (method.md, section 2).
-
-    First order at the fault-free point gives 0.427 and 0.570.
-    """
+def test_degrees_of_table_1() -> None:
+    """By Table 1 alone a pump pressure error of 0.44 or a clogging of 0.57 (method.md, section 2);
+    first order at the fault-free point gives 0.427 and 0.570. Of the mixer between 0.12 and 0.20,
+    here with the scatter of the parameters."""
     made = isolability("abc")
     tables = linearise(made.network, made.assembly, made.signatures)
     readings = {
         observer: {name: slope for name, slope in gradient.items() if name in tables.uncertainties}
         for observer, gradient in tables.gradients.items()
     }
-    found = degrees(made, faults, dataclasses.replace(tables, gradients=readings))
-    assert expected == pytest.approx((found[0, 1], found[1, 0]), rel=0.05)
-
-
-def test_mixer_pressure_against_clogging() -> None:
-    """Between 0.12 and 0.20 (method.md, section 2), here with the scatter of the parameters."""
-    found = degrees(isolability("abc"), ["C.clogging", "C.dp.high"])
+    alone = dataclasses.replace(tables, gradients=readings)
+    for faults in (("A.dp.high", "A.clogging"), ("A.dp.low", "A.widening")):
+        found = degrees(made, faults, alone)
+        assert (0.44, 0.57) == pytest.approx((found[0, 1], found[1, 0]), rel=0.05)
+    found = degrees(made, ["C.clogging", "C.dp.high"])
     assert [True, True] == [0.12 <= x <= 0.20 for x in (found[0, 1], found[1, 0])]
 
 
-@pytest.mark.parametrize("plant", ["abc", "abc-centrifugal"])
-def test_told_from_is_what_the_whole_plant_tells(plant: str) -> None:
-    """Where all modules meet at one junction, the neighbourhood is the plant."""
-    made = isolability(plant)
-    for g in made.isolability.groups:
-        whole = degrees(made, g.faults)
-        assert [whole[0, 1], whole[1, 0]] == pytest.approx(g.degrees, rel=1e-6)
-
-
-@pytest.mark.parametrize("plant", ["series", "mixing-rig", "parallel", "recirculation", "header"])
+@pytest.mark.parametrize("plant", ["abc-centrifugal", "mixing-rig", "recirculation", "header"])
 def test_neighbourhood_promises_no_more_than_the_plant(plant: str) -> None:
-    """Fewer residuals see less: the degrees told are safe ones, and mostly within a tenth."""
+    """Fewer residuals see less: the degrees told are safe ones, and mostly within a tenth. Where
+    all modules meet at one junction, the neighbourhood is the plant."""
     made = isolability(plant)
     ratios = []
     for g in (g for g in made.isolability.groups if g.degrees):
@@ -104,61 +85,55 @@ def test_neighbourhood_promises_no_more_than_the_plant(plant: str) -> None:
             ratios += [g.degrees[0] / whole[0, 1], g.degrees[1] / whole[1, 0]]
     assert min(ratios) > 1 - 1e-6
     assert np.median(ratios) < 1.1
+    assert plant != "abc-centrifugal" or max(ratios) < 1 + 1e-6
 
 
-OBSERVER = "observers:\n", "observers:\n  more: {component: NEW, Q: FLOW, source: test}\n"
-SIGNAL = (
-    "signals:\n",
-    "signals:\n  dp_b: {quantity: pressure difference, unit: bar, sensor: piezoresistive, "
-    "range: [0, 10], reference: 1.8}\n",
+METER = "  Q: {quantity: volume flow, unit: l/h, sensor: turbine-flow}"
+SECOND = (
+    "  dp_b: {quantity: pressure difference, unit: bar, sensor: piezoresistive, "
+    "range: [0, 10], reference: 1.8}"
 )
+PUMP = "{component: pump, Q: n*V - (C0 + C1*n + C2*dp_b**2), source: test}"
+ADVISED = [
+    (("A.clogging", "C.widening"), "C.volume flow", "static-mixer", METER,
+     "{component: meter, Q: Q, source: test}", 0.02),
+    (("B.clogging", "B.dp.high"), "B.dp", "dosing-pcp", SECOND, PUMP, 0.05),
+]  # fmt: skip
+"""Faults, the sensor that is advised, the module type that gets it, with an observer."""
 
 
-def observer(component: str, flow: str) -> tuple[str, str]:
-    """A change that adds an observer."""
-    return OBSERVER[0], OBSERVER[1].replace("NEW", component).replace("FLOW", flow)
-
-
-def with_sensor(folder: Path, plant: str, kind: str, changes: Sequence[tuple[str, str]]) -> Path:
-    """A copy of a plant and of the knowledge base with one module type changed."""
-    shutil.copytree(ROOT / "kb", folder / "kb")
-    file = folder / "kb" / "modules" / f"{kind}.yaml"
-    text = file.read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
+@pytest.mark.parametrize(("faults", "sensor", "kind", "signal", "observer", "rel"), ADVISED)
+def test_advised_sensor_keeps_its_promise(
+    faults: tuple[str, str],
+    sensor: str,
+    kind: str,
+    signal: str,
+    observer: str,
+    rel: float,
+    tmp_path: Path,
+) -> None:
+    """With it fitted and compiled, the pair is told from the degree that the advice says."""
+    advised = group(ruleset("abc-centrifugal"), *faults)
+    assert [sensor] == [f"{s.module}.{s.signal}" for s in advised.sensors]
+    folder = own_plant(tmp_path, (PLANTS / "abc-centrifugal" / "plant.yaml").read_text())
+    file = tmp_path / "kb" / "modules" / f"{kind}.yaml"
+    head, _, tail = file.read_text(encoding="utf-8").partition("signals:\n")
+    text = f"{head}signals:\n{signal}\n{tail}"
+    text = text.replace("observers:\n", f"observers:\n  more: {observer}\n", 1)
     file.write_text(text, encoding="utf-8")
+    made = run_passes(Compilation(path=folder), "isolability")
+    found = degrees(made, faults)
+    told = float(re.findall(r"[0-9.]+(?= on$)", advised.advice)[0])
+    assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=rel)
+    assert sensor == "B.dp" or faults not in {g.faults for g in made.isolability.groups}
+
+
+def own_plant(folder: Path, plant: str) -> Path:
+    """A folder with a plant, beside a copy of the knowledge base."""
+    shutil.copytree(ROOT / "kb", folder / "kb", ignore=shutil.ignore_patterns("effects"))
     (folder / "plant").mkdir()
-    shutil.copy(PLANTS / plant / "plant.yaml", folder / "plant")
+    (folder / "plant" / "plant.yaml").write_text(plant, encoding="utf-8")
     return folder / "plant"
-
-
-def test_advised_flow_meter_keeps_its_promise(tmp_path: Path) -> None:
-    """With the meter fitted and compiled, the pair is told from the degree that the advice says."""
-    faults = ("A.clogging", "C.widening")
-    advised = group(ruleset("abc-centrifugal"), *faults)
-    assert [("C", "volume flow")] == [(s.module, s.signal) for s in advised.sensors]
-    meter = "  Q: {quantity: volume flow, unit: l/h, sensor: turbine-flow}"
-    changes = [("signals:\n", f"signals:\n{meter}\n"), observer("meter", "Q")]
-    folder = with_sensor(tmp_path, "abc-centrifugal", "static-mixer", changes)
-    made = run_passes(Compilation(path=folder), "isolability")
-    found = degrees(made, faults)
-    told = promised(advised.advice)
-    assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=0.02)
-    assert faults not in {g.faults for g in made.isolability.groups}
-
-
-def test_advised_second_reading_keeps_its_promise(tmp_path: Path) -> None:
-    """A second pressure reading, with an own pump estimate, does what the advice says."""
-    faults = ("B.clogging", "B.dp.high")
-    advised = group(ruleset("abc-centrifugal"), *faults)
-    assert ["B.dp"] == [f"{s.module}.{s.signal}" for s in advised.sensors]
-    changes = [SIGNAL, observer("pump", "n*V - (C0 + C1*n + C2*dp_b**2)")]
-    folder = with_sensor(tmp_path, "abc-centrifugal", "dosing-pcp", changes)
-    made = run_passes(Compilation(path=folder), "isolability")
-    found = degrees(made, faults)
-    told = promised(advised.advice)
-    assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=0.05)
 
 
 LONE_PUMP = """
@@ -185,11 +160,9 @@ connections: [A -> C]
 
 def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
     """One residual for three faults: it takes a flow meter and a second mixer pressure."""
-    shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    plant = own_plant(tmp_path, LONE_PLANT)
     (tmp_path / "kb" / "modules" / "lone-pump.yaml").write_text(LONE_PUMP, encoding="utf-8")
-    (tmp_path / "plant").mkdir()
-    (tmp_path / "plant" / "plant.yaml").write_text(LONE_PLANT, encoding="utf-8")
-    matrix = json_form(compile_plant(tmp_path / "plant"))
+    matrix = json_form(compile_plant(plant))
     three, two = matrix["advice"]
     assert ["A.leakage", "C.widening", "C.dp.low"] == three["faults"]
     assert ["C.clogging", "C.dp.high"] == two["faults"]

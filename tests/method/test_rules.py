@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
@@ -15,9 +13,6 @@ KINDS = {
     plant: {"A": plant.removeprefix("abc-") if "-" in plant else "pcp", "B": "pcp"}
     for plant in PUMPS
 }
-EACH_PUMP = pytest.mark.parametrize("plant", PUMPS)
-
-
 SCATTER = {"n": 0.001, "dp": 0.003, "P_el": 0.1}
 """So far that no two observers agree, and every square root exists."""
 
@@ -32,49 +27,31 @@ def arbitrary(plant: str, points: int = 50) -> dict[str, Array]:
     return result
 
 
-def compare(plant: str, form: str, expected: Mapping[str, Array], values: dict[str, Array]) -> None:
-    """Assert that all cells of a form are those expected, with the expected values."""
-    rules = ruleset(plant)
+@pytest.mark.parametrize("plant", PUMPS)
+def test_rules_by_hand(plant: str) -> None:
+    """All nine residuals, first minus second, in l/h. All cells of the table of section 3, clogging
+    and widening at the same flow; Eq. 16 of dp_mod, static part included, for the mixer sum of
+    m_eff less m_resis; forms without linearisation, no value where no reading could be right."""
+    rules, values, kinds = ruleset(plant), arbitrary(plant), KINDS[plant]
     found = evaluate(rules, values)
-    cells = {f"{c.fault}:{c.residual}" for c in rules.cells if form in c.forms}
-    assert set(expected) == cells
-    for cell, x in expected.items():
-        assert np.isfinite(x).any()
-        assert x == pytest.approx(found[f"x:{form}:{cell}"], rel=1e-7, abs=1e-8, nan_ok=True), cell
-
-
-@EACH_PUMP
-def test_residuals(plant: str) -> None:
-    """All nine residuals, first minus second, in l/h."""
-    values = arbitrary(plant)
-    found = evaluate(ruleset(plant), values)
-    for name, R in by_hand.residuals(KINDS[plant], values).items():
+    for name, R in by_hand.residuals(kinds, values).items():
         assert R == pytest.approx(found[f"R:{name}"] * 3.6e6, rel=1e-8, abs=1e-7), name
-
-
-@EACH_PUMP
-def test_same_flow_rules(plant: str) -> None:
-    """All cells of the table of section 3, clogging and widening at the same flow."""
-    values = arbitrary(plant)
-    compare(plant, "linear", by_hand.rules(KINDS[plant], values, paper=False), values)
-
-
-@EACH_PUMP
-def test_paper_rules(plant: str) -> None:
-    """Eq. 16 of dp_mod, static part included; for the mixer sum of m_eff less m_resis."""
-    values = arbitrary(plant)
-    expected = by_hand.rules(KINDS[plant], values, paper=True)
-    changed = {
-        c: x for c, x in expected.items() if c.split(":")[0][1:] in (".clogging", ".widening")
+    changed = (".clogging", ".widening")
+    expected = {
+        "linear": by_hand.rules(kinds, values, paper=False),
+        "paper": {
+            cell: x
+            for cell, x in by_hand.rules(kinds, values, paper=True).items()
+            if cell.split(":")[0][1:] in changed
+        },
+        "exact": by_hand.exact(kinds, values),
     }
-    compare(plant, "paper", changed, values)
-
-
-@EACH_PUMP
-def test_exact_rules(plant: str) -> None:
-    """Forms without linearisation; no value where no reading could be right."""
-    values = arbitrary(plant)
-    compare(plant, "exact", by_hand.exact(KINDS[plant], values), values)
+    for form, degrees in expected.items():
+        assert {f"{c.fault}:{c.residual}" for c in rules.cells if form in c.forms} == set(degrees)
+        for cell, x in degrees.items():
+            assert np.isfinite(x).any()
+            shown = pytest.approx(found[f"x:{form}:{cell}"], rel=1e-7, abs=1e-8, nan_ok=True)
+            assert x == shown, (form, cell)
 
 
 def test_written_rules_read_like_the_paper() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import shutil
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -36,30 +37,15 @@ def read(text: str, folder: Path, ruleset: Ruleset) -> Recording:
     return read_recording(write(folder, text), ruleset)
 
 
-UNIT_ROWS = {
-    "plain": UNITS,
-    "in brackets": tuple(f"[{unit}]" for unit in UNITS),
-    "in round brackets": tuple(f"({unit})" for unit in UNITS),
-    "none for the time": ("", *UNITS[1:]),
-}
-
-
-@pytest.mark.parametrize("name", UNIT_ROWS)
-def test_units_below_the_titles(
-    name: str, tmp_path: Path, abc: Ruleset, expected: Recording
-) -> None:
-    """They count as those in titles do."""
-    found = read(Sheet(BARE.header, (UNIT_ROWS[name], *BARE.rows)).text(), tmp_path, abc)
-    same(expected, found)
-    assert () == found.notes
-
-
-def test_unit_row_that_contradicts_is_told(
-    tmp_path: Path, abc: Ruleset, expected: Recording
-) -> None:
-    """The title counts, and a note names both."""
-    units = tuple("mbar" if title == "A.dp [bar]" else "" for title in SHEET.header)
-    units = ("s", *units[1:])
+def test_units_below_the_titles(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
+    """They count as those in titles do; where both contradict, the title counts, and a note names
+    both."""
+    brackets = tuple(f"[{unit}]" for unit in UNITS)
+    for units in (UNITS, brackets, tuple(f"({unit})" for unit in UNITS), ("", *UNITS[1:])):
+        found = read(Sheet(BARE.header, (units, *BARE.rows)).text(), tmp_path, abc)
+        same(expected, found)
+        assert () == found.notes
+    units = ("s", *("mbar" if title == "A.dp [bar]" else "" for title in SHEET.header[1:]))
     found = read(Sheet(SHEET.header, (units, *SHEET.rows)).text(), tmp_path, abc)
     same(expected, found)
     assert (
@@ -69,36 +55,20 @@ def test_unit_row_that_contradicts_is_told(
 
 
 ABOVE = {
-    "title and date": "Test rig 3\nDate;2025-03-31\nOperator;N. N.\n\n",
-    "a table of its own": "Channel;Serial\nPT1;4711\nTT1;4712\n",
-    "prose with separators": "Recorded at night, by hand; see the log\n",
+    "Test rig 3\nDate;2025-03-31\nOperator;N. N.\n\n": "3 lines",
+    "Channel;Serial\nPT1;4711\nTT1;4712\n": "3 lines",
+    "Recorded at night, by hand; see the log\n": "1 line",
 }
 
 
-@pytest.mark.parametrize("name", ABOVE)
+@pytest.mark.parametrize(("above", "count"), [*ABOVE.items()])
 def test_lines_above_the_titles(
-    name: str, tmp_path: Path, abc: Ruleset, expected: Recording
+    above: str, count: str, tmp_path: Path, abc: Ruleset, expected: Recording
 ) -> None:
     """What a logger tells of itself is no part of the table, and that is told."""
-    found = read(ABOVE[name] + SHEET.german(), tmp_path, abc)
+    found = read(above + SHEET.german(), tmp_path, abc)
     same(expected, found)
-    lines = sum(1 for line in ABOVE[name].splitlines() if line)
-    count = "1 line" if lines == 1 else f"{lines} lines"
     assert (f"x.csv: {count} above the titles left out",) == found.notes
-
-
-def test_state_words_are_counted_by_word(tmp_path: Path, abc: Ruleset) -> None:
-    """Where a historian writes a state in place of a number, there is no reading."""
-    sheet = SHEET.filled("A.dp", "I/O Timeout", 3, 6).filled("A.dp", "Bad", 6, 8)
-    sheet = sheet.filled("A.dp", "No Data", 10, 11).filled("B.dp", "Off", 1, 2)
-    found = read(sheet.text(), tmp_path, abc)
-    assert (
-        "x.csv: 6 cells of A.dp are words (the first, in data row 4: 'I/O Timeout'; "
-        "'I/O Timeout' 3, 'Bad' 2, 'No Data' 1); there it has no reading",
-        "x.csv: 1 cell of B.dp is a word (the first, in data row 2: 'Off'); there it has no "
-        "reading",
-    ) == found.notes
-    assert [3, 4, 5, 6, 7, 10] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
 
 
 def long_rows(late: float = 0.0, of: str = "") -> list[tuple[str, str, str, str]]:
@@ -111,28 +81,22 @@ def long_rows(late: float = 0.0, of: str = "") -> list[tuple[str, str, str, str]
     ]
 
 
-def lines(*columns: str, rows: Iterable[tuple[str, ...]]) -> str:
-    return "\n".join(",".join(row) for row in [columns, *rows]) + "\n"
+def lines(rows: Iterable[tuple[str, ...]]) -> str:
+    return "\n".join(",".join(row) for row in [("tag", "time [s]", "value", "unit"), *rows]) + "\n"
 
 
 def test_long_table(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """A reading a row, with its unit: the same recording, in any order of rows."""
-    rows = sorted(long_rows())
-    found = read(lines("Tag", "Timestamp", "Value", "Unit", rows=rows), tmp_path, abc)
+    """A reading a row, with its unit: the same recording, in any order of rows and format."""
+    found = read(lines(sorted(long_rows())), tmp_path, abc)
     same(expected, found)
     assert ("x.csv: a reading a row; 13 tags became columns",) == found.notes
-
-
-def test_long_table_of_another_format(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     tag, time, value, unit = zip(*long_rows(), strict=True)
-    table = {
-        "tag": pa.array(tag).dictionary_encode(),
-        "time": np.array(time, dtype=float),
-        "value": np.array(value, dtype=float),
-        "unit": unit,
-    }
+    table = {"tag": pa.array(tag).dictionary_encode(), "time": np.array(time, dtype=float)}
+    table |= {"value": np.array(value, dtype=float), "unit": unit}
     pa.parquet.write_table(pa.table(table), tmp_path / "x.parquet")
     same(expected, read_recording(tmp_path / "x.parquet", abc))
+    with pytest.raises(RecordingRefused, match=r"readings of 'A\.dp' are in 'bar' and in 'mbar'"):
+        read(lines([*long_rows(), ("A.dp", "99", "1800", "mbar")]), tmp_path, abc)
 
 
 def test_long_table_with_times_of_their_own(
@@ -140,52 +104,21 @@ def test_long_table_with_times_of_their_own(
 ) -> None:
     """A reading stands in the row nearest to it, within half a row, and how far it was moved is
     told; beyond that it has no row."""
-    columns = ("tag", "time [s]", "value", "unit")
-    found = read(lines(*columns, rows=long_rows(0.3, "A.dp")), tmp_path, abc)
+    found = read(lines(long_rows(0.3, "A.dp")), tmp_path, abc)
     same(expected, found)
     assert (
         "x.csv: 60 readings were taken at other times than those of 'A.n'; each stands in the row "
         "nearest to it, at most 0.3 away"
     ) in found.notes
     seldom = [r for r in long_rows() if r[0] != "A.dp" or float(r[1]) % 10 == 0]
-    found = read(lines(*columns, rows=seldom), tmp_path, abc)
+    found = read(lines(seldom), tmp_path, abc)
     assert [0, 10, 20, 30, 40, 50] == np.flatnonzero(np.isfinite(found.values["A.dp"])).tolist()
     gone = [(t, str(float(s) + 600.4) if t == "A.dp" else s, v, u) for t, s, v, u in long_rows()]
     with pytest.raises(RecordingRefused, match="expected seconds, or dates"):
-        read(lines(*columns, rows=[(t, "soon", v, u) for t, _, v, u in gone]), tmp_path, abc)
-    found = read(lines(*columns, rows=gone), tmp_path, abc)
+        read(lines((t, "soon", v, u) for t, _, v, u in gone), tmp_path, abc)
+    found = read(lines(gone), tmp_path, abc)
     assert "x.csv: A.dp has not one reading" in found.notes
     assert any("60 readings have no row of 'A.n' near" in note for note in found.notes)
-
-
-QUALITIES = {
-    "words": ("Good", "Bad", "Bad"),
-    "numbers of OPC DA": ("192", "0", "quality 0"),
-    "states of a historian": ("GOOD", "I/O Timeout", "I/O Timeout"),
-}
-
-
-@pytest.mark.parametrize("name", QUALITIES)
-def test_quality_of_a_reading(name: str, tmp_path: Path, abc: Ruleset) -> None:
-    """What is not good is no reading; how often, and in which words, is told."""
-    good, bad, told = QUALITIES[name]
-    rows = [(*row, bad if row[:2] == ("A.dp", "7.0") else good) for row in long_rows()]
-    found = read(lines("tag", "time", "value", "unit", "quality", rows=rows), tmp_path, abc)
-    assert [7] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
-    assert any(f"1 cell of A.dp is a word (the first, in data row 8: '{told}')" in note
-               for note in found.notes)  # fmt: skip
-
-
-def test_quality_that_says_nothing_is_refused(tmp_path: Path, abc: Ruleset) -> None:
-    rows = [(*row, "0") for row in long_rows()]
-    with pytest.raises(RecordingRefused, match="every quality is 0, which is good in OPC UA"):
-        read(lines("tag", "time", "value", "unit", "quality", rows=rows), tmp_path, abc)
-
-
-def test_tag_in_two_units_is_refused(tmp_path: Path, abc: Ruleset) -> None:
-    rows = [*long_rows(), ("A.dp", "99", "1800", "mbar")]
-    with pytest.raises(RecordingRefused, match=r"readings of 'A\.dp' are in 'bar' and in 'mbar'"):
-        read(lines("tag", "time", "value", "unit", rows=rows), tmp_path, abc)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
@@ -199,12 +132,11 @@ def test_node_ids_are_titles(
     )
     mapped = dataclasses.replace(abc, columns=columns)
     sheet = SHEET.renamed("A.dp", "ns=2;s=A.dp").renamed("A.n", "ns=2;i=1005")
-    found = read(sheet.text(separator), tmp_path, mapped)
-    same(expected, dataclasses.replace(found, scales=expected.scales))
+    plain = sheet.text(separator)
     quoted = separator.join(f'"{title}"' for title in sheet.header)
-    text = sheet.text(separator).split("\n", 1)[1]
-    same(expected, dataclasses.replace(read(f"{quoted}\n{text}", tmp_path, mapped),
-                                       scales=expected.scales))  # fmt: skip
+    for text in (plain, f"{quoted}\n{plain.partition(chr(10))[2]}"):
+        found = read(text, tmp_path, mapped)
+        same(expected, dataclasses.replace(found, scales=expected.scales))
 
 
 def zoned(abc: Ruleset) -> Ruleset:
@@ -241,33 +173,25 @@ def test_hours_that_a_zone_repeats_or_leaves_out_are_told(
     assert any(told.replace("is in", "rows are in", 1) in note for note in found.notes)
 
 
-def test_zone_of_a_date_counts_before_that_of_the_plant(tmp_path: Path, abc: Ruleset) -> None:
+def test_whose_zone_counts(tmp_path: Path, abc: Ruleset) -> None:
+    """That of a date before that of the plant. A ruleset may name one that is unknown here."""
     sheet = SHEET.mapped("time", lambda k, _: f"2025-07-01T12:00:{k:02d}Z")
     found = read(sheet.text(), tmp_path, zoned(abc))
     assert found.calendar is not None
     assert "UTC" == found.calendar.zone()
+    strange = dataclasses.replace(abc, time_zone="../../etc/passwd")
+    with pytest.raises(RecordingRefused, match="does not know the time zone"):
+        read(sheet.text().replace("Z,", ","), tmp_path, strange)
 
 
 def test_zone_in_the_column_map(tmp_path: Path) -> None:
     """`zone` at the time goes into the ruleset."""
-    plant = tmp_path / "plant.yaml"
-    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
-    plant.write_text(text + "\ncolumns: columns.yaml\n", encoding="utf-8")
-    for file in (ROOT / "plants" / "abc").glob("*.*"):
-        if file.name != "plant.yaml":
-            (tmp_path / file.name).write_bytes(file.read_bytes())
-    (tmp_path / "columns.yaml").write_text(
-        "columns:\n  time: {from: Zeit, unit: s, zone: Europe/Berlin}\n", encoding="utf-8"
-    )
-    assert "Europe/Berlin" == compile_plant(plant).time_zone
-
-
-def test_unknown_zone_of_this_machine(tmp_path: Path, abc: Ruleset) -> None:
-    """A ruleset may come from a machine that knows more zones."""
-    sheet = SHEET.mapped("time", lambda k, _: f"2025-07-01 12:00:{k:02d}")
-    ruleset = dataclasses.replace(abc, time_zone="../../etc/passwd")
-    with pytest.raises(RecordingRefused, match="does not know the time zone"):
-        read(sheet.text(), tmp_path, ruleset)
+    shutil.copytree(ROOT / "plants" / "abc", tmp_path, dirs_exist_ok=True)
+    with (tmp_path / "plant.yaml").open("a", encoding="utf-8") as plant:
+        plant.write("\ncolumns: columns.yaml\n")
+    zone = "columns:\n  time: {from: Zeit, unit: s, zone: Europe/Berlin}\n"
+    (tmp_path / "columns.yaml").write_text(zone, encoding="utf-8")
+    assert "Europe/Berlin" == compile_plant(tmp_path).time_zone
 
 
 def test_sheets_of_several_rates(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
@@ -289,15 +213,11 @@ def test_sheets_of_several_rates(tmp_path: Path, abc: Ruleset, expected: Recordi
         read_recording(tmp_path / "x.xlsx#medium", abc)
 
 
-def test_name_of_a_file_may_hold_the_sign(
-    tmp_path: Path, abc: Ruleset, expected: Recording
+def test_standard_input(
+    tmp_path: Path, abc: Ruleset, expected: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write(tmp_path, SHEET.text(), "run#3.csv")
-    same(expected, read_recording(tmp_path / "run#3.csv", abc))
-
-
-def test_standard_input(abc: Ruleset, expected: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It can be read again, as `simulate` does."""
+    """It can be read again, as `simulate` does; the name of a file may hold the sign."""
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(SHEET.text().encode())))
     same(expected, read_recording(Path("-"), abc))
     same(expected, read_recording(Path("-"), abc))
+    same(expected, read_recording(write(tmp_path, SHEET.text(), "run#3.csv"), abc))

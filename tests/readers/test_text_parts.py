@@ -13,23 +13,8 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.table import Table
 
 ROWS = 40
-CELLS = (
-    "1",
-    "2.5",
-    "-3e-2",
-    "",
-    "",
-    " 7 ",
-    "nan",
-    "NA",
-    "-",
-    "ok",
-    "1,5",
-    "1_0",
-    "inf",
-    '"8"',
-    "0x1",
-)
+CELLS = ("1", "2.5", "-3e-2", "", "", " 7 ", "nan", "NA", "-", "ok", "1,5", "1_0", "inf", '"8"',
+         "0x1")  # fmt: skip
 """What may stand in a cell; those at the front come most often."""
 
 
@@ -78,9 +63,8 @@ def files() -> Iterator[str]:
                     some = [str(random.choice(CELLS[:words])) for _ in range(2)]
                     lines.append(separator.join((str(row), *some)))
                     if random.random() < 0.02 * words:
-                        lines.append(
-                            str(random.choice(["", "  ", separator * 2, "1", f"9{separator}"]))
-                        )
+                        odd = random.choice(["", "  ", separator * 2, "1", f"9{separator}"])
+                        lines.append(str(odd))
                 yield end.join(lines) + end * int(random.integers(2))
 
 

@@ -51,27 +51,16 @@ def of_pure_glycerin(row: Row) -> bool:
     return of_glycerin(row) and float(row["rho_in_kgpm3"]) > DILUTED
 
 
-def write_points(
-    folder: Path, impeller: str, chosen: Choice, target: Path, without: tuple[str, ...] = ()
-) -> int:
-    """Write some points of an impeller as a recording; returns how many.
-
-    `without` names columns of `HEADER` that are left out.
-    """
-    kept = [i for i, title in enumerate(HEADER) if title not in without]
+def write_points(folder: Path, impeller: str, chosen: Choice, target: Path) -> int:
+    """Write some points of an impeller as a recording; returns how many."""
     with gzip.open(folder / "points.csv.gz", "rt", encoding="utf-8") as source:
-        points = [
-            _readings(row)
-            for row in csv.DictReader(source)
-            if row["model"] == impeller and chosen(row)
-        ]
+        rows = [r for r in csv.DictReader(source) if r["model"] == impeller and chosen(r)]
     with target.open("w", newline="", encoding="utf-8") as out:
         writer = csv.writer(out)
-        writer.writerow([HEADER[i] for i in kept])
-        for number, readings in enumerate(points):
-            row = (number * SPACING, *readings)
-            writer.writerow([f"{row[i]:.7g}" for i in kept])
-    return len(points)
+        writer.writerow(HEADER)
+        for number, row in enumerate(rows):
+            writer.writerow([f"{x:.7g}" for x in (number * SPACING, *_readings(row))])
+    return len(rows)
 
 
 def _readings(row: Row) -> tuple[float, ...]:

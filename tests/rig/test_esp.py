@@ -6,16 +6,14 @@ import json
 from pathlib import Path
 
 import pytest
-import yaml
 from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from tests.conftest import ROOT, compiled, recordings_folder
+from tests.conftest import ROOT, compiled, plain_yaml, recordings_folder
 from tests.rig.esp import (
     FOLDER,
     IMPELLERS,
-    Choice,
     of_glycerin,
     of_pure_glycerin,
     of_water,
@@ -24,6 +22,8 @@ from tests.rig.esp import (
 
 COUNTS = {"P37": (107, 699, 433), "P100": (61, 1024, 882), "HC12500": (98, 1072, 983)}
 """Points with water, with any glycerin, with pure glycerin."""
+
+PLANT = ROOT / "plants" / "esp-pump"
 
 
 @pytest.fixture(scope="module")
@@ -36,60 +36,32 @@ def folder() -> Path:
 
 
 @pytest.mark.parametrize("impeller", IMPELLERS)
-def test_points_are_written(folder: Path, impeller: str, tmp_path: Path) -> None:
-    """Every point of an impeller stands in the recording of its liquid."""
-    counts = [
-        write_points(folder, impeller, chosen, tmp_path / "points.csv")
-        for chosen in (of_water, of_glycerin, of_pure_glycerin)
-    ]
+def test_points_are_a_table(folder: Path, impeller: str, tmp_path: Path) -> None:
+    """Every point of an impeller stands in the recording of its liquid; sweeps over a valve are no
+    transients."""
+    file, ruleset, counts = tmp_path / "points.csv", compiled("esp-pump"), []
+    for chosen in (of_water, of_glycerin, of_pure_glycerin):
+        counts.append(write_points(folder, impeller, chosen, file))
+        assert is_point_table(read_recording(file, ruleset), ruleset)
     assert COUNTS[impeller] == tuple(counts)
-
-
-@pytest.mark.parametrize("chosen", [of_water, of_glycerin])
-@pytest.mark.parametrize("impeller", IMPELLERS)
-def test_points_are_a_table(folder: Path, impeller: str, chosen: Choice, tmp_path: Path) -> None:
-    """Sweeps over a valve are no transients."""
-    write_points(folder, impeller, chosen, tmp_path / "points.csv")
-    ruleset = compiled("esp-pump")
-    assert is_point_table(read_recording(tmp_path / "points.csv", ruleset), ruleset)
 
 
 @pytest.mark.parametrize("impeller", IMPELLERS)
 def test_shipped_calibration_is_that_of_the_water_points(
     folder: Path, impeller: str, tmp_path: Path
 ) -> None:
-    """`rulec calibrate` on the water points gives the file in plants/."""
-    plant = ROOT / "plants" / "esp-pump"
-    write_points(folder, impeller, of_water, tmp_path / "water.csv")
-    _calibrate(plant, tmp_path / "water.csv", tmp_path / "found.yaml")
-    shipped = plant / f"calibration-{impeller.lower()}.yaml"
-    expected = yaml.safe_load(shipped.read_text(encoding="utf-8"))["modules"]["pump"]
-    actual = yaml.safe_load((tmp_path / "found.yaml").read_text(encoding="utf-8"))["modules"][
-        "pump"
-    ]
-    for name, parameter in expected["parameters"].items():
-        assert parameter["value"] == pytest.approx(
-            actual["parameters"][name]["value"], abs=0.01 * parameter["u"]
-        )
-
-
-@pytest.mark.parametrize("impeller", IMPELLERS)
-def test_plain_law_fits_water(folder: Path, impeller: str, tmp_path: Path) -> None:
-    """A parabola with affinity laws explains at least 99.6 % of the variance on water."""
-    write_points(folder, impeller, of_water, tmp_path / "water.csv")
-    _calibrate(ROOT / "plants" / "esp-pump", tmp_path / "water.csv", tmp_path / "found.yaml")
-    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
-    misfit = found["modules"]["pump"]["misfit"]
+    """`rulec calibrate` on the water points gives the file in plants/. A parabola with affinity
+    laws explains at least 99.6 % of the variance."""
+    water, target, form = (tmp_path / name for name in ("water.csv", "found.yaml", "found.json"))
+    write_points(folder, impeller, of_water, water)
+    words = ["calibrate", str(PLANT), str(water), "-o", str(target), "--json", str(form)]
+    assert main(words) == 0
+    expected, actual = (
+        plain_yaml(file)["modules"]["pump"]["parameters"]
+        for file in (PLANT / f"calibration-{impeller.lower()}.yaml", target)
+    )
+    for name, parameter in expected.items():
+        found = actual[name]["value"]
+        assert parameter["value"] == pytest.approx(found, abs=0.01 * parameter["u"])
+    misfit = json.loads(form.read_text(encoding="utf-8"))["modules"]["pump"]["misfit"]
     assert all(part["r2"] > 0.996 for part in misfit.values())
-
-
-def _parameters(calibration: Path) -> dict[str, dict[str, float]]:
-    """Values and uncertainties in a calibration file."""
-    module = yaml.safe_load(calibration.read_text(encoding="utf-8"))["modules"]["pump"]
-    parameters: dict[str, dict[str, float]] = module["parameters"]
-    return parameters
-
-
-def _calibrate(plant: Path, recording: Path, target: Path) -> None:
-    form = str(target.with_suffix(".json"))
-    assert main(["calibrate", str(plant), str(recording), "-o", str(target), "--json", form]) == 0

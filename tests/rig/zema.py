@@ -62,13 +62,7 @@ def commission_and_diagnose(
     folder: Path, plant: str, work: Path
 ) -> tuple[dict[str, Any], set[int]]:
     """Calibrate on commissioning blocks, diagnose all other blocks; returns JSON and blocks."""
-    cycles = read_cycles(folder)
-    healthy = sorted({c.block for c in cycles if c.leakage == 0 and c.settled})
-    commissioning = set(healthy[::3])
-    chosen = {c.number for c in cycles if c.block in commissioning and c.leakage == 0 and c.settled}
-    unseen = {c.number for c in cycles if c.block not in commissioning}
-    write_cycles(folder, chosen, work / "commissioning.csv")
-    write_cycles(folder, unseen, work / "unseen.csv")
+    commissioning = split(folder, read_cycles(folder), work)
     place = work / "plants" / "zema-hydraulic"
     shutil.copytree(ROOT / "plants" / "zema-hydraulic", place)
     file = place / PLANTS[plant]
@@ -80,6 +74,16 @@ def commission_and_diagnose(
         out.write("calibration: [found.yaml]\n")
     _call("diagnose", file, work / "unseen.csv", "--json", work / "diagnosis.json")
     return json.loads((work / "diagnosis.json").read_text(encoding="utf-8")), commissioning
+
+
+def split(folder: Path, cycles: list[Cycle], work: Path) -> set[int]:
+    """Write leak-free cycles of commissioning blocks, and all others; returns those blocks."""
+    healthy = [c for c in cycles if c.leakage == 0 and c.settled]
+    blocks = set(sorted({c.block for c in healthy})[::3])
+    chosen = {c.number for c in healthy if c.block in blocks}
+    write_cycles(folder, chosen, work / "commissioning.csv")
+    write_cycles(folder, {c.number for c in cycles if c.block not in blocks}, work / "unseen.csv")
+    return blocks
 
 
 def _call(*arguments: object) -> None:
@@ -176,22 +180,19 @@ def run(folder: Path, plant: str) -> Score:
     return score(diagnosis, read_cycles(folder), commissioning)
 
 
+def total(table: Mapping[str, int], word: str) -> int:
+    """Cycles of a label, settled or not."""
+    return sum(count for key, count in table.items() if key.startswith(word))
+
+
 def form(result: Score) -> dict[str, Any]:
     """Machine form: whole cycles of unseen blocks, as the README counts them."""
-
-    def total(table: Mapping[str, int], word: str) -> int:
-        return sum(count for key, count in table.items() if key.startswith(word))
-
-    off = dict(result.off_profile)
+    off, found = result.off_profile, {"healthy alarmed": ("none", result.alarmed)}
+    found |= {f"{word} found": (word, result.leak_named) for word in ("weak", "severe")}
     return {
-        "healthy alarmed": Share(
-            total(result.alarmed, "none"), total(result.cycles, "none")
-        ).form(),
         **{
-            f"{word} found": Share(
-                total(result.leak_named, word), total(result.cycles, word)
-            ).form()
-            for word in ("weak", "severe")
+            name: Share(total(table, word), total(result.cycles, word)).form()
+            for name, (word, table) in found.items()
         },
         "off profile unknown": Share(off["cycles with unknown"], off["cycles"]).form(),
         "off profile named": Share(off["seconds with a fault named"], off["seconds"]).form(),
