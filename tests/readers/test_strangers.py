@@ -76,6 +76,7 @@ DATES = {
     "in words": shown("%B %d %Y %H:%M:%S"),
     "milliseconds behind a colon": shown("%d.%m.%Y %H:%M:%S:000"),
     "day of the week": shown("%a %d %b %Y %H:%M:%S"),
+    "with a zone": shown("%d.%m.%Y %H:%M:%S UTC"),
     "compact": shown("%Y%m%dT%H%M%S"),
     "Unix, s": since(UNIX, 1),
     "Unix, ms": since(UNIX, 1e-3),
