@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,15 +13,11 @@ from rulec_runtime import limits
 from rulec_runtime.contract import plan_kernel
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Array, Operation, Plan
 from rulec_runtime.contract.plan_code import RULES
-from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.machine_code import engine
 from rulec_runtime.machine_code.code import LANES
 from rulec_runtime.output import private_folder
-from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.report.json_form import diagnosis_form
 
 from tests.conftest import compiled
-from tests.runtime.reports import EXAMPLES
 
 pytest.importorskip("numba", reason="machine code is made by numba's LLVM")
 
@@ -259,15 +253,3 @@ def test_code_has_no_name_of_the_ruleset(at_once: None, made: list[str]) -> None
     plan.run(dict.fromkeys(names, np.arange(8.0)))
     assert all(name not in made[0] for name in ("evil", "!", names[2]))
     assert set(made[0].split("define void @plan_")[1].split("(")[0]) <= set("0123456789abcdef_")
-
-
-@pytest.mark.usefixtures("at_once")
-def test_findings_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The whole answer about a recording, byte by byte."""
-    recording = read_recording(EXAMPLES / "leakage_A.csv", compiled("abc"))
-    texts = []
-    for worth in (0, np.inf):
-        monkeypatch.setattr(limits, "KEPT_CODE_WORTH", worth)
-        rules = pickle.loads(pickle.dumps(compiled("abc")))
-        texts.append(json.dumps(diagnosis_form(diagnose(recording, rules))))
-    assert texts[0] == texts[1]

@@ -9,7 +9,6 @@ import pytest
 from rulec_runtime.contract.ruleset_file import parse_ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.report.wording import why_first
 
 from rulec.commands.matrix import json_form
@@ -75,16 +74,6 @@ def test_a_speed_too_high_is_no_leakage_alone() -> None:
     for share in (0.1, 0.3):
         finding = only(misread("A.n", 1, share))
         assert "A.n.high" in {finding.fault.id, *dict(finding.alternatives)}
-
-
-def test_it_stands_beside_another_only_where_nothing_speaks_against_it() -> None:
-    """A listed fault stands as an alternative by its likelihood; of the others that takes more."""
-    named = Other("a", 0.9, 0.6)
-    rivals, remote = rivals_of(named, [Other("b", 0.01, 0.3), Other("c", 0.01, 0.3, unlisted=True)])
-    assert (("b", 0.01),) == rivals
-    assert not remote
-    rivals, _ = rivals_of(named, [Other("c", 0.01, 0.59, unlisted=True)])
-    assert (("c", 0.01),) == rivals
 
 
 def test_what_a_ruleset_lists() -> None:
