@@ -241,15 +241,21 @@ def solved(matrix: Array, right: Array) -> Array:
         with np.errstate(all="ignore"):
             return right / matrix
     sound = np.asarray(np.isfinite(matrix).all(axis=(0, 1)))
-    regular = _regular(matrix.transpose(2, 0, 1), sound)
+    regular, wanted = _regular(matrix.transpose(2, 0, 1), sound), right.transpose(2, 0, 1)
     try:
-        solution = np.linalg.solve(regular, right.transpose(2, 0, 1))
-    except np.linalg.LinAlgError:  # at least one is singular; slogdet uses the same elimination
-        sound = sound & (np.linalg.slogdet(regular)[0] != 0.0)
-        solution = np.linalg.solve(_regular(regular, sound), right.transpose(2, 0, 1))
+        solution = np.linalg.solve(regular, wanted)
+    except np.linalg.LinAlgError:  # which one is singular is not said, and may depend on threads
+        solution = np.stack([_solution(*each) for each in zip(regular, wanted, strict=True)])
     result = np.ascontiguousarray(solution.transpose(1, 2, 0))
     result[:, :, ~sound] = np.nan
     return result
+
+
+def _solution(matrix: Array, right: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.full(right.shape, np.nan)
 
 
 def _product(one: Array, other: Array) -> Array:
