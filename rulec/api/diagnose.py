@@ -13,7 +13,7 @@ from rulec_runtime.diagnosis.from_modules import FIRST_ORDER
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.recordings.module_results import holds_results
 from rulec_runtime.report.page import Judged, judged, judged_results
-from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.truth import read_truth
 
 from rulec.api.frames import Columns

@@ -18,7 +18,7 @@ from rulec_runtime.report.wording import kept_of
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.calibration.limits import FAR_OFF, OTHER_SIZE
 from rulec.calibration.true_flow import Local, true_flows
-from rulec.knowledge.belief import Strain, strain_of
+from rulec.knowledge.parameter_belief import Strain, strain_of
 from rulec.knowledge.plant import Module
 from rulec.limits import UNBELIEVABLE
 from rulec.passes.differentiate import GATHERED

@@ -9,8 +9,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.calibration.limits import NEAR_END
-from rulec.knowledge.belief import Belief, Coordinates, belief_in
 from rulec.knowledge.module_type import Parameter
+from rulec.knowledge.parameter_belief import Belief, Coordinates, belief_in
 from rulec.limits import BELIEF_FREEDOM
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.terminal_findings import explain
 
 from rulec.commands.demo_live import run_live
 from rulec.commands.matrix import show

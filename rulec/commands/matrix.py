@@ -19,7 +19,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.made import made_now
-from rulec_runtime.report.matrix import ANY_ERROR
+from rulec_runtime.report.matrix_html import ANY_ERROR
 
 from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant

@@ -13,7 +13,7 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.report.text import listed
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.belief import Strain, strain_of
+from rulec.knowledge.parameter_belief import Strain, strain_of
 from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
 from rulec.mismatch.answer.explained import Explained, NotComparable

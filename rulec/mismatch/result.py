@@ -14,7 +14,7 @@ from rulec_runtime.recordings.mending import Mending
 
 from rulec.effects.candidate import Changed, Repair
 from rulec.effects.repair import why_refused
-from rulec.knowledge.belief import Strain
+from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.candidate_sets import CandidateSet
 
 __all__ = ["Changed", "Repair"]

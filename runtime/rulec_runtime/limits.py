@@ -138,10 +138,6 @@ SAME_DEGREE = 0.1
 """Relative change of a degree, beyond its scatter, that still counts as the same fault. Origin:
 assumed."""
 
-FREQUENCY_ODDS = {"common": 10.0, "usual": 1.0, "rare": 0.1}
-"""Prior odds of a fault by the word for how often it comes, over one that comes as usual. Origin:
-assumed; steps of ten, as the words stand for orders of magnitude and for no counts."""
-
 UNLISTED_ODDS = 0.1
 """Prior odds of an error of a reading that no module lists, over a listed fault of the same word.
 Origin: assumed; who describes a module lists what comes in it."""

@@ -19,7 +19,7 @@ from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 from rulec_runtime.report.page import report
-from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.terminal_findings import explain
 
 from rulec.commands.matrix import json_form
 from rulec.simulation.signature import signature_of

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rulec_runtime import limits
+from rulec_runtime.contract.fault_frequency import FREQUENCY_ODDS
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
@@ -21,7 +21,7 @@ from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.report.html_story import told as story
+from rulec_runtime.report.html_findings import told as story
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import actions, headline, why_first
 
@@ -175,7 +175,7 @@ def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) 
         for kind in ("fault", "module")
     )
     for part in (fault, module["faults"]["items"]["properties"]):
-        assert part["frequency"]["enum"] == list(limits.FREQUENCY_ODDS)
+        assert part["frequency"]["enum"] == list(FREQUENCY_ODDS)
 
 
 def test_beside_the_plant_the_more_usual_is_named_first_too(

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from rulec_runtime.output.terminal import Terminal
 
-from rulec.knowledge.belief import Strain
+from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.findings import update_sentence as updated
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.shown import report, tell

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.report.html_story import told
+from rulec_runtime.report.html_findings import told
 from rulec_runtime.report.json_form import diagnosis_form
-from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.verdict import verdict
 
 from rulec.prove.truth import INSIDE, Operation, Run, record

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.document import Head, document, facts, numbered, section
-from rulec_runtime.report.html_story import badge
+from rulec_runtime.report.html_findings import badge
 from rulec_runtime.report.made import Made
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from rulec_runtime.report.text import listed, percent
 
 from rulec.effects.candidate import TIME, Missing
-from rulec.knowledge.belief import Strain
+from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words, titled
 from rulec.mismatch.candidate_sets import CandidateSet

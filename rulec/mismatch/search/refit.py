@@ -21,7 +21,7 @@ from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
 from scipy.special import erfcx
 
-from rulec.knowledge.belief import LocalBelief
+from rulec.knowledge.parameter_belief import LocalBelief
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior
 from rulec.mismatch.search import limits

@@ -19,7 +19,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.module_results import holds_results
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.page import Judged, judged, judged_results
-from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.truth import read_truth
 
 

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.fault_frequency import FREQUENCY_ODDS
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array, Plan, kept_plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
@@ -191,7 +192,7 @@ class FaultSpec:
     def odds(self) -> float:
         """Prior odds relative to a listed fault of usual frequency."""
         listed = limits.UNLISTED_ODDS if self.unlisted else 1.0
-        return listed * limits.FREQUENCY_ODDS[self.frequency]
+        return listed * FREQUENCY_ODDS[self.frequency]
 
 
 @dataclass(frozen=True)

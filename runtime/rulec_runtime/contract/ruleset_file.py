@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec_runtime import limits
+from rulec_runtime.contract.fault_frequency import FREQUENCY_ODDS
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
@@ -79,7 +79,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
         "kind of uncertainty": list(UNCERTAINTIES),
-        "frequency": list(limits.FREQUENCY_ODDS),
+        "frequency": list(FREQUENCY_ODDS),
     }
     for kind, names in tables.items():
         if len(set(names)) < len(names):

@@ -19,10 +19,10 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.blindness import told_else
 from rulec_runtime.report.document import Head, document, facts, numbered, section
 from rulec_runtime.report.figures import figures_of
-from rulec_runtime.report.html_story import UNSEEN, badge, evidence, remarks, told
+from rulec_runtime.report.html_findings import UNSEEN, badge, evidence, remarks, told
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 from rulec_runtime.report.made import Made, made_now
-from rulec_runtime.report.matrix import matrix
+from rulec_runtime.report.matrix_html import matrix
 from rulec_runtime.report.series import curves_of
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject

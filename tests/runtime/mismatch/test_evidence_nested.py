@@ -23,7 +23,7 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import stdtrit
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.belief import peak_of
+from rulec.knowledge.parameter_belief import peak_of
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.screen import references
 from rulec.mismatch.evidence.steady.states import rows_of_states

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rulec.effects.candidate import CurveTerm, Missing
-from rulec.knowledge.belief import Strain
+from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.written import refusal
 from rulec.mismatch.candidate_sets import CandidateSet

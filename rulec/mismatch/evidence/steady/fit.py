@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.knowledge.belief import Belief, Coordinates, LocalBelief, peak_of
+from rulec.knowledge.parameter_belief import Belief, Coordinates, LocalBelief, peak_of
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import (

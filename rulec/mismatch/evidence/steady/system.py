@@ -14,7 +14,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.belief import Belief, belief_in
+from rulec.knowledge.parameter_belief import Belief, belief_in
 from rulec.mismatch.evidence.steady.configuration import (
     CHANGE,
     ERROR,

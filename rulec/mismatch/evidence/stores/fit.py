@@ -16,7 +16,7 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.knowledge.belief import Coordinates
+from rulec.knowledge.parameter_belief import Coordinates
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.drift import Drift
 from rulec.mismatch.evidence.stores.noise import Noise, noise_of

@@ -14,7 +14,7 @@ from rulec_runtime.simulation.balances import TIME, Balances, Course
 
 from rulec.effects.candidate import BaseParameters, Candidate, Unknown
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.belief import Belief, belief_in
+from rulec.knowledge.parameter_belief import Belief, belief_in
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.record import Record
 

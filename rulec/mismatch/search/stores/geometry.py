@@ -19,7 +19,7 @@ from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
-from rulec.knowledge.belief import Coordinates
+from rulec.knowledge.parameter_belief import Coordinates
 from rulec.mismatch.evidence import limits as of_evidence
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior

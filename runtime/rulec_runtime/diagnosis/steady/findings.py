@@ -17,11 +17,10 @@ from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits, fits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.growth import Growth
-from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.liquid import by_temperature, with_temperature
+from rulec_runtime.diagnosis.steady.persistence import runs_of, strongest_of, too_brief
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.stack import thinned
 from rulec_runtime.diagnosis.steady.verdict import (
     Off,
@@ -181,12 +180,12 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
         whole = kind in ("fault", "unknown")
         runs.append((kind, members if whole else [members[0], members[-1]]))
         let_go(evaluated.isolation.floor)
-    faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(evaluated, timeline, m)]
+    faulty = [m for kind, m in runs if kind == "fault" and not too_brief(evaluated, timeline, m)]
     fits = _fits(evaluated, faulty)
     for kind, members in runs:
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
-        if kind == "fault" and _too_brief(evaluated, timeline, members):
+        if kind == "fault" and too_brief(evaluated, timeline, members):
             fault = evaluated.part.ruleset.faults[verdicts[members[0]].faults[0]]
             text = f"{fault.id} would fit, but a finding takes {common.PERSISTENCE} samples"
             found.not_judged.append(Period(since, until, text))
@@ -200,7 +199,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
                 behind = OVER if cause.when == ENDED else behind_of(timeline, evaluated, members)
                 if evaluated.combined and cause.when != ENDED and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
-                    off = disagreeing(evaluated, _worst(evaluated, members))
+                    off = disagreeing(evaluated, strongest_of(evaluated, members))
                     found.unknown.append(Period(*times, text, off))
                 else:
                     found.findings.append(replace(one, behind=behind))
@@ -212,7 +211,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
         elif kind == "ok":
             known = frozenset()
         else:
-            off = disagreeing(evaluated, _worst(evaluated, members))
+            off = disagreeing(evaluated, strongest_of(evaluated, members))
             found.unknown.append(Period(since, until, text, off))
     return found
 
@@ -233,7 +232,7 @@ def _evident(evaluated: EvaluatedPoints, members: list[int], fits: Fits) -> Fits
     """Fits of a run without single faults whose prediction a residual contradicts where it is
     worst."""
     ruleset, signs = evaluated.part.ruleset, {"+": 1, "-": -1}
-    rows = evidence_at(evaluated, _worst(evaluated, members)) if fits.tried else ()
+    rows = evidence_at(evaluated, strongest_of(evaluated, members)) if fits.tried else ()
     moved = {e.residual: signs.get(e.verdict, 0) for e in rows}
     against = {c.fault for c in ruleset.cells if c.sign * moved.get(c.residual, 0) < 0}
 
@@ -254,21 +253,6 @@ def _verdicts(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Verdict]:
         if not i % limits.POINTS_AT_ONCE:
             let_go(evaluated.isolation.floor, evaluated.observed.flows, evaluated.observed.offsets)
     return found
-
-
-def _too_brief(evaluated: EvaluatedPoints, timeline: Timeline, members: list[int]) -> bool:
-    """Whether a deviation is short, and small enough for the end of a transient."""
-    isolation = evaluated.isolation
-    strongest = _worst(evaluated, members)
-    limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
-    far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
-    brief = timeline.samples[members].sum() < common.PERSISTENCE
-    let_go(isolation.misfit, timeline.samples)
-    return bool(brief and not far)
-
-
-def _worst(evaluated: EvaluatedPoints, members: list[int]) -> int:
-    return members[int(np.argmax(evaluated.isolation.misfit[members]))]
 
 
 def _when(
@@ -327,7 +311,7 @@ def finding_of(
     """A cause with its evidence at the strongest point of a run."""
     own = evaluated.part.ruleset
     fault = own.faults[cause.fault]
-    strongest = _worst(evaluated, members)
+    strongest = strongest_of(evaluated, members)
     cause, further = with_temperature(evaluated, members, cause)
     text = fault.text.replace("{degree}", degree_in_words(fault, cause.degree))
     values, observed = evaluated.points.values, evaluated.observed

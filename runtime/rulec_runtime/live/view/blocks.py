@@ -27,7 +27,7 @@ from rulec_runtime.live.view.words import (
     unseen,
 )
 from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.terminal_story import COLOURS, explanation
+from rulec_runtime.report.terminal_findings import COLOURS, explanation
 from rulec_runtime.report.wording import SHOWN
 
 BAR_CELLS = 18

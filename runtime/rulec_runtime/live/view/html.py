@@ -25,7 +25,7 @@ from rulec_runtime.live.view.words import (
     unseen,
 )
 from rulec_runtime.report.document import STYLE
-from rulec_runtime.report.html_story import REMARKS, ground_of
+from rulec_runtime.report.html_findings import REMARKS, ground_of
 from rulec_runtime.report.text import counted, safe
 from rulec_runtime.report.wording import STATUS
 

@@ -1,4 +1,4 @@
-"""Join neighbouring stretches with the same verdict into runs."""
+"""Join neighbouring stretches with the same verdict into runs, and say which are too brief."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.isolate import Isolation
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
+from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted
 from rulec_runtime.diagnosis.steady.verdict import Verdict
+from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.stationary import Timeline
 
 
 def runs_of(
@@ -80,3 +83,19 @@ def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> 
     spread = common.COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
     change = abs(isolation.degree[fault, point] - before.mean())
     return bool(change <= spread + common.SAME_DEGREE * before.mean())
+
+
+def too_brief(evaluated: EvaluatedPoints, timeline: Timeline, members: list[int]) -> bool:
+    """Whether a deviation is short, and small enough for the end of a transient."""
+    isolation = evaluated.isolation
+    strongest = strongest_of(evaluated, members)
+    limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
+    far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
+    brief = timeline.samples[members].sum() < common.PERSISTENCE
+    let_go(isolation.misfit, timeline.samples)
+    return bool(brief and not far)
+
+
+def strongest_of(evaluated: EvaluatedPoints, members: list[int]) -> int:
+    """The stretch of a run that fits a healthy plant least."""
+    return members[int(np.argmax(evaluated.isolation.misfit[members]))]
