@@ -86,10 +86,10 @@ def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:
             "parameters": {}, "sort": "sensor",
         }  # fmt: skip
         form = {"verdict": "sensor", "effects": (found,), "locations": ()}
-        result, _ = judge(SimpleNamespace(answer=case.answer), form, Path(), "development")  # type: ignore[arg-type]
+        result = judge(SimpleNamespace(answer=case.answer), form, Path(), "development")  # type: ignore[arg-type]
         assert (1.0, 1.0, True) == (result.name_right, result.place_right, result.told_right)
         other = {**form, "effects": ({**found, "effect": "gain-error"},)}
-        result, _ = judge(SimpleNamespace(answer=case.answer), other, Path(), "development")  # type: ignore[arg-type]
+        result = judge(SimpleNamespace(answer=case.answer), other, Path(), "development")  # type: ignore[arg-type]
         assert (0.0, 1.0) == (result.name_right, result.place_right)
 
 
