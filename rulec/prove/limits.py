@@ -93,10 +93,6 @@ USUAL_HOURS = 8.0
 """Hours that an experiment may take if the first recording was shorter. Origin: source, default of
 `rulec experiment`."""
 
-LEAST_REPORTED = 0.02
-"""Least probability of a candidate set that an answer reports. Origin: source, the answer's own
-rule."""
-
 # Page and processes ------------------------------------------------------------------------------
 
 BINS_PER_DECADE = 2

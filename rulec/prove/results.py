@@ -106,8 +106,6 @@ class Further:
     stood : whether the recipe distinguishes the true explanation from others
     sure_before : probability of the true explanation in the first answer
     sure : the same with a second recording, by arm
-    nats_expected, nats : log Bayes factor of the true explanation against the likeliest other:
-        expected by the recipe, and realised (a lower bound if the other is not reported any more)
     after : judged answers with a second recording, by arm; the first one if the plant stalled
     """
 
@@ -120,8 +118,6 @@ class Further:
     stood: bool = False
     sure_before: float = 0.0
     sure: Mapping[str, float] = field(default_factory=dict)
-    nats_expected: Score = None
-    nats: Score = None
     after: Mapping[str, Judged] = field(default_factory=dict)
 
 
