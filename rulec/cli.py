@@ -501,8 +501,8 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     prove.add_argument(
         "--baselines",
         nargs="*",
-        choices=("same", "random", "sweep"),
-        help="with --rounds 2: besides the recipe the same inputs again, random ones and a sweep "
+        choices=("same", "random"),
+        help="with --rounds 2: besides the recipe the same inputs again, and random ones "
         "of equal length, or those that are named; a search more per case for each",
     )
     _engine_options(prove)

@@ -10,18 +10,15 @@ from rulec.prove.truth import (
     VALVE_TIME,
     abc,
     calibration_run,
-    campaign,
-    fault_pairs,
     fault_replay,
     mixing_rig,
     operating_points,
     possible_faults,
-    published_faults,
     record,
     settling,
-    single_faults,
     visiting_run,
 )
+from tests.campaign import campaign, published_faults, single_faults
 
 
 def test_transients_follow_a_first_order_lag() -> None:
@@ -79,18 +76,6 @@ def test_published_faults() -> None:
     """Seven per dosing module and four per mixer: 18 of abc, 43 of the rig."""
     assert (18, 43) == (len(published_faults(abc())), len(published_faults(mixing_rig())))
     assert set(published_faults(mixing_rig())) <= set(possible_faults(mixing_rig()))
-
-
-def test_pairs_have_different_places() -> None:
-    """145 of the 153 pairs of abc; none gives one line two frictions or one sensor two slopes."""
-    pairs = fault_pairs(abc())
-    assert 145 == len(pairs)
-    assert {2} == {len(pair) for pair in pairs}
-    named = [set(pair) for pair in pairs]
-    assert {"A.clogging", "A.widening"} not in named
-    assert {"C.dp.high", "C.dp.low"} not in named
-    assert {"A.leakage", "A.dp.low"} in named
-    assert all(0.2 <= degree <= 0.4 for pair in pairs for degree in pair.values())
 
 
 def test_campaign_of_the_rig_can_be_run() -> None:

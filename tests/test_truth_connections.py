@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from rulec.prove.truth.settled.connection_effects import WAYS
-from rulec.prove.truth.settled.effects import CONNECTIONS, EFFECTS, WIRING, key
+from rulec.prove.truth.settled.connections import WAYS
+from rulec.prove.truth.settled.effect import CONNECTIONS
 from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.suite import CONNECTED, planned
 
 
-def test_every_mistake_has_a_name_and_is_no_effect() -> None:
-    assert set(CONNECTIONS) == set(WAYS) == set(key("connections.yaml"))
-    assert not set(CONNECTIONS) & {*EFFECTS, *WIRING}
+def test_every_mistake_is_drawn() -> None:
+    assert set(CONNECTIONS) == set(WAYS)
     assert {case.effects[0] for case in planned(3, CONNECTED)} == set(WAYS)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.prove.truth.settled.effects import EFFECTS, Placed
+from rulec.prove.truth.settled.effect import EFFECTS, Placed
 from rulec.prove.truth.settled.folder import write_plant
 from rulec.prove.truth.settled.plan import FAMILIES
 from rulec.prove.truth.settled.rig import Rig
@@ -248,7 +248,7 @@ class Even:
     """An effect of a settled plant, its entry at a place, and an observer that it puts right.
 
     `kind` is that of the pump that has it; `parameters` makes those of the entry, SI, of medians
-    by signal and of what the truth states of the effect.
+    by signal and of the numbers of the effect.
     """
 
     kind: str
@@ -268,7 +268,7 @@ EVEN = {
         0.2,
         "meter-misadjusted@dp",
         "pump",
-        lambda u, p: {"z": p["o"] * BAR + p["x"] * u["dp"], "x": p["x"], "r0": u["dp"]},
+        lambda u, p: {"z": p["zero"] + p["x"] * u["dp"], "x": p["x"], "r0": u["dp"]},
     ),
     "dp-two-slope": Even(
         "cavity",
@@ -282,7 +282,7 @@ EVEN = {
         0.1,
         "bent-reading@dp",
         "pump",
-        lambda u, p: {"b": p["b"], "r0": p["r0"] * BAR, "w0": p["w0"] * BAR},
+        lambda u, p: {"b": p["size"], "r0": p["middle"], "w0": p["reach"]},
     ),
     "power-zero-creep": Even(
         "metered", 20.0, "zero-drift-time@P_el", "power", lambda u, p: {"z": p["z"] / DAY}
@@ -295,14 +295,14 @@ EVEN = {
         0.03,
         "motor-slip@n",
         "pump",
-        lambda u, p: {"s": p["s"], "n0": u["n"], "dp0": u["dp"]},
+        lambda u, p: {"s": p["size"], "n0": u["n"], "dp0": u["dp"]},
     ),
     "weakened": Even(
         "cavity",
         0.05,
         "field-weakening@n",
         "pump",
-        lambda u, p: {"s": p["s"], "n_c": p["n_c"] * RPM, "dp0": u["dp"]},
+        lambda u, p: {"s": p["size"], "n_c": p["n_c"] * RPM, "dp0": u["dp"]},
     ),
     "folded-back": Even(
         "cavity", 0.3, "power-limit@n", "pump", lambda u, p: {"s": p["s"], "P_c": p["P_c"]}
@@ -312,7 +312,7 @@ EVEN = {
         0.5,
         "stribeck-friction@P_law",
         "power",
-        lambda u, p: {"k": 0.5, "e": p["e"], "P0": u["P_el"], "n0": u["n"]},
+        lambda u, p: {"k": 0.5, "e": p["reach"] / u["n"], "P0": u["P_el"], "n0": u["n"]},
     ),
     "heated": Even(
         "oil-warm",
@@ -401,7 +401,7 @@ EVEN = {
         0.2,
         "valve-reducers@Q_law",
         "valve",
-        lambda u, p: {"k": p["k"], "Q0": u["Q"], "dp0": u["dp"]},
+        lambda u, p: {"k": p["size"], "Q0": u["Q"], "dp0": u["dp"]},
     ),
 }
 
@@ -432,7 +432,10 @@ def flows_told(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray]:
     _, builder = open_builder(folder)
     plan = builder.plan(even.module, (entry,) if joined else ())
     usual = {n: float(np.median(v)) for n, v in own_of({**truth, **drawn.plain}).items()}
-    stated = even.parameters(usual, made.parameters)
+    numbers = {**made.fixed, "size": made.size}
+    for own in made.parameters.values():
+        numbers |= own
+    stated = even.parameters(usual, numbers)
     shown = drawn.shown(truth, made.changes)
     values: dict[str, Any] = {**truth, **shown, **drawn.values, "time": drawn.time}
     values |= {f"{entry}.{n}": v for n, v in stated.items()}

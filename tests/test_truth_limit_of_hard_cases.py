@@ -11,7 +11,7 @@ from rulec.prove.truth.limit import Measure
 from rulec.prove.truth.sensors import Sensing
 from rulec.prove.truth.settled.blurred import blurred
 from rulec.prove.truth.settled.difficulty import term
-from rulec.prove.truth.settled.effects import EFFECTS, Placed
+from rulec.prove.truth.settled.effect import EFFECTS, Placed
 from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.scene import Scene
 from rulec.prove.truth.settled.sized import made_of

@@ -13,7 +13,7 @@ from rulec.cli import main as rulec
 from rulec.prove.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
 from rulec.prove.truth.plant import Plant
 from rulec.prove.truth.sealed import Request
-from rulec.prove.truth.settled.effects import EFFECTS, key
+from rulec.prove.truth.settled.effect import CONNECTIONS, EFFECTS, WIRING
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.pumps import PUMPS
 from rulec.prove.truth.settled.rig import Rig
@@ -81,12 +81,12 @@ def test_the_network_agrees_with_the_other_truth(name: str) -> None:
 
 
 def test_the_key_names_entries_that_exist() -> None:
-    """Every effect has a key; every name in it is in the catalogue, with those parameters."""
-    assert set(EFFECTS) == set(key())
-    for name, entry in key().items():
-        assert (EFFECTS[name].sort == "unnamed") == (not entry["entries"])
-        for theirs, parameters in entry["entries"].items():
-            kind = "faults" if EFFECTS[name].sort == "fault" else "effects"
+    """Every right name is in the catalogue, with those parameters."""
+    assert len({**EFFECTS, **WIRING, **CONNECTIONS}) == len(EFFECTS) + len(WIRING) + 3
+    for effect in EFFECTS.values():
+        assert (effect.sort == "unnamed") == (not effect.entries)
+        for theirs, parameters in effect.entries.items():
+            kind = "faults" if effect.sort == "fault" else "effects"
             text = (KB / kind / f"{theirs}.yaml").read_text(encoding="utf-8")
             stated = yaml.safe_load(text)
             if kind == "effects":

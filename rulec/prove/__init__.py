@@ -2,7 +2,6 @@
 
 Files in order of data flow: `command` (options), `partition` (cases), `campaign` (seal, analyse,
 judge; with `analyst`, `run_folder` and `ending`), `judge`, `results` (a judged case, a run),
-`attainable` (the best possible scores), `scores` (against the goals in `limits`; with `mistakes`),
-`page` (with `tables` and `pictures`) and `terminal`. `baselines` (with `aligned` and `sparse`)
-learn the residual instead: they predict, but name nothing. `truth` is the independent simulator.
+`scores` (against the goals in `limits`; with `mistakes`), `page` (with `tables` and `pictures`) and
+`terminal`. `truth` is the independent simulator.
 """

@@ -97,18 +97,14 @@ def asked(folders: Sequence[Path], engine: Engine, on_progress: OnProgress) -> N
 
 def judged(
     partition: Partition, work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress
-) -> tuple[list[Judged], int]:
-    """Open the answers and score them; also counts the baselines whose simulation diverged.
-
-    Raises Changed if an answer is not what was sealed.
-    """
+) -> list[Judged]:
+    """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
     todo = [
         (case, folder_of(work, i), seals[i], partition.name)
         for i, case in enumerate(partition.cases())
         if seals[i]
     ]
-    found = list(spread(_judge, todo, engine, lambda n: on_progress("judging", n, len(todo))))
-    return [j for j, _ in found], sum(away for _, away in found)
+    return list(spread(_judge, todo, engine, lambda n: on_progress("judging", n, len(todo))))
 
 
 def folder_of(work: Path, number: int) -> Path:
@@ -137,7 +133,7 @@ def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]
     return made, read_form(folder / FORM)
 
 
-def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:
+def _judge(case: Planned, folder: Path, seal: str, partition: str) -> Judged:
     made, form = opened(case, folder, seal)
     result = judge(made, form, folder, partition)
     write_text(folder / OPENED, made.answer.to_json())

@@ -171,7 +171,7 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         analysed(work, seals, engine, on_progress)
         if options.rounds > 1:
             asked_again(partition, work, seals, arms, engine, on_progress)
-        found, away = judged(partition, work, seals, engine, on_progress)
+        found = judged(partition, work, seals, engine, on_progress)
         if options.rounds > 1:
             further = judged_again(partition, work, seals, found, arms, engine, on_progress)
     lost = len(seals) - made
@@ -183,7 +183,6 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         digest=digest,
         version=version("rulec"),
         seconds=time.perf_counter() - begin,
-        ran_away=away,
         notes=notes,
         further=tuple(further),
     )

@@ -6,9 +6,6 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
-from rulec.prove.limits import SWEEP_HOLD
 from rulec.prove.truth.settled.further import (
     Point,
     displayed,
@@ -22,13 +19,12 @@ from rulec.prove.truth.settled.solve import Stalled
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import Array
 
-RECIPE, SAME, RANDOM, SWEEP = "recipe", "same", "random", "sweep"
+RECIPE, SAME, RANDOM = "recipe", "same", "random"
 
 ARMS = {
     RECIPE: "as proposed",
     SAME: "the same inputs again, from the beginning of the first recording on",
     RANDOM: "as many steps, drawn within what may be set",
-    SWEEP: "all inputs together from the lowest value to the highest",
 }
 """Ways to run the plant again, in words; all but the first are baselines."""
 
@@ -76,13 +72,7 @@ def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) 
     if arm == RECIPE:
         return list(zip(points, samples, strict=True))
     ranges = _ranges(case, sorted({name for point in points for name in point}))
-    if arm == RANDOM:
-        shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
-    else:
-        steps = max(len(points), sum(samples) // SWEEP_HOLD)
-        along = np.linspace(0.0, 1.0, steps) if steps > 1 else np.array([0.5])
-        shares = np.repeat(along[:, None], len(ranges), axis=1)
-        samples = np.diff(np.linspace(0, sum(samples), steps + 1).astype(int)).tolist()
+    shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
     drawn = [{**points[-1], **_within(ranges, row)} for row in shares]
     return list(zip(drawn, samples, strict=True))
 

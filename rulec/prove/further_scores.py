@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from rulec.prove.further_inputs import RECIPE
 from rulec.prove.judge import is_named, judged_words
-from rulec.prove.limits import LEAST_REPORTED
 from rulec.prove.results import COVERED, RUN, Further, Judged
 from rulec.prove.truth.sealed import Answer, Planted
 
@@ -43,7 +41,6 @@ def further_of(
         sure[arm] = sure_before if stalled else sure_of(answer, form, known)
         again[arm] = first if stalled else judged_words(answer, form, first.partition)
     steps, covers = recipe["steps"], _covers(recipe)
-    expected, realised = _nats(right, recipe, after[RECIPE])
     return replace(
         judged,
         outcome="stalled" if "not_run" in after[RECIPE] else COVERED if covers else RUN,
@@ -52,8 +49,6 @@ def further_of(
         minutes=float(steps[-1]["until"]) / 60.0,
         expected=() if covers else tuple(float(recipe["certainty"][end]) for end in (0, -1)),
         sure=sure,
-        nats_expected=expected,
-        nats=realised,
         after=again,
     )
 
@@ -115,19 +110,3 @@ def _entries(*forms: Form) -> dict[str, str]:
             for one in (effect, *effect["alternatives"]):
                 found[str(one["id"])] = str(one["effect"])
     return found
-
-
-def _nats(stood: Sequence[bool], recipe: Form, after: Form) -> tuple[float | None, float | None]:
-    """Log Bayes factor of the likeliest true explanation against the likeliest other, expected and
-    realised; None if the truth was no candidate, or is not reported any more."""
-    sets = recipe["explanations"]
-    true = next((i for i, right in enumerate(stood) if right), None)
-    other = next((i for i, right in enumerate(stood) if not right), None)
-    if true is None or other is None or _covers(recipe) or "not_run" in after:
-        return None, None
-    now = {frozenset(s["names"]): s["probability"] for s in after.get("standing", ())}
-    odds = [now.get(frozenset(sets[i]["names"]), 0.0) for i in (true, other)]
-    was = math.log(sets[true]["probability"] / sets[other]["probability"])
-    expected = float(recipe["factors"][true][other])
-    floor = [max(p, LEAST_REPORTED) for p in odds]
-    return expected, math.log(floor[0] / floor[1]) - was if any(odds) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import fmean, median
@@ -11,7 +11,7 @@ from statistics import fmean, median
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.text import counted, fixed, number, percent
+from rulec_runtime.report.text import counted, number, percent
 
 from rulec.prove.further_inputs import ARMS, RECIPE
 from rulec.prove.limits import PROBABILITIES, WORST_CASES
@@ -31,8 +31,8 @@ OUTCOMES = {
     "stalled": "the plant cannot be run as proposed; the first answer stays",
 }
 
-BAR = 20
-"""Characters of a bar from 0 to 1."""
+
+STOOD = "truth stood: the true explanation was among those that the recipe tells apart"
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,7 @@ def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Furth
             out.print(styled("[dim]{}: {}[/]", arm, ARMS[arm]))
         out.print(styled("\n[bold]How sure of the true explanation: predicted and realised[/]"))
         out.print(_gained(gained(further)))
-        for line in _remarks(ran):
-            out.print(styled("[dim]{}[/]", line))
+        out.print(styled("[dim]{}[/]", STOOD))
     lost = [
         (first[f.case], f.after[RECIPE])
         for f in ran
@@ -163,7 +162,6 @@ def _gained(bins: Sequence[Gained]) -> Table:
     shown = Table(box=None, pad_edge=False, collapse_padding=True)
     for title in ("predicted", "recipes", "mean", "realised", "truth stood", "realised"):
         shown.add_column(title, justify="right", no_wrap=True)
-    shown.add_column("0         to         1", no_wrap=True)
     for one in bins:
         shown.add_row(
             f"{percent(one.low)} to {percent(one.high)}",
@@ -172,36 +170,8 @@ def _gained(bins: Sequence[Gained]) -> Table:
             percent(one.found),
             str(one.stood),
             percent(one.found_of_stood) if one.stood else "–",
-            _bar(one),
         )
     return shown
-
-
-def _bar(one: Gained) -> str:
-    filled = round(BAR * one.found_of_stood) if one.stood else 0
-    cells = ["█"] * filled + ["·"] * (BAR - filled)
-    cells[min(round(BAR * one.said), BAR - 1)] = "|"
-    return "".join(cells)
-
-
-def _remarks(ran: Sequence[Further]) -> Iterator[str]:
-    """How often recipes distinguish the truth from others, and the log Bayes factors."""
-    ran = [f for f in ran if f.outcome == RUN]
-    stood = [f for f in ran if f.stood]
-    yield "bars: realised where the truth stood; |: predicted"
-    yield (
-        f"truth stood: the true explanation was among those that the recipe tells apart, in "
-        f"{len(stood)} of {len(ran)}"
-    )
-    known = [f for f in stood if f.nats is not None and f.nats_expected is not None]
-    if known:
-        expected = median(f.nats_expected or 0.0 for f in known)
-        realised = median(f.nats or 0.0 for f in known)
-        yield (
-            f"log Bayes factor of the true explanation against the likeliest other, middle of "
-            f"{len(known)}: expected {fixed(expected, 1)} nats, realised {fixed(realised, 1)} "
-            "at least"
-        )
 
 
 def _right(judged: Judged) -> float:

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rulec.prove.aligned import TIME, Course, columns_of, courses_of, likeness
-from rulec.prove.analyst import SERIES
-from rulec.prove.baselines import Baselines, dynamic_baselines, stationary_baselines
+from rulec.prove.aligned import TIME, columns_of, likeness
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
 from rulec.prove.results import Claim, Heldout, Judged
 from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
@@ -21,19 +19,16 @@ ERRORS = ("shipped", "recalibrated", "repaired", "noise")
 Form = Mapping[str, Any]
 
 
-def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged, bool]:
-    """Score a case; the second value tells whether the simulation of a baseline diverged."""
+def judge(case: Case, form: Form, folder: Path, partition: str) -> Judged:
+    """Score a case."""
     answer, fit = case.answer, form.get("fit")
     known = _reference(case, form) if answer.effects and fit else Reference({})
-    baselines = _baselines(answer, fit, folder) if answer.effects and fit else None
     said = judged_words(answer, form, partition)
-    judged = replace(
+    return replace(
         said,
         ratio=_ratio(form, known, said.verdict),
         course=_course(known, form, folder) if answer.unrecorded else None,
-        baselines=baselines.ratios if baselines else {},
     )
-    return judged, bool(baselines and baselines.ran_away)
 
 
 def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
@@ -221,25 +216,3 @@ def _errors(fit: Form | None) -> Heldout | None:
         return None
     held = fit["heldout"]
     return Heldout(**{name: NAN if held[name] is None else float(held[name]) for name in ERRORS})
-
-
-def _baselines(answer: Answer, fit: Form, folder: Path) -> Baselines | None:
-    """The baselines on the same held-out samples."""
-    if not (folder / SERIES).exists():
-        return None
-    courses = courses_of((folder / SERIES).read_text(encoding="utf-8"))
-    course = next((c for c in courses if c.signal == fit["signal"]), None)
-    if course is None or not course.judged.any():
-        return None
-    columns = columns_of((folder / "recording.csv").read_text(encoding="utf-8"))
-    if answer.half == "stationary":
-        return stationary_baselines(columns, course)
-    inputs = [h for h in columns if h != TIME and not _is_predicted(columns[h], courses)]
-    return dynamic_baselines(columns, course, inputs)
-
-
-def _is_predicted(values: np.ndarray, courses: Sequence[Course]) -> bool:
-    return any(
-        len(values) == len(c.measured) and np.allclose(values, c.measured, equal_nan=True)
-        for c in courses
-    )

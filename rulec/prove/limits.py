@@ -8,8 +8,6 @@ cases are in `partition.py`. The simulator in `truth` has its own numbers.
 
 from __future__ import annotations
 
-import math
-
 # Goals -------------------------------------------------------------------------------------------
 
 GOAL_PLACES = 0.95
@@ -89,87 +87,11 @@ PLAIN_MARGIN = 10.0
 """Least margin of an effect that is plain to see: odds of e to the power of 10 (22 000) against the
 next name. Origin: assumed."""
 
-# At best -----------------------------------------------------------------------------------------
-
-CANDIDATES = 100
-"""Explanations that the best analyst compares. Origin: assumed."""
-
-FALSE_CLAIMS = 0.01
-"""Share of clean recordings on which the best analyst claims an effect. Origin: assumed, the
-false claims that GOAL_CLEAN allows."""
-
-LOOKED_AT = 0.8
-"""Share of the samples that may be used; the rest is held out. Origin: assumed, as in the
-mismatch, which holds every fifth block out."""
-
-CLAIMED = math.log(CANDIDATES / FALSE_CLAIMS)
-"""Least gain in log likelihood at which the best analyst claims an effect. Origin: distribution,
-Bonferroni's bound over CANDIDATES likelihood ratios, each above 1/p with probability p at most."""
-
-# Baselines ---------------------------------------------------------------------------------------
-
-CHUNKS = 12
-"""Blocks in time into which the training samples are cut for cross-validation. Origin: assumed."""
-
-FOLDS = 3
-"""Folds of the cross-validation; each is every third block. Origin: assumed."""
-
-LAGS = (0, 1, 2, 4, 8, 16, 32)
-"""Lags, in samples, of the columns for boosted trees of plants that store. Origin: assumed."""
-
-SAME = 1e-6
-"""Relative difference below which a column is the predicted reading itself. Origin: numerical."""
-
-MOST_TREES = 60
-"""Most boosted trees. Origin: assumed."""
-
-TREE_RATE = 0.1
-"""Learning rate of the trees. Origin: source, default of scikit-learn."""
-
-TREE_LEAVES = 8
-"""Most leaves of a tree. Origin: assumed."""
-
-FEWEST_IN_A_LEAF = 10
-"""Least samples in a leaf. Origin: assumed."""
-
-SPARSE_DEGREE = 2
-"""Degree of the polynomials of PySINDy. Origin: assumed."""
-
-SPARSE_RIDGE = 0.05
-"""Ridge penalty of its regression. Origin: source, default of PySINDy."""
-
-SPARSE_ROUNDS = 10
-"""Most rounds of thresholding in a regression. Origin: assumed."""
-
-SPARSE_THRESHOLDS = (0.02, 0.1, 0.4)
-"""Thresholds below which coefficients are dropped, for standardised columns and a residual of size
-1. Cross-validation chooses one. Origin: assumed."""
-
-MOST_COLUMNS = 12
-"""Most columns of a law: those that correlate best with the residual. Origin: assumed."""
-
-FEWEST_SAMPLES = 30
-"""Least samples from which PySINDy learns. Origin: assumed."""
-
-SHORTEST_RUN = 4
-"""Least successive samples from which a map is learnt. Origin: assumed."""
-
-RAN_AWAY = 10.0
-"""Multiple of the largest residual beyond which a simulation has diverged. Origin: assumed."""
-
 # Second round ------------------------------------------------------------------------------------
 
 USUAL_HOURS = 8.0
 """Hours that an experiment may take if the first recording was shorter. Origin: source, default of
 `rulec experiment`."""
-
-SWEEP_HOLD = 10
-"""Least samples for which a sweep holds each value. Origin: assumed, what a settled mean of a plant
-of the proof takes."""
-
-LEAST_REPORTED = 0.02
-"""Least probability of a candidate set that an answer reports. Origin: source, the answer's own
-rule."""
 
 # Page and processes ------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Figures of a run: share of right names against strength, and errors of repaired models."""
+"""The figure of a run: share of right names against strength."""
 
 from __future__ import annotations
 
@@ -6,22 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rulec_runtime.report.chart import Axis, Panel, axis
+from rulec_runtime.report.chart import Axis, Panel
 from rulec_runtime.report.figure import Figure, plot
-from rulec_runtime.report.text import counted, fixed, number, percent
+from rulec_runtime.report.text import number, percent
 
 from rulec.prove.limits import ENOUGH_CASES, MOSTLY
 from rulec.prove.results import Judged
-from rulec.prove.scores import HALVES, RATIO, Bin, curve, values_of
+from rulec.prove.scores import HALVES, Bin, curve
 
 ROOM = 1.14
 """Top of the scale of shares: the space above 1 shows the counts."""
-
-WIDTHS, BINS = (0.01, 0.02, 0.05), 36
-"""Widths of the bins of ratios; the first that needs at most BINS bins is used."""
-
-ENDS = (0.5, 2.0)
-"""Ratios outside are counted in the outer bins."""
 
 
 @dataclass(frozen=True)
@@ -99,47 +93,3 @@ def _say(names: dict[str, list[Bin]]) -> str:
             else f"{half}: {percent(shares[0])} are named rightly, and nine of ten at no strength"
         )
     return f"{'; '.join(sentences)}.".capitalize() if sentences else "No effect was to be named."
-
-
-def draw_ratio(judged: Sequence[Judged]) -> Figure | None:
-    """Draw the errors of repairs over those of the true model refitted; None without repairs."""
-    ratios = np.array(values_of(judged, "ratio"))
-    if not len(ratios):
-        return None
-    edges = _edges(ratios)
-    low, high, width = float(edges[0]), float(edges[-1]), float(edges[1] - edges[0])
-    counts, _ = np.histogram(np.clip(ratios, low, high - 1e-9), edges)
-    panel = Panel(axis(low, high, 8, tight=True), axis(0.0, float(counts.max()), 4), 190)
-    gap = width / 12
-    x = np.column_stack([edges[:-1] + gap, edges[1:] - gap, edges[1:]]).ravel()
-    y = np.column_stack([counts, counts, np.full(len(counts), np.nan)]).ravel()
-    goal = np.full(2, RATIO.high)
-    svg = panel.drawn(
-        "held-out error over that of the true model",
-        "cases",
-        [
-            panel.band(x, np.zeros(len(x)), y, "s0 solid"),
-            panel.curve(goal, np.array([0.0, panel.y.high]), "truth"),
-        ],
-        [],
-        True,
-    )
-    near = float(np.mean(ratios <= RATIO.high))
-    words = (
-        f"{percent(near)} of {counted(len(ratios), 'case')} are within the goal; the middle one is "
-        f"at {fixed(float(np.median(ratios)), 3)}, the worst at {number(float(ratios.max()))}."
-    )
-    key = f"dashed: goal; outer bins also hold what is below {low:.3g} and above {high:.3g}"
-    body = plot(svg, True, "held-out error over that of the true model refitted")
-    return Figure(
-        name="ratio", title="How near repairs come to the truth", key=key, body=body, caption=words
-    )
-
-
-def _edges(ratios: np.ndarray) -> np.ndarray:
-    """Edges of bins that contain the ratios, 1 and the goal."""
-    low = max(min(float(ratios.min()), 0.95), ENDS[0])
-    high = min(max(float(ratios.max()), 1.15), ENDS[1])
-    width = next((w for w in WIDTHS if (high - low) / w <= BINS), WIDTHS[-1])
-    first, last = np.floor(low / width + 1e-9), np.ceil(high / width - 1e-9)
-    return width * np.arange(first, last + 1)

@@ -9,9 +9,6 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
-PARTITIONS = ("development", "final")
-"""Cases to improve the tool with, and cases that are opened once to measure it."""
-
 RUN, COVERED = "run", "covered"
 """The plant was run again: to distinguish explanations, or only to cover the allowed range."""
 
@@ -55,7 +52,6 @@ class Judged:
     inside : number of intervals of parameters that contain the truth, and of all intervals
     ratio : held-out error over that of the true model
     course : correlation of the course of an unrecorded driver with the truth
-    baselines : held-out errors of the baselines over that of recalibration, by name
     error : why the tool gave no answer; empty if it gave one
     digest : hash of the sealed answer
     difficulties : what makes the case harder, as the sealed answer names it
@@ -84,7 +80,6 @@ class Judged:
     ratio: Score = None
     course: Score = None
     errors: Heldout | None = None
-    baselines: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     error: str = ""
     difficulties: tuple[str, ...] = ()
@@ -111,8 +106,6 @@ class Further:
     stood : whether the recipe distinguishes the true explanation from others
     sure_before : probability of the true explanation in the first answer
     sure : the same with a second recording, by arm
-    nats_expected, nats : log Bayes factor of the true explanation against the likeliest other:
-        expected by the recipe, and realised (a lower bound if the other is not reported any more)
     after : judged answers with a second recording, by arm; the first one if the plant stalled
     """
 
@@ -125,8 +118,6 @@ class Further:
     stood: bool = False
     sure_before: float = 0.0
     sure: Mapping[str, float] = field(default_factory=dict)
-    nats_expected: Score = None
-    nats: Score = None
     after: Mapping[str, Judged] = field(default_factory=dict)
 
 
@@ -141,7 +132,6 @@ class Run:
     digest : hash over all sealed answers, shown before the first analysis
     version : of the tool
     seconds : duration of the whole run
-    ran_away : number of simulations of PySINDy that diverged
     further : of each case, what a second recording changed; empty in a run of one round
     """
 
@@ -152,19 +142,13 @@ class Run:
     digest: str = ""
     version: str = ""
     seconds: float = 0.0
-    ran_away: int = 0
     notes: tuple[str, ...] = ()
     further: tuple[Further, ...] = ()
 
     @property
     def partition(self) -> str:
-        """The partition that is reported: the final one, if it has cases."""
-        return PARTITIONS[any(j.partition == PARTITIONS[1] for j in self.judged)]
-
-    @property
-    def shown(self) -> tuple[Judged, ...]:
-        """Cases of that partition, as scores of both together would mean nothing."""
-        return tuple(j for j in self.judged if j.partition == self.partition)
+        """Cases to improve the tool with, or those that are opened once to measure it."""
+        return next((j.partition for j in self.judged), "development")
 
     def to_json(self) -> str:
         """Return the run as JSON; infinite and undefined numbers are strings."""
@@ -192,7 +176,6 @@ def _judged(data: dict[str, Any]) -> Judged:
     if read["errors"] is not None:
         read["errors"] = Heldout(**{k: _number(v) for k, v in read["errors"].items()})
     read["claims"] = tuple(Claim(**claim) for claim in read.get("claims", ()))
-    read["baselines"] = {k: _number(v) for k, v in read["baselines"].items()}
     return Judged(**read)
 
 

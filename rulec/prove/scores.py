@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from rulec.prove.attainable import at_best
 from rulec.prove.limits import (
     BINS_PER_DECADE,
     BOOTSTRAP_SAMPLES,
@@ -204,15 +203,11 @@ def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
 
 @dataclass(frozen=True)
 class Group:
-    """Cases that have something in common, and their shares (no goal is set for them).
-
-    `best` has the best possible shares of places and names; None without effects.
-    """
+    """Cases that have something in common, and their shares (no goal is set for them)."""
 
     title: str
     count: int
     shares: tuple[Row, ...]
-    best: tuple[float, float] | None
 
 
 def by_concealment(judged: Sequence[Judged]) -> list[Group]:
@@ -239,7 +234,7 @@ def by(judged: Sequence[Judged], name: str) -> list[Group]:
 
 def group(title: str, judged: Sequence[Judged]) -> Group:
     """Return the shares of some cases."""
-    return Group(title, len(judged), _shares(judged), at_best(judged))
+    return Group(title, len(judged), _shares(judged))
 
 
 def _shares(judged: Sequence[Judged]) -> tuple[Row, ...]:

@@ -1,26 +1,19 @@
-"""Tables of the page: goals, confusion matrix, groups, baselines, worst cases."""
+"""Tables of the page: goals, groups, worst cases."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-from rulec_runtime.report.tables import Cell, Column, columns, framed, table
+from rulec_runtime.report.tables import Cell, columns, table
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
 from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
-from rulec.prove.mistakes import (
-    OTHERS,
-    Bad,
-    Confusion,
-    answer_of,
-    worst,
-)
+from rulec.prove.mistakes import Bad, answer_of, worst
 from rulec.prove.results import Judged
 from rulec.prove.scores import Group, Reliability, Row, reliability
 
-PARTS = ("place", "name", "clean", "unnamed", "told", "inside", "false", "at best")
+PARTS = ("place", "name", "clean", "unnamed", "told", "inside", "false")
 """Columns of a table of groups, after title and number of cases."""
 
 PLAIN = f"strength of {PLAIN_GAIN:g} and margin of {PLAIN_MARGIN:g} at least"
@@ -67,47 +60,12 @@ def interval_of(row: Row) -> str:
     return f"{fixed(row.low, 3)} to {fixed(row.high, 3)}"
 
 
-def heat(found: Confusion) -> str:
-    """Write the confusion matrix: planted in rows, reported in columns, tinted by row share."""
-    head = '<th scope="col">planted</th><th>right</th>' + "".join(
-        f'<th scope="col" class="turned"><span>{safe(name)}</span></th>' for name in found.columns
-    )
-    body = ""
-    for name, rate, counts, right in zip(
-        found.rows, found.rates, found.counts, found.right, strict=True
-    ):
-        cells = (
-            _tinted(int(c), c / counts.sum(), r > 0, column)
-            for c, r, column in zip(counts, right, found.columns, strict=True)
-        )
-        body += (
-            f'<tr><th scope="row">{safe(name)}</th><td class="rate">{percent(rate)}</td>'
-            f"{''.join(cells)}</tr>"
-        )
-    return framed(
-        "what was said of what was planted",
-        f'<table class="matrix heat"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>',
-    )
-
-
-def _tinted(count: int, share: float, right: bool, column: str) -> str:
-    if not count:
-        return "<td></td>"
-    style = "right" if right else "other" if column in OTHERS else "wrong"
-    return f'<td class="{style}" style="--tint:{round(20 + 80 * share)}%">{count}</td>'
-
-
 def groups(found: Sequence[Group], title: str) -> str:
     """Write the shares of each group, each with its number of cases."""
     if not found:
         return ""
-    rows = ([safe(g.title), str(g.count), *map(_part, g.shares), best_of(g)] for g in found)
+    rows = ([safe(g.title), str(g.count), *map(_part, g.shares)] for g in found)
     return table(title, columns(title, ".cases", *(f".{name}" for name in PARTS)), rows)
-
-
-def best_of(group: Group) -> str:
-    """Return the best possible shares of places and names; empty without effects."""
-    return " / ".join(percent(share) for share in group.best) if group.best else ""
 
 
 def _part(row: Row) -> str | Cell:
@@ -129,47 +87,6 @@ def told_cells(told: Reliability) -> tuple[str, ...]:
     shares = (told.low, told.high, told.said, told.share, *told.ends)
     low, high, said, right, least, most = (percent(share) for share in shares)
     return f"{low} to {high}", str(told.count), said, right, f"{least} to {most}", told.words
-
-
-def baselines(judged: Sequence[Judged]) -> str:
-    """Write held-out errors over that of recalibration: of the repair, and of the baselines."""
-    parts = []
-    for title, cases in (
-        ("Something is missing", [j for j in judged if not j.clean]),
-        ("Nothing is missing", [j for j in judged if j.clean]),
-    ):
-        rows = list(_rows_of(cases))
-        if rows:
-            of = [*columns("model", ".cases", ".middle", ".middle half"), Column("", "wide")]
-            parts.append(f'<h3 class="after">{title}</h3>{table(title, of, rows)}')
-    return "".join(parts)
-
-
-def _rows_of(judged: Sequence[Judged]) -> Iterator[tuple[str, ...]]:
-    ratios = {"repaired": _over(judged, "repaired")}
-    for name in sorted({n for j in judged for n in j.baselines}):
-        known = [j.baselines.get(name) for j in judged]
-        ratios[name] = [v for v in known if v is not None and math.isfinite(v)]
-    ratios["noise alone"] = _over(judged, "noise")
-    shares = (0.25, 0.5, 0.75)
-    quartiles = {n: np.quantile(values, shares).tolist() for n, values in ratios.items() if values}
-    largest = max((middle for _, middle, _ in quartiles.values()), default=0.0)
-    for name, (low, middle, high) in quartiles.items():
-        width = 100 * middle / largest if largest > 0 else 0.0
-        yield (
-            safe(name),
-            str(len(ratios[name])),
-            fixed(middle, 2),
-            f"{fixed(low, 2)} to {fixed(high, 2)}",
-            f'<i class="meter" style="width:{width:.1f}%"></i>',
-        )
-
-
-def _over(judged: Sequence[Judged], name: str) -> list[float]:
-    """Errors over that of recalibration, of the cases that have both."""
-    pairs = ((getattr(j.errors, name), j.errors.recalibrated) for j in judged if j.errors)
-    known = ((a, b) for a, b in pairs if a is not None and b is not None)
-    return [a / b for a, b in known if math.isfinite(a) and math.isfinite(b) and b > 0]
 
 
 def worst_table(judged: Sequence[Judged]) -> str:

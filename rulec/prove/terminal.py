@@ -9,7 +9,6 @@ from rich.table import Table
 from rulec_runtime.output.terminal import Terminal, one_line, styled
 from rulec_runtime.report.text import number
 
-from rulec.prove.attainable import at_best_words
 from rulec.prove.further_told import tell_further
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
@@ -18,7 +17,6 @@ from rulec.prove.scores import Group, Reliability, Row, by_difficulty, plain, re
 from rulec.prove.tables import (
     PARTS,
     PLAIN,
-    best_of,
     interval_of,
     of_count,
     planted_words,
@@ -33,17 +31,15 @@ MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}
 
 def show(out: Console, run: Run) -> None:
     """Print the scores and the worst cases."""
-    rows = table(run.shown)
+    rows = table(run.judged)
     out.print(styled("[bold]{}[/]", headline(run, rows)))
     out.print(styled("[dim]{}[/]\n", partition_words(run)))
-    out.print(_goals(rows, table(plain(run.shown))))
-    for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
-        if words:
-            out.print(styled("[dim]{}[/]", words))
-    if bins := reliability(run.shown):
+    out.print(_goals(rows, table(plain(run.judged))))
+    out.print(styled("[dim]plain to see: {}[/]", PLAIN))
+    if bins := reliability(run.judged):
         out.print(styled("\n[bold]Names by their probability[/]"))
         out.print(_probabilities(bins))
-    if parts := by_difficulty(run.shown):
+    if parts := by_difficulty(run.judged):
         out.print(styled("\n[bold]By difficulty[/]"))
         out.print(_parts(parts))
         for name, words in DIFFICULTIES.items():
@@ -51,11 +47,11 @@ def show(out: Console, run: Run) -> None:
                 out.print(styled("[dim]{}: {}[/]", name, words))
     _worst(out, run)
     if run.further:
-        tell_further(out, run.shown, run.further)
+        tell_further(out, run.judged, run.further)
 
 
 def _worst(out: Console, run: Run) -> None:
-    if not (found := worst(run.shown)):
+    if not (found := worst(run.judged)):
         return
     shown = Table("case", "planted", "said", "because", box=None, pad_edge=False)
     shown.add_column("strength", justify="right")
@@ -82,7 +78,7 @@ def _parts(parts: list[Group]) -> Table:
     for part in parts:
         shown.add_column(names.get(part.title, part.title), justify="right")
     shown.add_row("cases", *(str(part.count) for part in parts))
-    rows = zip(*([*map(of_count, part.shares), best_of(part)] for part in parts), strict=True)
+    rows = zip(*(map(of_count, part.shares) for part in parts), strict=True)
     for title, cells in zip(PARTS, rows, strict=True):
         shown.add_row(title, *cells)
     return shown

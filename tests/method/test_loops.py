@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
 from rulec.commands.matrix import json_form
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth.loops import OUTSIDE, Branch, DosingBranch, Resistance, readings
+from tests.method.loops import OUTSIDE, Branch, DosingBranch, Resistance, readings
 from tests.method.readings import PLANTS, evaluate, points, row_of, ruleset, signs, to_si
 
 NARROW, DN15, HEADER = 9.0e-7, 3.5e-7, 2.0e-7

@@ -74,15 +74,13 @@ def run(count: int = 400, seed: int = 0, partition: str = "final") -> Run:
     cases = [_clean(i, random) for i in range(count // 2)]
     cases += [_planted(i, random) for i in range(count // 2)]
     final = tuple(_in(partition, j) for j in cases)
-    early = tuple(_in("development", j) for j in cases[: count // 4])
     return Run(
-        (*early, *final),
+        final,
         seeds={"development": "1 to 100", "final": "drawn at the opening: 771 to 1170"},
         openings=1,
         digest="ab" * 32,
         version="06f8b4d",
         seconds=5321.0,
-        ran_away=7,
         notes=("two cases took longer than a minute",),
     )
 
@@ -95,13 +93,9 @@ def _errors(random: np.random.Generator, missing: float) -> dict[str, object]:
     noise = 1.0
     before = float(np.hypot(noise, missing))
     after = float(noise * random.uniform(1.0, 1.1))
-    ratio = random.uniform
-    learnt = {"boosted trees": ratio(0.5, 1.1) if missing else ratio(1.0, 1.1)}
-    learnt["PySINDy"] = ratio(0.6, 1.2) if missing else 1.0
     return {
         "errors": Heldout(shipped=2 * before, recalibrated=before, repaired=after, noise=noise),
-        "baselines": learnt,
-        "seconds": float(ratio(3, 40)),
+        "seconds": float(random.uniform(3, 40)),
     }
 
 

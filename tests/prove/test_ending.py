@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from rulec.prove import __main__ as prove
 from rulec.prove.campaign import Changed, owned
 from rulec.prove.command import main
 from rulec.prove.run_folder import CASES, SEALS, unusable
@@ -200,14 +199,3 @@ def test_a_folder_that_cannot_be_written_to(closed: Path) -> None:
         assert (
             said == f"--keep: {work}: cannot write there (Permission denied); name another folder"
         )
-
-
-def test_without_the_packages_of_the_suite(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """After `make demo` alone: a sentence with the remedy, before any work."""
-    monkeypatch.setattr(prove, "NEEDS", ("pytest", "absent_package"))
-    assert 1 == prove.main()
-    said = capsys.readouterr().err
-    assert said.startswith("rulec prove: absent_package not installed here; the suite needs")
-    assert 1 == said.count("\n")

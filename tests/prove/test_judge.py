@@ -51,7 +51,7 @@ def scored(*effects: dict[str, Any], planted: Planted = LOW) -> Judged:
         effects=(planted,),
     )
     form = {"verdict": "ambiguous", "effects": effects, "locations": ()}
-    return judge(SimpleNamespace(answer=sealed), form, Path(), "development")[0]  # type: ignore[arg-type]
+    return judge(SimpleNamespace(answer=sealed), form, Path(), "development")  # type: ignore[arg-type]
 
 
 def other(name: str, id_: str, probability: float) -> dict[str, Any]:

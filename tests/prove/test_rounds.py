@@ -138,13 +138,11 @@ def test_in_production_a_plant_may_be_run_farther_than_it_was(tmp_path: Path) ->
     allowed, recipe = case.may_be_set, recipe_for(case)
     assert limits.keys() == allowed.keys() == set(case.scene.rig.inputs)
     assert limits["A.n"]["highest"] == pytest.approx(60.0 * allowed["A.n"][1])
-    random, sweep = (courses(case, recipe, arm) for arm in ("random", "sweep"))
+    random = courses(case, recipe, "random")
     for name, (low, high) in allowed.items():
         recorded = case.scene.given[name][case.scene.first :]
         assert np.ptp(recorded) < 0.35 * (high - low)
-        for course in (random[name], sweep[name]):
-            assert low - 0.5 <= course.min() <= course.max() <= high + 0.5
-        assert np.ptp(sweep[name]) > 2.0 * np.ptp(recorded)
+        assert low - 0.5 <= random[name].min() <= random[name].max() <= high + 0.5
 
 
 def test_what_nobody_can_set_is_refused(fault: SettledCase) -> None:
@@ -222,7 +220,7 @@ def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
 
 
 def test_gain_is_told_beside_what_was_expected() -> None:
-    """Certainty and log Bayes factor of the true explanation, before and after."""
+    """Certainty of the true explanation, before and after."""
     recipe = {
         "steps": [{"until": 120.0, "covers": False}],
         "certainty": [0.55, 0.9],
@@ -234,8 +232,7 @@ def test_gain_is_told_beside_what_was_expected() -> None:
     found = further_of(OPEN, first, recipe, before, {"recipe": after, "same": {"not_run": "no"}})
     assert (found.outcome, found.steps, found.minutes) == ("run", 1, 2.0)
     assert (found.sure_before, found.sure) == (0.4, {"recipe": 0.9, "same": 0.4})
-    assert (found.stood, found.expected, found.nats_expected) == (True, (0.55, 0.9), 3.0)
-    assert found.nats == pytest.approx(np.log(9.0) + np.log(1.5))
+    assert (found.stood, found.expected) == (True, (0.55, 0.9))
     assert found.after["recipe"].name_right == 1.0
     assert found.after["same"] == first
 
@@ -249,7 +246,7 @@ def test_a_recipe_that_only_covers_predicts_nothing() -> None:
     }
     first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
     found = further_of(OPEN, first, recipe, form_of(clogging=0.95), {"recipe": form_of(leakage=1)})
-    assert (found.outcome, found.expected, found.nats) == ("covered", (), None)
+    assert (found.outcome, found.expected) == ("covered", ())
     assert (found.sure_before, found.sure) == (0.0, {"recipe": 1.0})
     assert gained([found]) == []
 
@@ -280,7 +277,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
     further = (
         Further(
             case="missed", outcome="run", sure_before=0.3, sure=dict.fromkeys(ARMS, 0.8),
-            after=dict.fromkeys(ARMS, replace(better, case="missed")), nats=2.0, nats_expected=3.0,
+            after=dict.fromkeys(ARMS, replace(better, case="missed")),
             **usual,
         ),
         Further(

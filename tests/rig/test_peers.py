@@ -10,11 +10,10 @@ import pytest
 pytest.importorskip("sklearn")
 pytest.importorskip("pysindy")
 
-from rulec.prove.aligned import Array, Course, rms
-from rulec.prove.baselines import one_thread
 from tests.rig.peers import learnt, limits
 from tests.rig.peers.catalogue import stlsq
 from tests.rig.peers.lisdd import discovered, regions
+from tests.rig.peers.sparse import Array, Course, one_thread, rms
 
 N, NOISE = 300, 0.02
 RNG = np.random.default_rng(1)

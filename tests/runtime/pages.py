@@ -75,5 +75,5 @@ def every_page() -> dict[str, tuple[str, str]]:
         ),
         "study": (study_page(abc, TYPES, points, Settings(), study, MADE), study_verdict(study)),
         "matrix": (matrix_page(abc, MADE), matrix_verdict(abc)),
-        "proof": (prove_page(proof, MADE), prove_headline(proof, table(proof.shown))),
+        "proof": (prove_page(proof, MADE), prove_headline(proof, table(proof.judged))),
     }

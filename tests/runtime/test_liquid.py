@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.prove.truth import INSIDE, record
-from rulec.prove.truth.unmodelled import thicker_run
+from rulec.prove.truth import INSIDE, Operation, Plant, Run, record
+from rulec.prove.truth.faults import Faults
+from rulec.prove.truth.plant import LIQUID_TEMPERATURE
+from rulec.prove.truth.pumps import Displacement
 from tests.conftest import ROOT
 from tests.method.readings import built, calibrated, recording, ruleset
 
@@ -22,6 +28,37 @@ COLD = (1.15, 0.8)
 """Friction +15 %, slip -20 %."""
 
 RIGS = pytest.mark.parametrize("rig", MIXERS)
+
+
+def thicker_run(
+    plant: Plant,
+    later: NDArray[np.bool_],
+    friction: float,
+    slip: float,
+    cooled: float,
+    faults: Faults,
+) -> Run:
+    """Run at nominal speed; while `later`, shape (n,), friction losses and slips are multiplied by
+    factors, and the liquid is colder by `cooled`, K. Parameters become arrays.
+
+    Source: the factors are independent, as a plant has laminar and turbulent paths.
+    """
+    rubbed: Any = np.where(later, friction, 1.0)
+    slipped: Any = np.where(later, slip, 1.0)
+    modules = {}
+    for name, module in plant.modules.items():
+        pump = module.pump
+        if isinstance(pump, Displacement):
+            parts = ("slip", "slip_per_speed", "slip_linear", "slip_quadratic")
+            pump = replace(pump, **{part: getattr(pump, part) * slipped for part in parts})
+        line = replace(module.line, quadratic=module.line.quadratic * rubbed)
+        modules[name] = replace(module, pump=pump, line=line)
+    mixers = {n: replace(m, quadratic=m.quadratic * rubbed) for n, m in plant.mixers.items()}
+    speeds = {name: np.full(later.size, module.speed) for name, module in modules.items()}
+    warmth = LIQUID_TEMPERATURE - np.where(later, cooled, 0.0)
+    time = np.arange(later.size, dtype=np.float64)
+    operation = Operation(time, speeds, temperature=dict.fromkeys(modules, warmth))
+    return Run(replace(plant, modules=modules, mixers=mixers), operation, faults)
 
 
 def recorded(rig: str, seed: int, *change: float, **degrees: float) -> Recording:

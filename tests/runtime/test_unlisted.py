@@ -13,7 +13,8 @@ from rulec_runtime.report.wording import why_first
 
 from rulec.commands.matrix import json_form
 from rulec.export.specialised import listed_undo
-from rulec.prove.truth import TABLE_1, campaign, operating_points, record
+from rulec.prove.truth import TABLE_1, operating_points, record
+from tests.campaign import campaign
 from tests.conftest import compiled
 from tests.method.readings import built, recording
 

@@ -1,8 +1,6 @@
-"""`python -m rulec.prove.real`: the command for real recordings."""
+"""`python -m rulec.prove.real`: the command on real recordings."""
 
-from __future__ import annotations
-
-from rulec.prove.__main__ import main
+from rulec.prove.real.command import main
 
 if __name__ == "__main__":
-    raise SystemExit(main("rulec.prove.real.command"))
+    raise SystemExit(main())

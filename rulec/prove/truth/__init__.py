@@ -1,17 +1,15 @@
 """Independent truth: recordings of dosing plants, written from physics.
 
 It shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`, `plant`
-(the plant and its operation), `faults`, `network` (the operating point), `loops` (any network),
-`sensors`, `recording` (columns and CSV), `rigs` (ready plants), `drawn` (the same, off their data
-sheets), `runs` (ready runs), `transients`, `unmodelled`, `campaign` (lists of runs with seeds),
-`__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured noise,
-drifts), `spread` and `whiten` (their covariances), `limit` (detectability at best), `sealed` (the
-form of a case and its answer), `settled` and `tanks` (cases of plants in stationary operation, and
-of plants that store liquid). Everything is SI until a sensor reads it; readings and CSV files are
-in trade units.
+(the plant and its operation), `faults`, `network` (the operating point), `sensors`, `recording`
+(columns and CSV), `rigs` (ready plants), `drawn` (the same, off their data sheets), `runs` (ready
+runs), `transients`, `unmodelled`, `__main__`. For the proof: `streams` (random numbers), `smooth`
+(form errors, coloured noise, drifts), `spread` and `whiten` (their covariances), `limit`
+(detectability at best), `sealed` (the form of a case and its answer), `formulas` (in tables of
+effects), `settled` and `tanks` (cases of plants in stationary operation, and of plants that store
+liquid). Everything is SI until a sensor reads it; readings and CSV files are in trade units.
 """
 
-from .campaign import Case, campaign, fault_pairs, published_faults, single_faults
 from .drawn import drawn
 from .faults import possible_faults
 from .plant import Operation, Plant
@@ -36,7 +34,6 @@ __all__ = [
     "RIGS",
     "TABLE_1",
     "VALVE_TIME",
-    "Case",
     "Operation",
     "Plant",
     "Recording",
@@ -44,19 +41,15 @@ __all__ = [
     "Sensing",
     "abc",
     "calibration_run",
-    "campaign",
     "drawn",
-    "fault_pairs",
     "fault_replay",
     "healthy_run",
     "leakage_replay",
     "mixing_rig",
     "operating_points",
     "possible_faults",
-    "published_faults",
     "record",
     "settling",
-    "single_faults",
     "visiting_run",
     "warm_run",
     "write_csv",

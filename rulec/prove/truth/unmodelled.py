@@ -1,14 +1,11 @@
 """Physics that the plain laws leave out: slip that follows the temperature, a frame that shakes in
-a band of speeds, a liquid whose viscosity changes during the run."""
+a band of speeds."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .faults import Faults
-from .plant import LIQUID_TEMPERATURE, Operation, Plant
+from .plant import LIQUID_TEMPERATURE, Plant
 from .pumps import Displacement
 from .runs import Run, operating_points, visiting_run
 from .transients import settling
@@ -58,37 +55,6 @@ def shaken_run(plant: Plant) -> Run:
     more = pump.idle_power + taken(run.operation.speed["B"])
     shaking = replace(pump, idle_power=more)  # type: ignore[arg-type]
     return Run(_with_pump(plant, "B", shaking), run.operation)
-
-
-def thicker_run(
-    plant: Plant,
-    later: NDArray[np.bool_],
-    friction: float,
-    slip: float,
-    cooled: float,
-    faults: Faults,
-) -> Run:
-    """Run at nominal speed; while `later`, shape (n,), friction losses and slips are multiplied by
-    factors, and the liquid is colder by `cooled`, K. Parameters become arrays.
-
-    Source: the factors are independent, as a plant has laminar and turbulent paths.
-    """
-    rubbed: Any = np.where(later, friction, 1.0)
-    slipped: Any = np.where(later, slip, 1.0)
-    modules = {}
-    for name, module in plant.modules.items():
-        pump = module.pump
-        if isinstance(pump, Displacement):
-            parts = ("slip", "slip_per_speed", "slip_linear", "slip_quadratic")
-            pump = replace(pump, **{part: getattr(pump, part) * slipped for part in parts})
-        line = replace(module.line, quadratic=module.line.quadratic * rubbed)
-        modules[name] = replace(module, pump=pump, line=line)
-    mixers = {n: replace(m, quadratic=m.quadratic * rubbed) for n, m in plant.mixers.items()}
-    speeds = {name: np.full(later.size, module.speed) for name, module in modules.items()}
-    warmth = LIQUID_TEMPERATURE - np.where(later, cooled, 0.0)
-    time = np.arange(later.size, dtype=np.float64)
-    operation = Operation(time, speeds, temperature=dict.fromkeys(modules, warmth))
-    return Run(replace(plant, modules=modules, mixers=mixers), operation, faults)
 
 
 def _tour(plant: Plant) -> Run:

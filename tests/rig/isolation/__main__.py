@@ -14,8 +14,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rulec.prove.truth import INSIDE, RIGS, TABLE_1, campaign, operating_points, single_faults
+from rulec.prove.truth import INSIDE, RIGS, TABLE_1, operating_points
 from rulec.prove.truth.runs import HOLD
+from tests.campaign import campaign, single_faults
 from tests.rig.mixing_rig.cases import ALARM_HOLD, Task
 from tests.rig.mixing_rig.judge import run
 from tests.rig.mixing_rig.measure import sound_form, table_form

@@ -9,16 +9,14 @@ from rulec.prove.truth import (
     INSIDE,
     RIGS,
     TABLE_1,
-    Case,
     Sensing,
-    campaign,
     leakage_replay,
     operating_points,
     settling,
-    single_faults,
 )
 from rulec.prove.truth.runs import DEGREES as PLATEAUS
 from rulec.prove.truth.runs import HOLD
+from tests.campaign import Case, campaign, single_faults
 
 BOTH = ("default", "paper")
 PLANTS = ("abc", "mixing-rig")

@@ -11,12 +11,11 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec.prove.aligned import Array, rms
-from rulec.prove.limits import FOLDS
-from rulec.prove.sparse import _optimizer
 from tests.rig.peers import limits
 from tests.rig.peers.learnt import evenly
 from tests.rig.peers.library import Library
+from tests.rig.peers.limits import FOLDS
+from tests.rig.peers.sparse import Array, optimizer_of, rms
 
 
 def chosen(library: Library) -> Array:
@@ -45,7 +44,7 @@ def stlsq(table: Array, residual: Array, folds: NDArray[np.intp]) -> Array:
 
 
 def _weights(x: Array, y: Array, threshold: float) -> Array:
-    optimizer = _optimizer(threshold)
+    optimizer = optimizer_of(threshold)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a threshold that drops every term is a result
         optimizer.fit(x, y[:, None])

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec.prove.aligned import Array
-from rulec.prove.baselines import one_thread
 from rulec.prove.real.score import SILENT, Cause, ScoredFinding, _at, _false, _mean, _name_right
-from rulec.prove.sparse import _standardised
 from tests.rig.peers import learnt
 from tests.rig.peers.case import Case
 from tests.rig.peers.catalogue import chosen
 from tests.rig.peers.library import Library, libraries
 from tests.rig.peers.lisdd import Discovery, discovered, regions
+from tests.rig.peers.sparse import Array, one_thread, standardised
 from tests.rig.peers.structure import located
 
 LEARN = {"GP": learnt.gaussian_process, "neural": learnt.neural, "PySINDy": learnt.sparse}
@@ -95,7 +93,7 @@ def _by_terms(case: Case) -> dict[str, tuple[Array, list[tuple[Cause, ...]]]]:
     """By peer, its correction of the reading that counts, and causes over all readings."""
     n = len(case.course.time)
     found: dict[str, tuple[Array, list[tuple[Cause, ...]]]] = {p: (np.zeros(n), []) for p in NAMING}
-    inputs = _standardised(case.drivers, case.course.learnt)
+    inputs = standardised(case.drivers, case.course.learnt)
     for library in libraries(case):
         region = regions(inputs, library.course.learnt)
         everywhere = np.ones(n, dtype=bool)

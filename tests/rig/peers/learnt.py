@@ -2,7 +2,7 @@
 
 Gaussian process (Kennedy and O'Hagan 2001, with maximum likelihood in place of their priors): a
 Matern kernel with a length for each input. Neural residual: an ensemble of networks. PySINDy
-(Brunton, Proctor, Kutz 2016): a sparse polynomial, as in `rulec.prove.sparse`. Inputs count
+(Brunton, Proctor, Kutz 2016): a sparse polynomial, as in `sparse`. Inputs count
 standardised and within their range in training. Each corrects nothing where that is better over
 blocks of the training recording.
 """
@@ -15,10 +15,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec.prove.aligned import Array, Course, rms
-from rulec.prove.limits import FOLDS
-from rulec.prove.sparse import _standardised, mended_by_law
 from tests.rig.peers import limits
+from tests.rig.peers.limits import FOLDS
+from tests.rig.peers.sparse import Array, Course, mended_by_law, rms, standardised
 
 Predict = Callable[[Array], Array]
 Fit = Callable[[Array, Array], Predict]
@@ -38,7 +37,7 @@ def neural(inputs: Mapping[str, Array], course: Course) -> Array:
 
 def sparse(inputs: Mapping[str, Array], course: Course) -> Array:
     """Correction of all rows, shape (n,)."""
-    return mended_by_law(inputs, course).mended - course.recalibrated
+    return mended_by_law(inputs, course) - course.recalibrated
 
 
 def evenly(flags: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
@@ -53,7 +52,7 @@ def _learnt(inputs: Mapping[str, Array], course: Course, fits: Sequence[Fit], mo
     size = rms(course.residual[rows])
     if not inputs or len(rows) < FOLDS or not size > 0:
         return np.zeros(len(course.time))
-    table = _standardised(inputs, course.learnt)
+    table = standardised(inputs, course.learnt)
     x, y, folds = table[rows], course.residual[rows] / size, course.folds[rows]
     squares = [float(np.sum(y**2))]
     for fit in fits:

@@ -28,10 +28,10 @@ from rulec.mismatch.evidence.steady.screen import has_drivers, references, start
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.limits import SAME_PATTERN
 from rulec.mismatch.search.sizes import share_of, size_of
-from rulec.prove.aligned import Array, Course, rms
 from rulec.prove.real.score import Cause
 from tests.rig.peers import limits
 from tests.rig.peers.case import Case
+from tests.rig.peers.sparse import Array, Course, rms
 
 
 @dataclass(frozen=True)

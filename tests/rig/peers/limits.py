@@ -50,3 +50,28 @@ PATIENCE = 600.0
 
 FIRES = 3.0
 """Noise of a reading beyond which a residual fires. Origin: distribution (three sigma)."""
+
+CHUNKS = 12
+"""Blocks in time into which the training samples are cut for cross-validation. Origin: assumed."""
+
+FOLDS = 3
+"""Folds of the cross-validation; each is every third block. Origin: assumed."""
+
+SPARSE_DEGREE = 2
+"""Degree of the polynomials of PySINDy. Origin: assumed."""
+
+SPARSE_RIDGE = 0.05
+"""Ridge penalty of its regression. Origin: source, default of PySINDy."""
+
+SPARSE_ROUNDS = 10
+"""Most rounds of thresholding in a regression. Origin: assumed."""
+
+SPARSE_THRESHOLDS = (0.02, 0.1, 0.4)
+"""Thresholds below which coefficients are dropped, for standardised columns and a residual of size
+1. Cross-validation chooses one. Origin: assumed."""
+
+MOST_COLUMNS = 12
+"""Most columns of a law: those that correlate best with the residual. Origin: assumed."""
+
+FEWEST_SAMPLES = 30
+"""Least samples from which PySINDy learns. Origin: assumed."""

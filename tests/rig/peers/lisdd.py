@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 from scipy.stats import false_discovery_control
 
-from rulec.prove.aligned import Array
 from tests.rig.peers import limits
+from tests.rig.peers.sparse import Array
 
 
 @dataclass(frozen=True)

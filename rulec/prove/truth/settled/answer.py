@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..sealed import Answer, Planted, verdict_of
-from .effect import Effect, Made
-from .effects import WIRING, Placed, entry_of
-from .rig import Rig
+from .effect import WIRING, Effect, Made, Placed
 from .rivals import margin_of
 from .visible import VisibleOutputs
 
@@ -28,7 +26,7 @@ def answer_of(
         flat = np.stack(others, 1) if others else np.zeros((len(seen.sensitivities), 0))
         gain = seen.gain(made.changes, flat)
         margin, rival = margin_of(seen, placed, made, flat, seen.scene.seed)
-        planted.append(_planted(seen.scene.rig, placed, made, gain, margin, rival))
+        planted.append(_planted(placed, made, gain, margin, rival))
     return _sealed(name, group, conceal, seen, [placed.effect for placed, _ in found], planted)
 
 
@@ -36,7 +34,8 @@ def connection_of(
     name: str, group: str, seen: VisibleOutputs, placed: Placed, gain: float
 ) -> Answer:
     """Return the same if a pipe differs from the plant file."""
-    planted = _planted(seen.scene.rig, placed, Made((), {}), gain, float("inf"), "")
+    none = Made((), {}, {name: {} for name in placed.effect.entries})
+    planted = _planted(placed, none, gain, float("inf"), "")
     return _sealed(name, group, ("wiring",), seen, [], [planted])
 
 
@@ -81,23 +80,17 @@ def _concealed(
     return (*conceal, *(way for way, holds in ways if holds)) or ("open",)
 
 
-def _planted(
-    rig: Rig, placed: Placed, made: Made, gain: float, margin: float, rival: str
-) -> Planted:
-    effect, entry = placed.effect, entry_of(placed.effect.name)
-    values = {
-        name: {theirs: made.parameters[ours] for theirs, ours in map_.items()}
-        for name, map_ in entry["entries"].items()
-    }
+def _planted(placed: Placed, made: Made, gain: float, margin: float, rival: str) -> Planted:
+    effect = placed.effect
     return Planted(
         effect=effect.name,
         title=effect.title,
         sort=effect.sort,
         module=placed.module,
         place=effect.title,
-        names=tuple(entry["entries"]),
-        places=(*(f"{placed.module}.{place}" for place in entry["places"]), *made.elsewhere),
-        parameters=values,
+        names=tuple(effect.entries),
+        places=(*placed.places, *made.elsewhere),
+        parameters=made.parameters,
         gain=gain,
         margin=margin,
         rival=rival,

@@ -18,10 +18,9 @@ from ..streams import FURTHER, stream
 from ..units import Array
 from .answer import answer_of, connection_of
 from .blurred import blurred
-from .connection_effects import WAYS
+from .connections import WAYS
 from .drive import PRODUCTION
-from .effect import Made
-from .effects import Placed, effect_of, places_of
+from .effect import Made, Placed, effect_of, places_of
 from .folder import write_limits, write_plant
 from .reference import reference
 from .rig import Rig

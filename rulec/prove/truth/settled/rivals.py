@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from ..limit import Rival, margin
 from ..units import Array
-from .effect import Made
-from .effects import EFFECTS, Placed, entry_of, places_of
+from .effect import EFFECTS, Made, Placed, places_of
 from .sized import made_of
 from .solve import Stalled
 from .visible import VisibleOutputs
@@ -41,7 +40,8 @@ def _rivals(seen: VisibleOutputs, placed: Placed, seed: int) -> Iterator[Rival]:
             # All faults begin at the same time, so a rival fault has one shape.
             for drawn in range(seed, seed + (1 if effect.sort == "fault" else SHAPES)):
                 size = (effect.low * effect.high) ** 0.5
-                shape = tuple(made_of(seen.scene, other, size, drawn).parameters.items())
+                fixed = made_of(seen.scene, other, size, drawn).fixed.values()
+                shape = tuple(value for value in fixed if isinstance(value, float))
                 if shape not in shapes:
                     shapes.add(shape)
                     # A change by orders of magnitude cannot be a small effect, scaled up.
@@ -64,5 +64,4 @@ def _mirrored(one: Placed, other: Placed) -> bool:
     if {one.effect.name, other.effect.name} in MIRRORS and one.module == other.module:
         return True
     faults = one.effect.sort == other.effect.sort == "fault"
-    places = [entry_of(placed.effect.name)["places"] for placed in (one, other)]
-    return faults and one.module == other.module and places[0] == places[1]
+    return faults and one.places == other.places

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from ..streams import stream
-from .effect import Here, Made
-from .effects import Placed
+from .effect import Here, Made, Placed, made
 from .scene import Scene
 from .solve import Stalled
 from .visible import VisibleOutputs
@@ -32,19 +30,19 @@ def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made |
     low, high = effect.low, effect.high
     size, best, least = math.sqrt(low * high), None, math.inf
     if effect.whole:
-        made = made_of(seen.scene, placed, size, seed)
-        return made if seen.gain(made.changes) >= LEAST else None
+        found = made_of(seen.scene, placed, size, seed)
+        return found if seen.gain(found.changes) >= LEAST else None
     for _ in range(TRIES):
-        made = made_of(seen.scene, placed, size, seed)
+        found = made_of(seen.scene, placed, size, seed)
         try:
-            gain = seen.gain(made.changes)
+            gain = seen.gain(found.changes)
         except Stalled:
             high = size
             size = math.sqrt(low * size)
             continue
         off = abs(math.log(max(gain, 1e-9) / aim))
         if off < least:
-            best, least, reached = made, off, gain
+            best, least, reached = found, off, gain
         if off < math.log(NEAR) or high / low < 1.01:
             break
         low, high = (size, high) if gain < aim else (low, size)
@@ -55,10 +53,9 @@ def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made |
     return best
 
 
-def made_of(scene_: Scene, placed: Placed, size: float, seed: int) -> Made:
+def made_of(scene: Scene, placed: Placed, size: float, seed: int) -> Made:
     """Make an effect of some size; its shape is the same at every size."""
     # All faults begin at the same time, as rivals that another fault could be taken for.
     fault = placed.effect.sort == "fault"
     name = "fault" if fault else f"{placed.effect.name} {placed.module}"
-    made = placed.effect.make(Here(scene_, placed.module, size, stream(seed, name)))
-    return replace(made, size=size)
+    return made(placed.effect, Here(scene, placed.module, size, stream(seed, name)))

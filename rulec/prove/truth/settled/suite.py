@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from .drive import PRODUCTION
-from .effect import Effect
-from .effects import CONNECTIONS, EFFECTS, WIRING, effect_of
+from .effect import CONNECTIONS, EFFECTS, WIRING, Effect, effect_of
 from .plan import Planned
 
 WEAKEST, STRONGEST = 8.0, 2e4

@@ -1,22 +1,17 @@
-"""All effects by the ids of a case: `upper.leak`, `pump.lag`, `lower.y.lag`."""
+"""All effects, from `effects.yaml`, by the ids of a case: `upper.leak`, `lower.y.lag`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import yaml
+
+from ..formulas import Names
 from .build import Layout
 from .effect import Effect
-from .feed_effects import BYPASS, FEED_EFFECTS
-from .sensor_effects import JET, SENSOR_EFFECTS
-from .tank_effects import TANK_EFFECTS, VORTEX
-
-EFFECTS = (*TANK_EFFECTS, *FEED_EFFECTS, *SENSOR_EFFECTS, VORTEX, BYPASS, JET)
-
-VOLTAGE_ONLY = (
-    *("dead-band", "saturation", "droop", "play", "rate"),
-    *("held", "lift", "lift-level", "roll-off", "upturn", "exponent", "decline", "warm-up"),
-)
-"""Effects of a pump, which a flow meter already measures."""
 
 SENSOR = ".y"
 """Suffix of a sensor after the name of its tank."""
@@ -40,24 +35,60 @@ class Placed:
         return f"{self.module}.{self.effect.name}"
 
 
+@dataclass(frozen=True)
+class Facts:
+    """What formulas may ask of a place in a plant."""
+
+    layout: Layout
+    place: str
+
+    @property
+    def first(self) -> bool:
+        """Whether it is the first tank."""
+        return self.place == self.layout.tanks[0]
+
+    @property
+    def last(self) -> bool:
+        """Whether it is the last tank."""
+        return self.place == self.layout.tanks[-1]
+
+    @property
+    def measured(self) -> bool:
+        """Whether its level is; the datum of one that is not is arbitrary."""
+        return self.place in self.layout.measured
+
+    @property
+    def one_sensor(self) -> bool:
+        """Whether one level alone is measured."""
+        return len(self.layout.measured) == 1
+
+    @property
+    def voltage(self) -> bool:
+        """Whether a voltage sets the feed; a flow meter already measures what a pump does."""
+        return not self.layout.metered
+
+
 def possible_effects(layout: Layout) -> dict[str, Placed]:
     """Return every effect at every place of a plant where it can show, by id."""
     places = {"tank": layout.tanks, "feed": (layout.feed,), "sensor": layout.measured}
     every = [Placed(effect, place) for effect in EFFECTS for place in places[effect.at]]
-    return {p.id: p for p in every if _shows(layout, p.effect, p.place)}
+    return {p.id: p for p in every if _shows(layout, p)}
 
 
-def _shows(layout: Layout, effect: Effect, place: str) -> bool:
-    match effect.name:
-        case "outlet-height":
-            # The datum of a level that is not measured is arbitrary.
-            return place in layout.measured
-        case "evaporation":
-            return place == layout.tanks[0]
-        case "drowned" | "link":
-            return place != layout.tanks[-1]
-        case "drain":
-            # The free gain of a pump compensates the share that a tank loses.
-            return layout.metered and place != layout.tanks[-1]
-        case _:
-            return not (layout.metered and effect.name in VOLTAGE_ONLY)
+def _shows(layout: Layout, placed: Placed) -> bool:
+    where = placed.effect.stated.get("where", "1")
+    return bool(Names(Facts(layout, placed.place), {}).of(where))
+
+
+def _effect(key: str, stated: Mapping[str, Any]) -> Effect:
+    """A key such as `y.lag` is of a sensor."""
+    name, (low, high) = key.removeprefix("y."), map(float, stated["size"])
+    at = "sensor" if name != key else stated.get("at", "tank")
+    sort = stated.get("sort", "sensor" if at == "sensor" else "physics")
+    return Effect(name, stated["title"], sort, at, low, high, stated.get("scale", 1.0), stated)
+
+
+FILE = Path(__file__).with_name("effects.yaml")
+EFFECTS = tuple(
+    _effect(key, stated) for key, stated in yaml.safe_load(FILE.read_text(encoding="utf-8")).items()
+)

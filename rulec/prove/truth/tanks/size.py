@@ -11,7 +11,7 @@ import numpy as np
 from ..streams import stream
 from ..units import Array
 from .balance import Course, integrate
-from .effect import Built, Here, Scene
+from .effect import Built, Here, Scene, made
 from .effects import Placed
 from .plant import Plant
 from .sensing import shown
@@ -146,5 +146,4 @@ def _sought(
 
 def make(scene: Scene, plant: Plant, placed: Placed, size: float, seed: int) -> Built:
     """Make an effect of some size; its shape is the same at every size."""
-    at, random = placed.effect.at, stream(seed, placed.id)
-    return placed.effect.make(Here(scene, plant, at, placed.place, size, random))
+    return made(placed.effect, Here(scene, plant, placed.place, size, stream(seed, placed.id)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root
 
-from .units import Array
+from rulec.prove.truth.units import Array
 
 OUTSIDE = "outside"
 TOLERANCE, ACCEPTED = 1e-14, 1e-10

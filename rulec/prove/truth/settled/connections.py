@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from .effect import DOSING, Effect, Made
 from .rig import Rig
 from .solve import Stalled
 
@@ -55,13 +54,3 @@ def _spared(rig: Rig, random: np.random.Generator) -> str:
 
 def _led(rig: Rig, module: str, to: str | None) -> Rig:
     return replace(rig, downstream={**rig.downstream, module: to})
-
-
-EFFECTS = tuple(
-    Effect(name, title, 1.0, 1.0, lambda here: Made((), {}), kinds=DOSING, whole=True)
-    for name, title in (
-        ("connection-moved", "feeds another mixer than stated"),
-        ("connection-missing", "feeds a mixer, and is not stated to"),
-        ("connection-not-there", "is stated to feed a mixer, and feeds none"),
-    )
-)

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import product
 
-import numpy as np
-
-from .plant import Plant
-from .runs import HOLD, Run, Speeds, visiting_run
-from .transients import settling
+from rulec.prove.truth.plant import Plant
+from rulec.prove.truth.runs import HOLD, Run, Speeds, visiting_run
+from rulec.prove.truth.transients import settling
 
 
 @dataclass(frozen=True)
@@ -60,23 +58,3 @@ def published_faults(plant: Plant) -> list[str]:
 def single_faults(plant: Plant, degrees: Sequence[float]) -> list[dict[str, float]]:
     """Return every published fault alone, with each degree."""
     return [{name: degree} for name in published_faults(plant) for degree in degrees]
-
-
-def fault_pairs(plant: Plant) -> list[dict[str, float]]:
-    """Return all pairs of published faults at different places, with drawn degrees.
-
-    The place of a fault is its sensor, or the line it narrows: a line that is both clogged and
-    widened has one friction, and a sensor one slope.
-    """
-    faults = combinations(published_faults(plant), 2)
-    pairs = [pair for pair in faults if _place(pair[0]) != _place(pair[1])]
-    degrees = np.random.default_rng(1).uniform(0.2, 0.4, (len(pairs), 2)).tolist()
-    return [dict(zip(pair, drawn, strict=True)) for pair, drawn in zip(pairs, degrees, strict=True)]
-
-
-def _place(fault: str) -> str:
-    """`A.dp` of `A.dp.high`, `A.friction` of `A.clogging`, `A.leakage` of itself."""
-    place, _, kind = fault.rpartition(".")
-    if kind in ("clogging", "widening"):
-        return f"{place}.friction"
-    return fault if kind == "leakage" else place

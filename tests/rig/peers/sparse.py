@@ -1,0 +1,156 @@
+"""A residual over time, and its correction by sparse regression (PySINDy): a law of readings.
+
+Thresholds are chosen by cross-validation over blocks in time.
+
+Source: Brunton, Proctor, Kutz 2016, with sequentially thresholded least squares.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.rig.peers.limits import (
+    CHUNKS,
+    FEWEST_SAMPLES,
+    FOLDS,
+    MOST_COLUMNS,
+    SPARSE_DEGREE,
+    SPARSE_RIDGE,
+    SPARSE_ROUNDS,
+    SPARSE_THRESHOLDS,
+)
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Course:
+    """A predicted signal; arrays of shape (n,), NaN where there is no value.
+
+    `heldout` flags samples that may not be used for learning.
+    """
+
+    signal: str
+    time: Array
+    heldout: NDArray[np.bool_]
+    measured: Array
+    recalibrated: Array
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus recalibrated."""
+        return self.measured - self.recalibrated
+
+    @property
+    def learnt(self) -> NDArray[np.bool_]:
+        """Training samples."""
+        flags: NDArray[np.bool_] = np.isfinite(self.residual) & ~self.heldout
+        return flags
+
+    @property
+    def folds(self) -> NDArray[np.intp]:
+        """Fold of each sample, in successive blocks; -1 for samples that are not used."""
+        learnt = self.learnt
+        rank = np.cumsum(learnt) - 1
+        chunk = rank * CHUNKS // max(int(learnt.sum()), 1)
+        return np.where(learnt, chunk % FOLDS, -1)
+
+
+def rms(values: Array) -> float:
+    """Return the root mean square; NaN of no values."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Limit numerical libraries to one thread.
+
+    Threads cost more than they save on small matrices, and cases run side by side.
+    """
+    from threadpoolctl import threadpool_limits
+
+    limits: AbstractContextManager[Any] = threadpool_limits(1)
+    return limits
+
+
+def mended_by_law(drivers: Columns, course: Course) -> Array:
+    """Model the residual as a polynomial of the readings; returns the corrected prediction."""
+    residual, folds = course.residual, course.folds
+    size = rms(residual[folds >= 0])
+    if not drivers or (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
+        return course.recalibrated
+    columns = standardised(_most_correlated(drivers, course), folds >= 0)
+    library = _library().fit(columns)
+    terms = np.asarray(library.transform(columns))
+    target = residual / size
+
+    def predicted(threshold: float, part: NDArray[np.bool_]) -> Array:
+        optimizer = optimizer_of(threshold)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a threshold that drops every term is a result
+            optimizer.fit(terms[part], target[part, None])
+        law: Array = terms @ np.asarray(optimizer.coef_)[0]
+        return law
+
+    squares = [np.sum(target[folds >= 0] ** 2)]
+    for threshold in SPARSE_THRESHOLDS:
+        parts = ((folds == k, (folds >= 0) & (folds != k)) for k in range(FOLDS))
+        wrong = (np.sum((predicted(threshold, o) - target)[k] ** 2) for k, o in parts)
+        squares.append(sum(wrong))
+    best = int(np.argmin(squares))
+    if not best:
+        return course.recalibrated
+    return course.recalibrated + size * predicted(SPARSE_THRESHOLDS[best - 1], folds >= 0)
+
+
+def _most_correlated(drivers: Columns, course: Course) -> dict[str, Array]:
+    """The columns that correlate best with the residual, as they are or squared."""
+    learnt, residual = course.learnt, course.residual
+
+    def alike(values: Array) -> float:
+        known = learnt & np.isfinite(values)
+        if known.sum() < FEWEST_SAMPLES or np.std(values[known]) == 0:
+            return 0.0
+        centred = values[known] - values[known].mean()
+        with np.errstate(all="ignore"):
+            both = [np.corrcoef(v, residual[known])[0, 1] for v in (centred, centred**2)]
+        return float(np.nanmax(np.abs(np.nan_to_num(both))))
+
+    order = sorted(drivers, key=lambda header: -alike(drivers[header]))
+    return {header: drivers[header] for header in order[:MOST_COLUMNS]}
+
+
+def standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
+    """Standardise by the training samples, clip to their range, fill gaps by their mean.
+
+    Shape (n, columns).
+    """
+    found = []
+    for values in columns.values():
+        known = values[learnt & np.isfinite(values)]
+        if not len(known):
+            found.append(np.zeros(len(values)))
+            continue
+        scale = float(known.std()) or 1.0
+        inside = np.clip(values, known.min(), known.max())
+        found.append(np.where(np.isfinite(values), (inside - known.mean()) / scale, 0.0))
+    return np.column_stack(found)
+
+
+def _library() -> Any:
+    import pysindy
+
+    return pysindy.PolynomialLibrary(degree=SPARSE_DEGREE)
+
+
+def optimizer_of(threshold: float) -> Any:
+    import pysindy
+
+    return pysindy.STLSQ(threshold=threshold, alpha=SPARSE_RIDGE, max_iter=SPARSE_ROUNDS)
