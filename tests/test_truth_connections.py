@@ -9,12 +9,12 @@ import pytest
 from rulec.prove.truth.settled.connections import WAYS
 from rulec.prove.truth.settled.effect import CONNECTIONS
 from rulec.prove.truth.settled.plan import Planned
-from rulec.prove.truth.settled.suite import CONNECTED, planned
+from rulec.prove.truth.settled.suite import planned
 
 
 def test_every_mistake_is_drawn() -> None:
     assert set(CONNECTIONS) == set(WAYS)
-    assert {case.effects[0] for case in planned(3, CONNECTED)} == set(WAYS)
+    assert {case.effects[0] for case in planned(3, {"connection": 24})} == set(WAYS)
 
 
 @pytest.mark.parametrize("way", WAYS)

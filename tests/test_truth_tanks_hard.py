@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rulec.prove.truth.kinds import difficulties
 from rulec.prove.truth.limit import Measure
 from rulec.prove.truth.smooth import form_error
 from rulec.prove.truth.streams import stream
@@ -19,10 +20,10 @@ from rulec.prove.truth.tanks.laws import outflow, supply
 from rulec.prove.truth.tanks.model import Model, noise_of
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO
 from rulec.prove.truth.tanks.sensing import shown
-from rulec.prove.truth.tanks.suite import DIFFICULTIES, HARD, cases, row
+from rulec.prove.truth.tanks.suite import HARD, cases, row
 from rulec.prove.truth.units import Array
 
-ALL = DIFFICULTIES["all"]
+ALL = difficulties("tanks", "all")
 DRAWS = 60
 
 

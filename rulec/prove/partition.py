@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 
 from rulec.prove.truth import contacts
+from rulec.prove.truth.kinds import counts
 from rulec.prove.truth.sealed import Case
 from rulec.prove.truth.settled import suite as stationary
 from rulec.prove.truth.tanks import suite as dynamic
@@ -34,20 +35,6 @@ class Planned(Protocol):
         """Simulate it; raises ValueError if no plant shows its effects."""
 
 
-DYNAMIC_FULL: Mapping[str, int] = {
-    "clean": 100,
-    "single": 22,
-    "corner": 5,
-    "sensor": 6,
-    "fault": 6,
-    "unnamed": 5,
-    "pair": 4,
-    "hiding": 5,
-    "alike": 4,
-}
-
-DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 3, "sensor": 1}
-DYNAMIC_HARD_QUICK: Mapping[str, int] = dict.fromkeys(dynamic.HARD, 1)
 SHORT = 256
 """Samples of a dynamic case of a quick run."""
 
@@ -86,17 +73,16 @@ class Partition:
             count = contacts.QUICK if self.quick else contacts.CASES
             yield from contacts.planned(self.seed, count)
         elif self.produced:
-            yield from stationary.planned(self.seed, stationary.PRODUCED, small=True)
-        elif self.quick:
-            settled = stationary.HARD_QUICK if self.hard else stationary.QUICK
-            tanks = DYNAMIC_HARD_QUICK if self.hard else DYNAMIC_QUICK
-            yield from stationary.planned(self.seed, settled, small=True)
-            yield from dynamic.cases(self.seed, tanks, SHORT, own=1.0)
+            yield from stationary.planned(self.seed, counts("settled", "produced"), small=True)
         else:
-            settled = stationary.HARD if self.hard else stationary.FULL
-            tanks = dynamic.HARD if self.hard else DYNAMIC_FULL
-            yield from stationary.planned(self.seed, settled)
-            yield from dynamic.cases(self.seed, tanks)
+            words = ("hard",) * self.hard + ("quick",) * self.quick
+            run, small = "_".join(words) or "full", self.quick
+            yield from stationary.planned(self.seed, counts("settled", run), small)
+            tanks = counts("tanks", run)
+            if small:
+                yield from dynamic.cases(self.seed, tanks, SHORT, own=1.0)
+            else:
+                yield from dynamic.cases(self.seed, tanks)
 
 
 def register() -> Mapping[str, Any]:

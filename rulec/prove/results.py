@@ -156,33 +156,6 @@ class Run:
         return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def run_from_json(text: str) -> Run:
-    """Read what `to_json` wrote."""
-    data: dict[str, Any] = json.loads(text)
-    judged = tuple(_judged(case) for case in data.pop("judged"))
-    further = tuple(_further(case) for case in data.pop("further", ()))
-    return Run(judged, **{**data, "notes": tuple(data["notes"]), "further": further})
-
-
-def _further(data: dict[str, Any]) -> Further:
-    after = {arm: _judged(case) for arm, case in data.pop("after").items()}
-    return Further(**{**data, "expected": tuple(data["expected"]), "after": after})
-
-
-def _judged(data: dict[str, Any]) -> Judged:
-    read: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
-    for name in ("gain", "margin", "seconds", "ratio", "course"):
-        read[name] = _number(read[name])
-    if read["errors"] is not None:
-        read["errors"] = Heldout(**{k: _number(v) for k, v in read["errors"].items()})
-    read["claims"] = tuple(Claim(**claim) for claim in read.get("claims", ()))
-    return Judged(**read)
-
-
-def _number(value: Any) -> Any:
-    return float(value) if isinstance(value, str) else value
-
-
 def _written(value: Any) -> Any:
     match value:
         case float():

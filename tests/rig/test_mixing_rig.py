@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rulec.prove.truth import RIGS, Plant, drawn
+from rulec.prove.truth import RIGS, Plant
 from tests.rig.isolation import __main__ as isolation
 from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, PLANTS, QUICK
+from tests.rig.mixing_rig.drawn import drawn
 from tests.rig.mixing_rig.judge import Answer, Named, run
 from tests.rig.mixing_rig.measure import counted, sample_figures, sound_form
 

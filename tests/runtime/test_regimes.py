@@ -4,10 +4,11 @@ truth, whose pumps let liquid back while they stand."""
 from __future__ import annotations
 
 import io
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from rich.console import Console
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.report.html_findings import told
@@ -16,8 +17,8 @@ from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.verdict import verdict
 
 from rulec.prove.truth import INSIDE, Operation, Run, record
-from rulec.prove.truth.pumps import Passable
-from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
+from rulec.prove.truth.pumps import Pump
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, Array
 from tests.method.readings import built, calibrated, recording, ruleset
 
 HOLD = 60
@@ -28,6 +29,48 @@ OPEN = 5.0e-6 * BAR / LITRE_PER_HOUR**2
 
 TIGHT = 1.0e3 * BAR / LITRE_PER_HOUR**2
 """One that lets nothing through."""
+
+
+@dataclass(frozen=True)
+class Passable:
+    """A pump that lets liquid flow back while it stands, and that may run dry.
+
+    Standing, it is an orifice: dp = -passage Q |Q|, so that a pressure behind it drives the liquid
+    back. Dry, it delivers nothing at any pressure, and takes a share of its law's power.
+
+    Attributes
+    ----------
+    passage : float, Pa/(m3/s)2
+    dry : ndarray, shape (n,), bool
+    dry_power : float, 1
+    """
+
+    pump: Pump
+    passage: float
+    dry: NDArray[np.bool_]
+    dry_power: float = 1.0
+
+    def free_flow(self, speed: Array) -> Array:
+        """Flow without back-pressure, m3/s; a little backwards where the pump stands."""
+        return np.where(speed > 0.0, self.pump.free_flow(speed), -LITRE_PER_HOUR)
+
+    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
+        """Imbalance of the law that holds, its slope by flow, its slope by pressure."""
+        own = self.pump.imbalance(speed, flow, pressure)
+        one, none = np.ones_like(flow), np.zeros_like(flow)
+        size = np.abs(flow)
+        back = (pressure + self.passage * flow * size, 2.0 * self.passage * size, one)
+        found = [
+            np.where(speed > 0.0, law, orifice) for law, orifice in zip(own, back, strict=True)
+        ]
+        stopped = (flow, one, none)
+        a, b, c = (np.where(self.dry, s, f) for s, f in zip(stopped, found, strict=True))
+        return a, b, c
+
+    def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
+        """Electric power, W; none while the pump stands."""
+        own = self.pump.power(speed, flow, pressure) * np.where(self.dry, self.dry_power, 1.0)
+        return np.where(speed > 0.0, own, 0.0)
 
 
 def said(
@@ -52,7 +95,7 @@ def said(
     speeds[module] = np.where(later, speed * own.speed, own.speed)
     operation = Operation(np.arange(samples, dtype=np.float64), speeds)
     faults = {f"{module}.clogging": closed * later}
-    readings = record(Run(plant, operation, faults), INSIDE, seed).readings
+    readings = record(Run(plant, operation, faults, backflow=True), INSIDE, seed).readings
     return diagnose(recording(rules, readings), rules)
 
 

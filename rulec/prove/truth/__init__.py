@@ -2,15 +2,14 @@
 
 It shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`, `plant`
 (the plant and its operation), `faults`, `network` (the operating point), `sensors`, `recording`
-(columns and CSV), `rigs` (ready plants), `drawn` (the same, off their data sheets), `runs` (ready
-runs), `transients`, `unmodelled`, `__main__`. For the proof: `streams` (random numbers), `smooth`
-(form errors, coloured noise, drifts), `spread` and `whiten` (their covariances), `limit`
-(detectability at best), `sealed` (the form of a case and its answer), `formulas` (in tables of
-effects), `settled` and `tanks` (cases of plants in stationary operation, and of plants that store
-liquid). Everything is SI until a sensor reads it; readings and CSV files are in trade units.
+(columns and CSV), `rigs` (ready plants), `runs` (ready runs), `transients`, `unmodelled`,
+`__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured noise,
+drifts), `spread` and `whiten` (their covariances), `limit` (detectability at best), `sealed` (the
+form of a case and its answer), `kinds` (of cases), `formulas` (in tables of effects), `settled` and
+`tanks` (cases of plants in stationary operation, and of plants that store liquid). Everything is SI
+until a sensor reads it; readings and CSV files are in trade units.
 """
 
-from .drawn import drawn
 from .faults import possible_faults
 from .plant import Operation, Plant
 from .recording import Recording, record, write_csv
@@ -41,7 +40,6 @@ __all__ = [
     "Sensing",
     "abc",
     "calibration_run",
-    "drawn",
     "fault_replay",
     "healthy_run",
     "leakage_replay",

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .plant import Plant
-from .pumps import Passable
 from .units import Array
 
 ITERATIONS = 50
@@ -65,8 +64,8 @@ def solve(plant: Plant, condition: Condition, *, backflow: bool = False) -> Oper
     RuntimeError
         No convergence to TOLERANCE.
     ValueError
-        A pump cannot overcome its back-pressure: its laws do not describe backflow, unless it is
-        `Passable`, or `backflow` is set.
+        A pump cannot overcome its back-pressure: its laws do not describe backflow, unless
+        `backflow` is set.
 
     Source: own derivation; continuity at every mixer, pressure balance along every path.
     """
@@ -131,10 +130,8 @@ def _check(plant: Plant, pump_flow: Array, error: Array, backflow: bool) -> None
             f"operating point not found for {bad.size} of {error.size} samples, first "
             f"{bad[0]}: relative step {error[bad[0]]:.1e} after {ITERATIONS} iterations"
         )
-    for (name, module), flow in zip(plant.modules.items(), pump_flow.T, strict=True):
-        if backflow or isinstance(module.pump, Passable):
-            continue
-        if np.any(flow <= 0.0):
+    for name, flow in zip(plant.modules, pump_flow.T, strict=True):
+        if not backflow and np.any(flow <= 0.0):
             raise ValueError(
                 f"pump of module '{name}' cannot overcome its back-pressure in sample "
                 f"{np.argmax(flow <= 0.0)}"

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .units import BAR, LITRE_PER_HOUR, MILLILITRE, RPM, Array
 
@@ -108,48 +107,6 @@ class Centrifugal:
         ratio = speed / self.reference_speed
         p0, p1, p2 = self.electric
         return p0 * ratio**3 + p1 * ratio**2 * flow + p2 * ratio * flow**2
-
-
-@dataclass(frozen=True)
-class Passable:
-    """A pump that lets liquid flow back while it stands, and that may run dry.
-
-    Standing, it is an orifice: dp = -passage Q |Q|, so that a pressure behind it drives the liquid
-    back. Dry, it delivers nothing at any pressure, and takes a share of its law's power.
-
-    Attributes
-    ----------
-    passage : float, Pa/(m3/s)2
-    dry : ndarray, shape (n,), bool
-    dry_power : float, 1
-    """
-
-    pump: Pump
-    passage: float
-    dry: NDArray[np.bool_]
-    dry_power: float = 1.0
-
-    def free_flow(self, speed: Array) -> Array:
-        """Flow without back-pressure, m3/s; a little backwards where the pump stands."""
-        return np.where(speed > 0.0, self.pump.free_flow(speed), -LITRE_PER_HOUR)
-
-    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        """Imbalance of the law that holds, its slope by flow, its slope by pressure."""
-        own = self.pump.imbalance(speed, flow, pressure)
-        one, none = np.ones_like(flow), np.zeros_like(flow)
-        size = np.abs(flow)
-        back = (pressure + self.passage * flow * size, 2.0 * self.passage * size, one)
-        found = [
-            np.where(speed > 0.0, law, orifice) for law, orifice in zip(own, back, strict=True)
-        ]
-        stopped = (flow, one, none)
-        a, b, c = (np.where(self.dry, s, f) for s, f in zip(stopped, found, strict=True))
-        return a, b, c
-
-    def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
-        """Electric power, W; none while the pump stands."""
-        own = self.pump.power(speed, flow, pressure) * np.where(self.dry, self.dry_power, 1.0)
-        return np.where(speed > 0.0, own, 0.0)
 
 
 def progressive_cavity() -> Displacement:

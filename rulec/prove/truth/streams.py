@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from statistics import NormalDist
 
 import numpy as np
 
@@ -13,3 +14,17 @@ FURTHER = 1_000_003
 def stream(seed: int, purpose: str) -> np.random.Generator:
     """Return a generator for one purpose, which no addition elsewhere changes."""
     return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
+
+
+WITHIN = 2.0
+"""Standard uncertainties; a part further off fails the maker's final inspection."""
+
+
+def factor(u: float, random: np.random.Generator) -> float:
+    """Draw 1 plus a normal deviation of standard deviation `u`, truncated at WITHIN.
+
+    Source: inverse transform sampling.
+    """
+    normal = NormalDist()
+    outside = normal.cdf(-WITHIN)
+    return 1.0 + u * normal.inv_cdf(outside + random.uniform() * (1.0 - 2.0 * outside))

@@ -11,9 +11,10 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
 from rulec.cli import main
-from rulec.prove.truth import RIGS, Plant, Sensing, calibration_run, drawn, record, write_csv
+from rulec.prove.truth import RIGS, Plant, Sensing, calibration_run, record, write_csv
 from tests.conftest import ROOT
 from tests.rig.mixing_rig.cases import Task
+from tests.rig.mixing_rig.drawn import drawn
 
 BENCH_SEED = 500_000  # a bench has sensors of its own
 Key = tuple[str, Sensing, int, bool]

@@ -18,13 +18,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ..drawn import factor
 from ..recording import write_csv
 from ..sealed import Answer, Reference, Request
 from ..sensors import Sensing, Sensor, read
 from ..settled import drive
 from ..smooth import form_error
-from ..streams import stream
+from ..streams import factor, stream
 from ..units import ZERO_CELSIUS, Array
 
 MODULE = "unit"

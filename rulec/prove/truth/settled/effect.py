@@ -118,7 +118,7 @@ class Made:
 class Here:
     """Place and size of an effect; `random` draws its shape.
 
-    All attributes are names in the formulas of `effects.yaml`, beside CONSTANTS.
+    All attributes are names in the formulas of `effects.yaml`, beside `known`.
     """
 
     scene: Scene
@@ -174,57 +174,12 @@ class Here:
         return f"{self.random.choice(others)}.{signal}"
 
     @property
-    def time(self) -> Array:
-        """Samples since the recording began."""
-        return self.scene.time
-
-    @property
-    def length(self) -> float:
-        """Length of the recording in samples, less one."""
-        return self.scene.length
-
-    @property
-    def pace(self) -> float:
-        """Sampling interval, s."""
-        return self.scene.pace
-
-    @property
-    def days(self) -> float:
-        """Length of the recording."""
-        return self.scene.days
-
-    @property
-    def grown(self) -> Array:
-        """Linear growth to the size at the end of the recording."""
-        return self.size * self.scene.time / self.scene.length
-
-    @property
-    def per_day(self) -> float:
-        """Growth of the size per day."""
-        return self.size / self.scene.days
-
-    @property
-    def samples_late(self) -> int:
-        """The size in whole samples."""
-        return max(round(self.size), 1)
-
-    @property
     def warmer(self) -> Array:
         """Temperature of the liquid above its median, K; for a mixer, at the first pump."""
         values = self.scene.temperature.get(self.module)
         if values is None:
             values = next(iter(self.scene.temperature.values()))
         return np.asarray(values - self.median(values))
-
-    @property
-    def suction(self) -> Array:
-        """Gauge pressure before a metered pump or valve, Pa."""
-        return self.scene.suction[self.module]
-
-    @property
-    def density(self) -> Array:
-        """Of the liquid in a valve, kg/m3."""
-        return self.scene.density[self.module]
 
     @property
     def _feeds(self) -> list[Array]:
@@ -301,9 +256,25 @@ class Here:
         return np.asarray(0.5 * (low + high))
 
 
+def known(here: Here) -> Mapping[str, Any]:
+    """Return constants and courses that formulas may use, beside the attributes of `here`.
+
+    `time` is in samples since the recording began, `length` likewise, `pace` in s; `grown` is the
+    linear growth to the size at the end, and `per_day` its rate.
+    """
+    scene, module, size = here.scene, here.module, here.size
+    return {
+        **CONSTANTS,
+        **{"time": scene.time, "length": scene.length, "pace": scene.pace, "days": scene.days},
+        **{"grown": size * scene.time / scene.length, "per_day": size / scene.days},
+        **{"suction": scene.suction.get(module), "density": scene.density.get(module)},
+        "samples_late": max(round(size), 1),
+    }
+
+
 def made(effect: Effect, here: Here) -> Made:
     """Make an effect; raises Stalled if the plant cannot have it."""
-    stated, names = effect.stated, Names(here, CONSTANTS)
+    stated, names = effect.stated, Names(here, known(here))
     names.fix(stated.get("fixed", {}))
     changes: list[Change] = [
         _term(kind, here.module, names, stated[kind]) for kind in get_args(Kind) if kind in stated

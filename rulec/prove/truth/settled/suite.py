@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ..kinds import counts, difficulties, hiding
 from .drive import PRODUCTION
 from .effect import CONNECTIONS, EFFECTS, WIRING, Effect, effect_of
 from .plan import Planned
@@ -16,71 +17,10 @@ WEAKEST, STRONGEST = 8.0, 2e4
 
 PROFILES = ("steps", "steps", "ramps", "start-stop", "long-constant")
 
-FULL: Mapping[str, int] = {
-    "clean": 100,
-    "single": 54,
-    "calibrated": 12,
-    "correlated": 10,
-    "sensor": 12,
-    "fault": 18,
-    "unnamed": 10,
-    "unrecorded": 10,
-    "pair": 12,
-    "hiding": 8,
-}
-"""Cases of a run."""
-
-QUICK: Mapping[str, int] = {"clean": 14, "single": 7, "sensor": 2, "fault": 2, "unnamed": 1}
-"""Cases of a quick run, of small plants."""
-
-HARD: Mapping[str, int] = {
-    "form-clean": 50,
-    "form": 50,
-    "coloured-clean": 50,
-    "coloured": 50,
-    "drift-clean": 50,
-    "drift": 50,
-    "all-clean": 50,
-    "all": 50,
-    "wiring": 24,
-}
-"""Cases of a run with difficulties, all of them in the group `all`. Plants of the group `wiring`
-obey their laws: the mistakes are in the cables or the file."""
-
-PRODUCED: Mapping[str, int] = {"production": 36, "production-clean": 6, "production-unnamed": 6}
-"""Cases of small plants that make a few products within a part of the allowed range; they obey
-their laws."""
-
-CONNECTED: Mapping[str, int] = {"connection": 24}
-"""Cases of plants whose connections differ from the file; they obey their laws."""
-
-HARD_QUICK: Mapping[str, int] = dict.fromkeys(HARD, 2)
-"""Cases of a quick run with difficulties, of small plants."""
-
-DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
-    "form": ("form",),
-    "coloured": ("coloured", "wobble"),
-    "drift": ("drift",),
-    "all": ("form", "coloured", "wobble", "drift"),
-}
-"""By the first word of a group of `HARD`."""
+FULL, HARD, PRODUCED = (counts("settled", run) for run in ("full", "hard", "produced"))
 
 ALONE = {("metered",): "bench", ("oil-warm",): "warm", ("valve",): "valve"}
 """Families of plants by the kinds of pumps, and valves, that are in no plant with others."""
-
-HIDING = (
-    ("wear", "fouling"),
-    ("slip-warm", "fouling"),
-    ("line-warm", "settling"),
-    ("belt", "copper"),
-    ("slip-warm", "settling"),
-    ("belt", "windage"),
-    ("line-warm", "dp-zero-warm"),
-    ("warm-up-slip", "settling"),
-    ("fouling", "dp-zero-creep"),
-    ("friction-warm", "power-gain-creep"),
-)
-"""Two effects of one module with similar changes of the readings."""
 
 
 def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) -> Iterator[Planned]:
@@ -103,13 +43,13 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
-            difficulties = DIFFICULTIES.get(group.removesuffix("-clean"), ())
-            if "form" in difficulties:
+            harder = difficulties("settled", group)
+            if "form" in harder:
                 profile = "few-states"
             if group in PRODUCED:
                 profile = PRODUCTION
             name = f"stationary-{seed}-{group}-{'+'.join(effects)}-{i}"
-            yield Planned(name, group, family, profile, effects, aim, conceal, small, difficulties)
+            yield Planned(name, group, family, profile, effects, aim, conceal, small, harder)
 
 
 def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[str, ...]]:
@@ -117,7 +57,7 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
     pools: dict[str, Sequence[tuple[str, ...]]] = {
         "clean": [()],
         **{g: [()] for g in (*HARD, *PRODUCED) if g.endswith("-clean")},
-        "hiding": HIDING,
+        "hiding": hiding("settled"),
         "wiring": [(name,) for name in WIRING],
         "connection": [(name,) for name in CONNECTIONS],
         "pair": _pairs(random),

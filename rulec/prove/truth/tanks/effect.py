@@ -14,7 +14,7 @@ from .balance import Course
 from .build import Setup
 from .feed import Bypass, Curve, Kink, Warming
 from .laws import BROAD, GRAVITY, SHARP
-from .plant import Body, Fault, Opening, Plant, Power, Rim, Tank, Vortex
+from .plant import Body, Fault, Opening, Plant, Power, Rim, Vortex
 
 Values = Mapping[str, Any]
 """Numbers of an effect by name, its size among them."""
@@ -88,7 +88,8 @@ class Here:
     """Place and size of an effect.
 
     `plant` has the effects that were built before, `place` is a tank (of a sensor: its tank) or the
-    feed, and `random` draws the shape of the effect. All attributes are names in the formulas.
+    feed, and `random` draws the shape of the effect. All attributes are names in the formulas,
+    beside `known`.
     """
 
     scene: Scene
@@ -98,79 +99,10 @@ class Here:
     random: np.random.Generator
     quantile = staticmethod(quantile)
 
-    @property
-    def tank(self) -> Tank:
-        """The tank here."""
-        return self.plant.tank(self.place)
-
-    @property
-    def below(self) -> str | None:
-        """The tank below; None for the last."""
-        return self.scene.below(self.place)
-
-    @property
-    def highest_below(self) -> float:
-        """Highest level of the tank below, cm."""
-        return float(self.scene.levels(str(self.below)).max())
-
-    @property
-    def highest(self) -> float:
-        """Highest level here, cm."""
-        return float(self.scene.levels(self.place).max())
-
-    @property
-    def falls(self) -> Array:
-        """Inflow of this tank, cm3/s."""
-        return self.scene.falling(self.place)
-
-    @property
-    def first_falls(self) -> Array:
-        """Inflow of the first tank, cm3/s."""
-        return self.scene.falling(self.scene.setup.layout.tanks[0])
-
-    @property
-    def highest_fall(self) -> float:
-        """Largest inflow of the first tank, cm3/s."""
-        return float(self.first_falls.max())
-
-    @property
-    def usual_fall(self) -> float:
-        """Median inflow of this tank, cm3/s."""
-        return quantile(self.falls, 0.5)
-
-    @property
-    def fed(self) -> Array:
-        """Flow of the feed, cm3/s."""
-        return self.scene.course.fed
-
-    @property
-    def shown(self) -> Array:
-        """The recorded input."""
-        return self.scene.setup.shown
-
-    @property
-    def usual_input(self) -> float:
-        """Median of the input."""
-        return quantile(self.shown, 0.5)
-
-    @property
-    def highest_input(self) -> float:
-        """Largest input."""
-        return float(self.shown.max())
-
-    @property
-    def usual_first(self) -> float:
-        """Median level of the first tank, cm."""
-        return quantile(self.scene.levels(self.scene.setup.layout.tanks[0]), 0.5)
-
-    @property
-    def record(self) -> float:
-        """Length of the recording, s."""
-        return float(np.ptp(self.scene.course.time))
-
     def time_at(self, share: float) -> float:
         """Return the time after a share of the recording, s."""
-        return round(float(self.scene.course.time[0] + share * self.record), 1)
+        time = self.scene.course.time
+        return round(float(time[0] + share * np.ptp(time)), 1)
 
     def level(self, share: float) -> float:
         """Return a quantile of the level here, cm."""
@@ -190,9 +122,32 @@ class Here:
         return self.size * float(self.random.choice([down, 1.0]))
 
 
+def known(here: Here) -> Mapping[str, Any]:
+    """Return numbers and courses that formulas may use, beside the attributes of `here`.
+
+    `falls` is the inflow of this tank, `first_falls` that of the first, cm3/s; `shown` the recorded
+    input; `record` the length of the recording, s; `below` the tank below.
+    """
+    scene, place, shown = here.scene, here.place, here.scene.setup.shown
+    names = {**CONSTANTS, "fed": scene.course.fed, "shown": shown}
+    names["record"] = float(np.ptp(scene.course.time))
+    first = scene.setup.layout.tanks[0]
+    names["usual_input"], names["highest_input"] = quantile(shown, 0.5), float(shown.max())
+    names["usual_first"] = quantile(scene.levels(first), 0.5)
+    names["first_falls"] = scene.falling(first)
+    names["highest_fall"] = float(names["first_falls"].max())
+    if place in scene.setup.layout.tanks:
+        names["tank"], names["below"] = here.plant.tank(place), scene.below(place)
+        names["highest"], names["falls"] = float(scene.levels(place).max()), scene.falling(place)
+        names["usual_fall"] = quantile(names["falls"], 0.5)
+        if names["below"]:
+            names["highest_below"] = float(scene.levels(names["below"]).max())
+    return names
+
+
 def made(effect: Effect, here: Here) -> Built:
     """Build an effect into the plant."""
-    stated, names = effect.stated, Names(here, CONSTANTS, size=here.size)
+    stated, names = effect.stated, Names(here, known(here), size=here.size)
     names.fix(stated.get("fixed", {}))
     numbers = {field: names.of(formula) for field, formula in stated.get("set", {}).items()}
     added = {field: names.of(formula) for field, formula in stated.get("each", {}).items()}
@@ -203,7 +158,7 @@ def made(effect: Effect, here: Here) -> Built:
         case "sensor":
             plant = plant.with_sensor(replace(plant.sensor(here.place), **numbers))
         case _ if numbers:
-            plant = plant.with_tank(replace(here.tank, **numbers))
+            plant = plant.with_tank(replace(plant.tank(here.place), **numbers))
     for tank in plant.tanks if added else ():
         more = {field: getattr(tank, field) + value for field, value in added.items()}
         plant = plant.with_tank(replace(tank, **more))

@@ -35,37 +35,19 @@ class Placed:
         return f"{self.module}.{self.effect.name}"
 
 
-@dataclass(frozen=True)
-class Facts:
-    """What formulas may ask of a place in a plant."""
+def facts(layout: Layout, place: str) -> dict[str, Any]:
+    """Return what formulas may ask of a place in a plant.
 
-    layout: Layout
-    place: str
-
-    @property
-    def first(self) -> bool:
-        """Whether it is the first tank."""
-        return self.place == self.layout.tanks[0]
-
-    @property
-    def last(self) -> bool:
-        """Whether it is the last tank."""
-        return self.place == self.layout.tanks[-1]
-
-    @property
-    def measured(self) -> bool:
-        """Whether its level is; the datum of one that is not is arbitrary."""
-        return self.place in self.layout.measured
-
-    @property
-    def one_sensor(self) -> bool:
-        """Whether one level alone is measured."""
-        return len(self.layout.measured) == 1
-
-    @property
-    def voltage(self) -> bool:
-        """Whether a voltage sets the feed; a flow meter already measures what a pump does."""
-        return not self.layout.metered
+    The datum of a level that is not `measured` is arbitrary; a flow meter already measures what a
+    pump does with its `voltage`.
+    """
+    return {
+        "first": place == layout.tanks[0],
+        "last": place == layout.tanks[-1],
+        "measured": place in layout.measured,
+        "one_sensor": len(layout.measured) == 1,
+        "voltage": not layout.metered,
+    }
 
 
 def possible_effects(layout: Layout) -> dict[str, Placed]:
@@ -77,7 +59,7 @@ def possible_effects(layout: Layout) -> dict[str, Placed]:
 
 def _shows(layout: Layout, placed: Placed) -> bool:
     where = placed.effect.stated.get("where", "1")
-    return bool(Names(Facts(layout, placed.place), {}).of(where))
+    return bool(Names(None, facts(layout, placed.place)).of(where))
 
 
 def _effect(key: str, stated: Mapping[str, Any]) -> Effect:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..formulas import Names
 from .build import Setup
-from .effects import Facts
+from .effects import facts
 from .size import Planted
 
 FEED = {True: {"set": "Q", "flow": "flow"}, False: {"set": "u", "flow": "pump"}}
@@ -26,14 +26,14 @@ class Right:
 def right(setup: Setup, one: Planted) -> Right:
     """Return the right answer for a planted effect."""
     stated, plant, place = one.placed.effect.stated, setup.plant, one.placed.place
-    known = {"k": plant.feed.gain, "zero": plant.feed.zero}
+    known = {**facts(setup.layout, place), "k": plant.feed.gain, "zero": plant.feed.zero}
     known["lowest"] = setup.shown.min() + plant.feed.zero
     if place in setup.layout.measured:
         known["gain"] = plant.sensor(place).gain
     for tank in plant.tanks:
         if tank.name == place:
             known |= {"floor": tank.area, "outlet": tank.outlet}
-    names = Names(Facts(setup.layout, place), known, **one.built.values)
+    names = Names(None, known, **one.built.values)
     holding = [r for r in stated.get("right", ()) if names.of(r.get("if", "1"))]
     places = [*stated["places"], *(p for r in holding for p in r.get("places", ()))]
     found = [_placed(setup, place, p) for p in places]

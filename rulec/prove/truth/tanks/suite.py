@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kinds import STATED, counts, difficulties, hiding
 from ..streams import stream
 from .build import CASCADED, Layout
 from .case import Case, case
@@ -21,25 +22,11 @@ from .sealed import SealedCase
 WEAKEST, STRONGEST = 0.03, 2.0
 """V; change by a single effect, drawn uniformly on a logarithmic scale."""
 
-HARD: Mapping[str, int] = {
-    "form-clean": 10,
-    "form": 10,
-    "coloured-clean": 10,
-    "coloured": 10,
-    "drift-clean": 10,
-    "drift": 10,
-    "all-clean": 10,
-    "all": 10,
+HARD = counts("tanks", "hard")
+CONCEALED: Mapping[str, str] = {
+    group: stated["concealed"] for group, stated in STATED["tanks"].items() if group not in HARD
 }
-"""Cases of a run with difficulties, all of them in the group `all`."""
-
-DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
-    "form": ("form",),
-    "coloured": ("coloured",),
-    "drift": ("drift",),
-    "all": ("form", "coloured", "drift", "starts"),
-}
-"""By the first word of a group of `HARD`."""
+"""Way of concealing by group."""
 
 FEW = "few-values"
 """Profile of a plant with form errors, which shows its laws at a few flows only."""
@@ -53,61 +40,14 @@ OWN_PLANT = 0.5
 SETTLED = 0.2
 """Share of cases with long constant inputs."""
 
-CONCEALED: Mapping[str, str] = {
-    "clean": "clean",
-    "single": "open",
-    "corner": "corner",
-    "sensor": "open",
-    "fault": "open",
-    "unnamed": "unnamed",
-    "pair": "pair",
-    "hiding": "hiding",
-    "alike": "alike",
-}
-"""Way of concealing, as in `sealed.CONCEALMENTS`, by group."""
-
 CORNER = ("overflow-sharp", "saturation", "clipping")
 """Their size is the share of samples in which they act."""
-
-HIDING = (
-    ("upper.overflow-sharp", "lower.y.clipping"),
-    ("upper.overflow-sharp", "lower.laminar"),
-    ("upper.overflow-sharp", "lower.power-low"),
-    ("lower.overflow-broad", "lower.power-low"),
-    ("pump.dead-band", "lower.laminar"),
-    ("pump.dead-band", "lower.y.offset-high"),
-    ("pump.droop", "lower.power-low"),
-    ("upper.seepage", "lower.y.gain-high"),
-    ("upper.seepage", "lower.y.offset-high"),
-    ("upper.seepage", "lower.y.jet"),
-    ("upper.seepage", "lower.clogging"),
-    ("upper.leak", "lower.clogging"),
-    ("upper.leak", "lower.y.drift-up"),
-    ("lower.clogging", "lower.y.drift-down"),
-)
-"""Pairs that together change less than the sum of their changes."""
 
 UNSEEN = ("gain-high", "gain-low")
 """Effects that a recalibration compensates, so that nothing is missing."""
 
 LEAST = 4.0
 """Least expected gain of a single effect."""
-
-ALIKE = (
-    "outlet-height",  # an offset of the sensor
-    "overflow-sharp",  # a reading that ends early
-    "seepage",  # a leak
-    "lag",  # of the feed: that of the sensor, and the reverse
-    "leak",  # seepage
-    "clogging",  # another law of the outlet
-    "offset-high",  # an outlet above the floor
-    "clipping",  # an overflow
-    "drift-up",  # an outlet that clogs
-    "drift-down",  # a leak
-    "hysteresis",  # a lag
-)
-"""Faults and errors of sensors that look like physics, and the reverse."""
-
 
 NAMES = (
     ("upper", "centre", "lower", "bottom"),
@@ -212,7 +152,7 @@ def _planned(seed: int, group: str, number: int, samples: int, share: float) -> 
     shipped = group == "hiding" or random.uniform() < share
     layout = CASCADED if shipped else row(own)
     strength = None
-    hard = DIFFICULTIES.get(group.removesuffix("-clean"), ())
+    hard = difficulties("tanks", group)
     if group not in ("clean", "pair", "hiding") and not group.endswith("-clean"):
         strength = WEAKEST * (STRONGEST / WEAKEST) ** float(random.uniform())
     settled = random.uniform() < SETTLED and group != "corner"  # a plateau is no corner
@@ -228,7 +168,8 @@ def _chosen(
     if group == "clean" or group.endswith("-clean"):
         return ()
     if group == "hiding":
-        return HIDING[number % len(HIDING)]
+        pairs = hiding("tanks")
+        return pairs[number % len(pairs)]
     fitting = [p for p in possible_effects(layout).values() if _fits(group, p)]
     # Kinds first, then places, so that many tanks do not make one kind more frequent.
     kinds = sorted({(p.effect.name, p.effect.at) for p in fitting})
@@ -249,7 +190,7 @@ def _fits(group: str, placed: Placed) -> bool:
         case "corner":
             return name in CORNER
         case "alike":
-            return name in ALIKE
+            return name in STATED["alike"]
         case "unnamed":
             return sort == "unnamed"
         case "pair":

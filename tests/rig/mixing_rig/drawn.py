@@ -1,12 +1,12 @@
 """Plants as delivered: no parameter is exactly what the data sheet says."""
 
 from dataclasses import replace
-from statistics import NormalDist
 
 import numpy as np
 
-from .plant import DosingModule, Line, Mixer, Plant
-from .pumps import Centrifugal, Displacement, Pump
+from rulec.prove.truth.plant import DosingModule, Line, Mixer, Plant
+from rulec.prove.truth.pumps import Centrifugal, Displacement, Pump
+from rulec.prove.truth.streams import factor
 
 # Standard uncertainties as shares of the value. Source: the data sheets of the modules as printed
 # (column u over value of kb/modules/dosing-pcp.yaml, dosing-centrifugal.yaml, static-mixer.yaml);
@@ -23,7 +23,6 @@ DISPLACEMENT = {
 HEAD = (0.0018, 0.0175, 0.0066)
 ELECTRIC = (0.0035, 0.0093, 0.0237)
 STATIC_LOSS, LINE_FRICTION, MIXER_FRICTION = 0.04, 0.0038, 0.0043
-WITHIN = 2.0  # standard uncertainties; a part further off fails the maker's final inspection
 
 
 def drawn(plant: Plant, seed: int) -> Plant:
@@ -59,13 +58,3 @@ def _pump(pump: Pump, random: np.random.Generator) -> Pump:
             )
             return replace(pump, head=(h0, h1, h2), electric=(p0, p1, p2))
     raise TypeError(f"no spread known for {pump}")
-
-
-def factor(u: float, random: np.random.Generator) -> float:
-    """Draw 1 plus a normal deviation of standard deviation `u`, truncated at WITHIN.
-
-    Source: inverse transform sampling.
-    """
-    normal = NormalDist()
-    outside = normal.cdf(-WITHIN)
-    return 1.0 + u * normal.inv_cdf(outside + random.uniform() * (1.0 - 2.0 * outside))
