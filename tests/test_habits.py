@@ -177,3 +177,16 @@ def test_a_first_try_is_helped_on(
     printed = capsys.readouterr()
     assert code == ended
     assert said in printed.out + printed.err
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_a_script_that_its_shell_reads(
+    shell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the shell is installed, it finds no mistake in it."""
+    assert 0 == main(["completion", shell])
+    script = tmp_path / "script"
+    script.write_text(capsys.readouterr().out, encoding="utf-8")
+    assert "rulec" in script.read_text(encoding="utf-8")
+    if (found := shutil.which(shell)) is not None:
+        subprocess.run([found, "-n", str(script)], check=True)

@@ -282,3 +282,27 @@ def test_a_real_pump_set(tmp_path: Path) -> None:
     for title, expected in (("FS1 [l/min]", 0.0033), ("EPS1 [W]", 0.0024)):
         off = found[title][settled] / measured[title][settled] - 1.0
         assert expected == pytest.approx(np.sqrt(np.mean(off**2)), abs=5e-5)
+
+
+def test_readings_without_states_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plant that has a meter and stores nothing: nothing follows from anything, which is said."""
+    knowledge = shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    (knowledge / "modules" / "meter.yaml").write_text(
+        "module: meter\nversion: 1\ntitle: Meter\nsignals:\n"
+        "  y: {quantity: reading, unit: V, sensor: level-transmitter, range: [0, 10]}\n"
+        "parameters:\n  g: {value: 100, unit: V/(m3/s), u: 2, title: gain, source: test}\n"
+        "readings:\n  y: {is: g*inflow, source: linear}\nfaults: [slope(y)]\n",
+        encoding="utf-8",
+    )
+    plant = tmp_path / "plant.yaml"
+    plant.write_text(
+        "plant: metered\ntitle: Meter behind a pump\nmodules:\n  p: {type: voltage-pump}\n"
+        "  m: {type: meter}\nconnections: [p -> m]\n",
+        encoding="utf-8",
+    )
+    inputs = tmp_path / "inputs.csv"
+    inputs.write_text("time [s],p.u [V],m.y [V]\n0,4,0.001\n1,5,0.001\n", encoding="utf-8")
+    said = " ".join(refused(capsys, 1, plant, inputs, "-o", tmp_path / "out.csv").split())
+    assert "no equation determines a reading" in said

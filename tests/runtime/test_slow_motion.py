@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.observe import observe, reason
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, lag_u, settle_or_slow
-from rulec_runtime.recordings.stationary import settle
+from rulec_runtime.recordings.stationary import Stretches, settle
 
 from rulec.prove.truth import NOISE_FREE, RIGS, TABLE_1, Operation, Run, record
 from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS, read
@@ -116,3 +117,28 @@ def test_the_error_by_a_lag_has_the_sign_of_the_rate_and_lasts() -> None:
     lasting = observed.covariance[ramp] - observed.noise[ramp]
     rest = int(np.flatnonzero(errors == 0.0)[0])
     assert lasting[0, 0] > 2.0 * (observed.covariance[rest] - observed.noise[rest])[0, 0]
+
+
+def test_where_nothing_moves_nothing_is_added() -> None:
+    """The noise of a settled recording is no rate; the level of a tank falls all the time."""
+    one, rules = made(30, 1, 0.1), compiled("abc")
+    stretches, noise = settle(one.recording, rules)
+    rests = Stretches(stretches.first[:1] + 5, stretches.last[:1] - 5)
+    assert set(lag_errors(one.recording, rules, rests, noise)).isdisjoint(rules.observed)
+
+
+def test_estimates_that_lags_may_spoil_are_not_used() -> None:
+    """No estimate is used whose flow may be off by more than a tenth."""
+    one, rules = made(8, 1, 0.6), compiled("abc")
+    stretches, noise = settle_or_slow(one.recording, rules)
+    points = points_of_stretches(one.recording, rules, stretches, noise)
+    assert observe(rules, points).valid.all()
+    quick = replace(points, lag={name: 4.0 * e for name, e in points.lag.items()})
+    observed = observe(rules, quick)
+    lost = np.argwhere(~observed.valid)
+    assert len(lost)
+    for observer, point in lost:
+        assert reason(rules, observed, int(observer), int(point)).endswith("change too fast")
+    lasting = [np.diag(c - n) for c, n in zip(observed.covariance, observed.noise, strict=True)]
+    share = np.sqrt(np.array(lasting).T) / observed.flows
+    assert share[observed.valid].max() < 1.2 * limits.TOO_FAST
