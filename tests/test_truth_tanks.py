@@ -341,7 +341,7 @@ def sources() -> Iterator[Path]:
 def test_shares_no_code_with_what_it_tests(file: Path) -> None:
     """No import of the tool, of its knowledge files neither; short files."""
     text = file.read_text(encoding="utf-8")
-    # Effects and their right answers are a table beside its reader, in a format that bears comments.
+    # Effects and their answers are a table beside its reader, in a format that bears comments.
     foreign = {"rulec", "rulec_runtime", *(() if file.stem == "effects" else ("yaml",))}
     for node in ast.walk(ast.parse(text)):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
