@@ -188,3 +188,9 @@ def test_an_entry_of_settled_plants_does_what_the_truth_does(name: str, tmp_path
     for observer, flow in told.items():
         right = flow == pytest.approx(1.0, abs=1e-6)
         assert right or (name, observer) == ("worn-rings", BACK_THROUGH_THE_IMPELLER)
+
+
+@pytest.mark.parametrize("formula", ["(lambda: 1)()", "[x for x in (1,)]", "size.__class__", "_x"])
+def test_a_formula_is_an_expression_and_no_program(formula: str) -> None:
+    with pytest.raises(ValueError, match="is no formula"):
+        Names(None, {}, size=1.0).of(formula)

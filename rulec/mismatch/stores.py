@@ -152,7 +152,7 @@ class Explanation(Explained[Fitted]):
         return self._allowed.get(signal, np.inf)
 
     def evidence_per_row(self) -> tuple[float, int]:
-        """Log evidence of the likeliest set per reading, nats, and the number of readings."""
+        """Log odds of the likeliest set per reading, nats, and the number of readings."""
         posterior = self.posterior
         geometry = posterior.geometry
         assert isinstance(geometry, StoresGeometry)

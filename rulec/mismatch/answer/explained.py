@@ -128,8 +128,8 @@ class Explained(ABC, Generic[F]):
         return float("inf")
 
     def evidence_per_row(self) -> tuple[float, int]:
-        """Log evidence of the likeliest set per reading, with the readings in SI, nats, and their
-        number; (nan, 0) where other ways to read the recording cannot be compared."""
+        """Log odds of the likeliest set per reading, nats, with readings in SI, and their number;
+        (nan, 0) where other ways to read the recording cannot be compared."""
         return float("nan"), 0
 
     @abstractmethod

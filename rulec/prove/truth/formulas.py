@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 from collections.abc import Mapping
 from types import CodeType
@@ -16,6 +17,13 @@ FUNCTIONS: Mapping[str, Any] = {
 }
 """What every formula may use."""
 
+PARTS = (
+    *(ast.Expression, ast.Constant, ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.Call),
+    *(ast.keyword, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp),
+    *(ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context),
+)
+"""What a formula may be made of; no loop, no function of its own, no name that begins with `_`."""
+
 
 class Names(dict[str, Any]):
     """Values by name; what is not given is a constant, or else an attribute of `here`."""
@@ -28,7 +36,7 @@ class Names(dict[str, Any]):
         return self.constants[name] if name in self.constants else getattr(self.here, name)
 
     def of(self, formula: str | float) -> Any:
-        """Return the value of a formula, which is from a table of this package."""
+        """Return the value of a formula; raises ValueError where it is more than an expression."""
         return eval(_compiled(str(formula)), {"__builtins__": {}}, self)
 
     def with_(self, **given: Any) -> Names:
@@ -43,4 +51,9 @@ class Names(dict[str, Any]):
 
 @functools.cache
 def _compiled(formula: str) -> CodeType:
-    return compile(formula, f"<{formula}>", "eval")
+    tree = ast.parse(formula, mode="eval")
+    for part in ast.walk(tree):
+        name = getattr(part, "id", getattr(part, "attr", ""))
+        if not isinstance(part, PARTS) or name.startswith("_"):
+            raise ValueError(f"{formula!r} is no formula")
+    return compile(tree, f"<{formula}>", "eval")

@@ -102,11 +102,6 @@ class Browser:
         shot = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
         file.write_bytes(base64.b64decode(shot["data"]))
 
-    def sheets(self, file: Path) -> None:
-        """Save the page as PDF."""
-        printed = self.call("Page.printToPDF", preferCSSPageSize=True, printBackground=False)
-        file.write_bytes(base64.b64decode(printed["data"]))
-
     def complaints(self) -> list[str]:
         """What console, log and policy said."""
         found = []
