@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 import ipaddress
 import json
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 from queue import Queue
-from threading import Thread
 from typing import Any
 
 import pytest
-from amqtt.broker import Broker
 from asyncua.crypto.cert_gen import (
     dump_private_key_as_pem,
     generate_private_key,
@@ -29,41 +25,10 @@ from rulec_runtime.live.sources.open import open_source
 
 from tests.conftest import compiled
 from tests.live.journal.events import event_in, story
+from tests.live.journal.own_broker import OwnBroker
 from tests.live.sources.plant_server import free_port
 from tests.live.sources.taking import Taken
 from tests.live.test_watch import until
-
-
-class OwnBroker:
-    """A broker on loopback that can be stopped and started; with TLS for a certificate, whose key
-    stands beside it."""
-
-    def __init__(self, certificate: Path | None = None) -> None:
-        self._certificate = certificate
-        logging.getLogger("amqtt").setLevel(logging.CRITICAL + 1)
-        logging.getLogger("transitions").setLevel(logging.CRITICAL + 1)
-        self.port = free_port()
-        self._loop = asyncio.new_event_loop()
-        Thread(target=self._loop.run_forever, daemon=True).start()
-        self.start()
-
-    def start(self) -> None:
-        listener: dict[str, Any] = {"type": "tcp", "bind": f"127.0.0.1:{self.port}"}
-        if self._certificate is not None:
-            key = str(self._certificate.with_suffix(".key"))
-            listener |= {"ssl": True, "certfile": str(self._certificate), "keyfile": key}
-        plugins: dict[str, Any] = {
-            "amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}
-        }
-
-        async def begun() -> None:
-            self._broker = Broker({"listeners": {"default": listener}, "plugins": plugins})
-            await self._broker.start()
-
-        asyncio.run_coroutine_threadsafe(begun(), self._loop).result(10)
-
-    def stop(self) -> None:
-        asyncio.run_coroutine_threadsafe(self._broker.shutdown(), self._loop).result(10)
 
 
 @pytest.fixture

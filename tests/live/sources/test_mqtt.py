@@ -15,7 +15,8 @@ from rulec_runtime.live.sources.map import MQTT, read_map
 from rulec_runtime.live.sources.mqtt import Mqtt
 from rulec_runtime.live.sources.open import open_source
 
-from tests.live.journal.test_mqtt_out import OwnBroker, listening
+from tests.live.journal.own_broker import OwnBroker
+from tests.live.journal.test_mqtt_out import listening
 from tests.live.sources.plant_server import free_port
 from tests.live.sources.taking import Taken
 
