@@ -22,6 +22,7 @@ from rulec.mismatch.evidence.steady.screen import (
     with_open_references,
 )
 from rulec.mismatch.inference.interval import profile
+from rulec.mismatch.search.settled.best_set import confirmed
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -72,6 +73,17 @@ def test_the_planted_value_is_found(seed: int) -> None:
     low, high = profile(model_of(found).line(B))
     assert low < value < high
     assert 3.92 * u == pytest.approx(high - low, rel=0.25)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_vanishes_in_the_last_fit_is_not_told(seed: int) -> None:
+    """The slip follows the temperature and the stroke is as long under pressure as without."""
+    candidates = {c.name: c for c in alone()[1].candidates}
+    absent = candidates["stroke-compression"]
+    both = WARM.joining(absent, {u.id: u.starts[0] for u in absent.unknowns}, {})
+    last = confirmed(fitted(alone(), warmed(TRUE, seed=seed), both))
+    assert [c.id for c in last.setting.joined] == [SLIP]
+    assert confirmed(last) is last
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

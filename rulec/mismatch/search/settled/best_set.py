@@ -105,15 +105,37 @@ def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, 
             setting = setting.leaving(candidate.id)
     setting = replace(setting, known=known_of(model.prior, setting))
     fitted = _fitted(rows, at_points(setting, rows.system.data.time))
-    names = {name_of(fitted.setting, c): c for c in fitted.setting.joined}
     for course in fitted.setting.courses:
         fitted = with_refined_onset(fitted, course.unknown)
+    fitted = confirmed(fitted)
+    names = {name_of(fitted.setting, c): c for c in fitted.setting.joined}
     for term in (t for t in model.terms if t.name in reported):
         there = with_term(fitted, term)
         if there is not None:
             fitted = there
             names[term.name] = fitted.setting.joined[-1]
     return fitted, names
+
+
+def confirmed(fitted: Fitted) -> Fitted:
+    """The model without explanations that vanish where laws are exact, the weakest first: beside
+    errors of form an effect may only refine what these leave."""
+    while fitted.setting.joined:
+        sizes = {c.id: _size(fitted, c) for c in fitted.setting.joined}
+        weakest = min(sizes, key=lambda id_: sizes[id_])
+        if sizes[weakest] > common.NORMAL_95:
+            break
+        fitted = _fitted(fitted.rows, fitted.setting.leaving(weakest))
+    return fitted
+
+
+def _size(fitted: Fitted, candidate: Candidate) -> float:
+    """Largest amplitude of a candidate, in its standard uncertainty."""
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+    own = [(name, null.get(name.partition("#")[0])) for name in fitted.setting.free_unknowns()]
+    values = fitted.setting.values
+    sizes = [abs(values[n] - start) / fitted.u(n) for n, start in own if start is not None]
+    return max(sizes, default=np.inf)
 
 
 def _fitted(rows: Rows, setting: Configuration) -> Fitted:

@@ -206,7 +206,7 @@ def _ends(found: Sequence[Found]) -> np.ndarray:
 def explain(every: Rows, progress: Progress) -> Posterior:
     """Search for the sets of explanations of a recording."""
     search = begun(every)
-    grown(search, progress, (_refine_onsets, _grow, _prune))
+    grown(search, progress, (_refine_onsets, _grow, prune))
     _refit_switching_terms(search)
     _refit_candidates_for_terms(search)
     return search.posterior()
@@ -331,20 +331,19 @@ def _with_open_references(
     return there
 
 
-def _prune(search: Search, names: Names) -> None:
-    """Refit a set without each of its members."""
+def prune(search: Search, names: Names) -> None:
+    """Refit a set without each of its members: from here even a known set may be refitted better,
+    as its periods and values were found without the others."""
     model = search.models[names]
     if len(names) < 2:
         return
     for candidate in model.setting.joined:
-        less = without(names, candidate)
-        if less not in search.odds:
-            setting = model.setting.leaving(candidate.id)
-            search.keep(less, search.refit(setting, model, model.terms))
+        with contextlib.suppress(np.linalg.LinAlgError):
+            less = search.refit(model.setting.leaving(candidate.id), model, model.terms)
+            search.keep(without(names, candidate), less)
     for term in model.terms:
-        if names - {term.name} not in search.odds:
-            own = tuple(t for t in model.terms if t.name != term.name)
-            search.keep(names - {term.name}, search.refit(model.setting, model, own))
+        own = tuple(t for t in model.terms if t is not term)
+        search.keep(names - {term.name}, search.refit(model.setting, model, own))
 
 
 def without(names: Names, candidate: Candidate) -> Names:

@@ -23,6 +23,7 @@ from rulec.mismatch.search.settled.sets import (
     Search,
     grown,
     join_terms,
+    prune,
 )
 from rulec.mismatch.search.stores.geometry import StoresGeometry, usual
 from rulec.mismatch.search.stores.nameless import terms
@@ -159,18 +160,3 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
             farther = from_afar(geometry.bench, way)
             begin = farther if geometry.promise(farther) > promised else way
             search.keep(names | new, search.refit(begin, model))
-
-
-def prune(search: Search, names: Names) -> None:
-    """Refit a set without each of its members."""
-    model = search.models[names]
-    if len(names) < 2:
-        return
-    for candidate in model.setting.joined:
-        # This start may improve a set that is already known.
-        with contextlib.suppress(np.linalg.LinAlgError):
-            less = search.refit(model.setting.leaving(candidate.id), model, model.terms)
-            search.keep(names - {candidate.id}, less)
-    for term in model.terms:
-        own = tuple(t for t in model.terms if t is not term)
-        search.keep(names - {term.name}, search.refit(model.setting, model, own))

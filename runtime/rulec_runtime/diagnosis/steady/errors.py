@@ -89,8 +89,10 @@ def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
     for column in gradients.values():
         places = np.array([*column], dtype=int)
         table = np.array([*column.values()]).reshape(-1, n)
-        for i, own in zip(places, table, strict=True):
-            covariance[i, places] += own * table
+        # Far outside of its law an estimate has an infinite variance.
+        with np.errstate(over="ignore"):
+            for i, own in zip(places, table, strict=True):
+                covariance[i, places] += own * table
     return np.moveaxis(covariance, -1, 0)
 
 
