@@ -69,6 +69,25 @@ class Model:
         found = np.linalg.solve(normal / np.outer(size, size), moment) / size
         return np.asarray(self.off - self.raw @ found)
 
+    @cached_property
+    def _imitating(self) -> tuple[Array, Array]:
+        """Map from whitened rows to what all unknowns imitate of them, shape (unknowns, rows), and
+        that of the residual, shape (unknowns,)."""
+        weights, table = self.weights, self.table
+        normal = table.T @ (table * weights[:, None]) + self.precision
+        unit = np.sqrt(np.diag(normal))
+        factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
+        imitating = solve_triangular(factor, (table / unit).T * weights, lower=True)
+        return imitating, imitating @ self.left
+
+    def beside(self, rows: Array) -> tuple[Array, Array]:
+        """Normal matrix and moment of further whitened columns, shape (rows, n), with all unknowns
+        of the model refitted beside them."""
+        imitating, known = self._imitating
+        imitated, weights = imitating @ rows, self.weights
+        gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
+        return gram, rows.T @ (self.left * weights) - imitated.T @ known
+
     @property
     def setting(self) -> Configuration:
         """The joined candidates and all values."""

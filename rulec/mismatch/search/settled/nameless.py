@@ -59,17 +59,9 @@ def nameless(
     geometry: Evidence, model: Model, every: Sequence[Term], most: int
 ) -> list[tuple[float, Term]]:
     """The terms that gain most beside a model, with their gain in log odds to first order."""
-    weights, table = model.weights, model.table
-    normal = table.T @ (table * weights[:, None]) + model.precision
-    unit = np.sqrt(np.diag(normal))
-    factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
-    known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
     found = []
     for term in every:
-        rows = geometry.whitened(term.columns, model.noise)
-        imitated = np.linalg.solve(factor, (table / unit).T @ (rows * weights[:, None]))
-        gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
-        moment = rows.T @ (model.left * weights) - imitated.T @ known
+        gram, moment = model.beside(geometry.whitened(term.columns, model.noise))
         own, ways = np.linalg.eigh(gram)
         square, own = (ways.T @ moment) ** 2, np.maximum(own, 0.0)
         gains = [

@@ -274,19 +274,12 @@ def _scanned(
     most: int,
     paired: int = limits.PAIRED_COLUMNS,
 ) -> list[Found]:
-    weights, table = model.weights, model.table
     if not every:
         return []
     usual = [geometry.size(c.candidate, c.amplitude) for c in every]
     scale = np.array([u.scale for u in usual])
     rows = geometry.whitened(np.stack([c.rows for c in every], axis=1), model.noise) * scale
-    normal = table.T @ (table * weights[:, None]) + model.precision
-    unit = np.sqrt(np.diag(normal))
-    factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
-    imitated = np.linalg.solve(factor, (table / unit).T @ (rows * weights[:, None]))
-    known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
-    gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
-    moment = rows.T @ (model.left * weights) - imitated.T @ known
+    gram, moment = model.beside(rows)
     # A Student distribution is a normal one of unknown width: where the recording needs more than
     # the usual size, a wider one costs as much as the tail.
     wide = limits.WIDER * np.abs(moment) / np.maximum(np.diag(gram), 1e-12)
