@@ -51,7 +51,7 @@ test: $(VENV)/dev ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	@# Types are checked beside the first tests: alone they would leave a core idle.
 	$(BIN)/mypy & types=$$!; \
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder; tests=$$?; \
 	wait $$types && exit $$tests
 
 prove: $(VENV)/dev ## what takes long: more sealed cases, whole rigs (about ten minutes)

@@ -60,6 +60,7 @@ def test_size_of_the_full_runs() -> None:
     assert degree[begin + 1] > 0.0
 
 
+@pytest.mark.prove
 def test_quick_runs_are_right(tmp_path: Path) -> None:
     """Default mode names every plateau of leakage in both plants, within 0.02, and alarms at no
     other time, nor in a tour of a healthy rig with transients."""

@@ -28,7 +28,14 @@ def course(residual: Array) -> Course:
     return Course("m.y", np.arange(N, dtype=float), HELDOUT, measured, np.zeros(N))
 
 
-@pytest.mark.parametrize("peer", [learnt.gaussian_process, learnt.neural, learnt.sparse])
+@pytest.mark.parametrize(
+    "peer",
+    [
+        learnt.gaussian_process,
+        pytest.param(learnt.neural, marks=pytest.mark.prove),
+        learnt.sparse,
+    ],
+)
 def test_learners_recover_a_quadratic(
     peer: Callable[[Mapping[str, Array], Course], Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -127,7 +127,6 @@ def test_matrix_tells_the_step_of_each_pair(
         assert said in capsys.readouterr().err
 
 
-PROPOSALS = 10_000
 PLANTS = ("abc", "mixing-rig")
 ROUNDING = 1e-9
 """Share of a value that is lost between units."""
@@ -227,12 +226,13 @@ def _bounds(signal: SignalSpec, given: Allowed | None) -> list[tuple[float, floa
     return ends
 
 
-def test_ten_thousand_proposals_keep_the_limits() -> None:
+@pytest.mark.parametrize("count", [1_000, pytest.param(10_000, marks=pytest.mark.prove)])
+def test_proposals_keep_the_limits(count: int) -> None:
     """Also where the present point itself lies outside of them; most of them change something."""
     random = np.random.default_rng(27)
     plants = [compiled(name) for name in PLANTS]
     moved = costly = 0
-    for number in range(PROPOSALS):
+    for number in range(count):
         if number % 20 == 0:
             ruleset = _ranged(random, plants[random.integers(len(plants))])
         given = _limits(random, ruleset)
@@ -246,5 +246,5 @@ def test_ten_thousand_proposals_keep_the_limits() -> None:
         assert _breaches(ruleset, given, present, proposal) == []
         moved += bool(proposal.changes)
         costly += bool(proposal.costs)
-    assert moved > PROPOSALS // 2
-    assert costly > PROPOSALS // 20
+    assert moved > count // 2
+    assert costly > count // 20

@@ -114,6 +114,7 @@ UNWRITTEN = {
 """Effects that no module type may have today, and why: known gaps."""
 
 
+@pytest.mark.prove
 def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
     """Physics at the first place where it joins the tanks: built in, written, read again."""
     builder, sources = opened(TANKS), read_plant(TANKS)
