@@ -178,7 +178,13 @@ BACK_THROUGH_THE_IMPELLER = "power"
 belongs to the flow that leaves, in the truth to the flow through the impeller."""
 
 
-@pytest.mark.parametrize("name", TABLE["settled"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        n if i % 3 == 0 else pytest.param(n, marks=pytest.mark.prove)
+        for i, n in enumerate(TABLE["settled"])
+    ],
+)
 def test_an_entry_of_settled_plants_does_what_the_truth_does(name: str, tmp_path: Path) -> None:
     """With the same numbers every observer tells the true flow; without the entry one does not."""
     plain = flows_told(name, tmp_path / "plain", False)[TABLE["settled"][name]["observer"]]

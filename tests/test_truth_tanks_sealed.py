@@ -145,6 +145,7 @@ def test_the_catalogue_knows_every_name() -> None:
             assert set(stated.get("parameters", ())) <= parameters, stated["name"]
 
 
+@pytest.mark.prove
 def test_places_of_the_key_are_places_of_the_tool() -> None:
     """Of the shipped plant; `y` of a level that is not measured is never one."""
     _, builder = open_builder(ROOT / "plants" / CASCADED.name)

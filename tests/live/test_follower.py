@@ -212,6 +212,7 @@ def test_row_by_row_a_fault_of_a_tank_is_told_once() -> None:
         assert [what for what, _, _ in events if what != "changed"] == ["began"]
 
 
+@pytest.mark.prove
 def test_a_fault_of_a_tank_that_ends_is_told_to_end() -> None:
     """Once as many windows say so as it takes to say that it is there."""
     recording = made("cascaded-tanks", 1, ("lower.y.low", 0.2, 0.25), count=520, until=0.65)

@@ -53,6 +53,7 @@ def found(rules: Ruleset, recording: Recording, fault: str) -> Finding:
     return finding
 
 
+@pytest.mark.prove
 def test_fault_of_a_long_chain_is_found_in_time() -> None:
     """As in a short chain; twice as many modules take no more than three times as long.
 

@@ -260,6 +260,7 @@ def soon_and_late(worn: Worn) -> tuple[Places, Places]:
     return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
 
 
+@pytest.mark.prove
 def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
     """Where one reading is missing throughout, points are as near to recorded ones as with it."""
     recording, found = worn

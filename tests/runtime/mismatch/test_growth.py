@@ -60,6 +60,7 @@ def test_a_fault_that_grows_is_told_with_its_rate() -> None:
     assert () == answer("grows").repair.joined
 
 
+@pytest.mark.prove
 def test_a_step_and_what_is_always_there_do_not_grow() -> None:
     (period,) = clogging("begins").periods
     assert period.growth is None

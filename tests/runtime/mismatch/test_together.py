@@ -163,6 +163,7 @@ def quiet(text: str) -> None:
     """Progress that nobody sees."""
 
 
+@pytest.mark.prove
 def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
     """To the last digit, and with which rows. One with too little in it says nothing alone: what
     came before it is not known to have changed then."""
