@@ -84,7 +84,8 @@ def test_a_new_measurement_is_written_everywhere(
     assert [] == misprints(again, copy)
     for file, lines in (("proof.md", 1), ("figures.yaml", 6)):
         pair = [(top / "docs" / file).read_text("utf-8").splitlines() for top in (ROOT, copy)]
-        assert lines == sum(a != b for a, b in zip(*pair, strict=True))
+        changed = sum(a != b for a, b in zip(*pair, strict=True))
+        assert 0 < changed <= lines  # date and content may be those of the last measurement
 
 
 def test_values_are_picked_from_json() -> None:
