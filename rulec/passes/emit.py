@@ -299,8 +299,8 @@ def _of_liquid(
     """A change of the liquid; all readings of its observers may leave the calibrated range."""
     affects = assembly.liquid[id_]
     signals = [(m, s) for m in plant.modules.values() for s in m.type.signals.values()]
-    given = {f"{m.name}.{s.name}" for m, s in signals if s.is_input}
-    read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in plant.signals)
+    given = {f"{m.name}.{s.name}": s.is_input for m, s in signals}
+    read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in given)
     return _fault(
         fault,
         variant,
@@ -309,7 +309,7 @@ def _of_liquid(
         title=f"{fault.title}, {variant.title}" if variant.name else fault.title,
         slots={"variant": variant.title},
         affects=affects,
-        scales=tuple(s for s in read if s not in given),
+        scales=tuple(s for s in read if not given[s]),
     )
 
 
