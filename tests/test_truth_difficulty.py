@@ -7,9 +7,9 @@ import pytest
 
 from rulec.prove.truth.sensors import DOSING_SIGNALS, INSIDE, Sensing, read
 from rulec.prove.truth.settled.difficulty import FORM
+from rulec.prove.truth.settled.effect_size import NEAR
+from rulec.prove.truth.settled.operated_plant import Scene
 from rulec.prove.truth.settled.plan import Planned
-from rulec.prove.truth.settled.scene import Scene
-from rulec.prove.truth.settled.sized import NEAR
 from rulec.prove.truth.settled.suite import HARD, planned
 from rulec.prove.truth.smooth import drift, form_error
 from rulec.prove.truth.streams import stream

@@ -15,11 +15,11 @@ import yaml
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.prove.truth.formulas import Names
 from rulec.prove.truth.settled.effect import EFFECTS, Placed
+from rulec.prove.truth.settled.effect_size import made_of
 from rulec.prove.truth.settled.folder import write_plant
+from rulec.prove.truth.settled.operated_plant import Scene, scene
 from rulec.prove.truth.settled.plan import FAMILIES
 from rulec.prove.truth.settled.rig import Rig
-from rulec.prove.truth.settled.scene import Scene, scene
-from rulec.prove.truth.settled.sized import made_of
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks import CASCADED, build
 from rulec.prove.truth.tanks.balance import integrate

@@ -13,15 +13,15 @@ from rulec.cli import main as rulec
 from rulec.prove.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
 from rulec.prove.truth.plant import Plant
 from rulec.prove.truth.sealed import Request
+from rulec.prove.truth.settled.detection_limit import visible_outputs
 from rulec.prove.truth.settled.effect import CONNECTIONS, EFFECTS, WIRING
+from rulec.prove.truth.settled.operated_plant import scene
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.pumps import PUMPS
 from rulec.prove.truth.settled.rig import Rig
 from rulec.prove.truth.settled.rigs import dosing_rig
-from rulec.prove.truth.settled.scene import scene
 from rulec.prove.truth.settled.solve import Operated, solve
 from rulec.prove.truth.settled.suite import FULL, planned
-from rulec.prove.truth.settled.visible import visible_outputs
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT

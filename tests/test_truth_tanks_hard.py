@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rulec.prove.truth.detection_limit import Measure
 from rulec.prove.truth.kinds import difficulties
-from rulec.prove.truth.limit import Measure
 from rulec.prove.truth.smooth import form_error
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks import CASCADED, build
-from rulec.prove.truth.tanks.bend import Bend
-from rulec.prove.truth.tanks.blurred import blurred
 from rulec.prove.truth.tanks.build import METER_SLOPE, Setup, recorded_input
+from rulec.prove.truth.tanks.form_error import Bend
 from rulec.prove.truth.tanks.hard import FORM
+from rulec.prove.truth.tanks.hard_detection_limit import blurred
 from rulec.prove.truth.tanks.laws import outflow, supply
 from rulec.prove.truth.tanks.model import Model, noise_of
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rulec.prove.judge import judge
-from rulec.prove.truth.limit import Rival, margin
+from rulec.prove.truth.detection_limit import Rival, margin
 from rulec.prove.truth.settled.effect import WIRING
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.suite import planned

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.mending import mended
+from rulec_runtime.recordings.header_correction import mended
 from rulec_runtime.report.text import number
 
+from rulec.api.arguments import AnyPath
 from rulec.api.frames import Columns, parts_of
-from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
-from rulec.api.reread import Reread, reread
 from rulec.api.result import Result
-from rulec.effects.made_from import AGAIN
+from rulec.api.saved_findings import Reread, reread
+from rulec.effects.analysis_sources import AGAIN
 from rulec.effects.repair import AdoptRefused, Proven, why_refused
 from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
@@ -159,7 +159,7 @@ def _try_out(plant: Path, source: Reread) -> None:
     lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
     if lacking:
         raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")
-    from rulec.mismatch.answer.written import row_errors, simulated
+    from rulec.mismatch.answer.written_plant import row_errors, simulated
 
     readings = mended(readings, proven.misread)
     try:

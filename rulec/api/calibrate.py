@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from rich.console import Console
 from rulec_runtime.output.write_file import write_text
 
+from rulec.api.arguments import Plant, Recorded, folder_of, names_given, recording_given
 from rulec.api.frames import Columns, table_of
-from rulec.api.given import Plant, Recorded, folder_of, names_given, recording_given
 from rulec.api.result import Result
 from rulec.passes.deferred_compilation import open_plant
 
@@ -36,7 +36,7 @@ class CalibrateResult(Result):
 
     @cached_property
     def _form(self) -> dict[str, Any]:
-        from rulec.calibration.written import calibration_form
+        from rulec.calibration.calibration_file import calibration_form
 
         return calibration_form(self.found.models, self.found.fits)
 
@@ -83,7 +83,7 @@ class CalibrateResult(Result):
 
         `forced`: it is written although a value is not credible.
         """
-        from rulec.calibration.story import tell
+        from rulec.calibration.calibration_report import tell
 
         tell(out, self.found, name or self.found.models.plant.name, forced)
 

@@ -12,8 +12,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
+from rulec.api.arguments import AnyPath
 from rulec.api.frames import Columns, parts_of
-from rulec.api.given import AnyPath
 from rulec.api.result import Result
 
 

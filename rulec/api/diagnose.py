@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from rich.console import Console
-from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.from_modules import FIRST_ORDER
+from rulec_runtime.diagnosis.hidden_faults import Blind
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.recordings.module_results import holds_results
 from rulec_runtime.report.page import Judged, judged, judged_results
 from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.truth import read_truth
 
-from rulec.api.frames import Columns
-from rulec.api.given import (
+from rulec.api.arguments import (
     AnyPath,
     Plant,
     Recorded,
@@ -26,6 +25,7 @@ from rulec.api.given import (
     recording_given,
     ruleset_of,
 )
+from rulec.api.frames import Columns
 from rulec.api.result import PageResult
 
 _COLUMNS = (

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.write_file import write_text
-from rulec_runtime.recordings.mending import mended
-from rulec_runtime.report.made import made_now
+from rulec_runtime.recordings.header_correction import mended
+from rulec_runtime.report.page_origin import made_now
 
+from rulec.api.arguments import AnyPath
 from rulec.api.frames import Columns, table_of
-from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
-from rulec.api.reread import reread
 from rulec.api.result import PageResult
+from rulec.api.saved_findings import reread
 from rulec.effects.repair import why_refused
 from rulec.mismatch.refused import ExperimentRefused
 

@@ -11,8 +11,8 @@ from rich.table import Table
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
+from rulec.api.arguments import AnyPath, Plant, Recorded, folder_of, names_given, recording_given
 from rulec.api.frames import Columns, table_of
-from rulec.api.given import AnyPath, Plant, Recorded, folder_of, names_given, recording_given
 from rulec.api.result import Result
 from rulec.passes.deferred_compilation import open_plant
 

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from rich.console import Console
 from rulec_runtime.output.refusal import Misused
+from rulec_runtime.recordings.join_recordings import names_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.together import names_of
-from rulec_runtime.report.made import made_now
+from rulec_runtime.report.page_origin import made_now
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import listed
 
+from rulec.api.arguments import Plant, Recorded, folder_of, is_path, names_given, recording_given
 from rulec.api.frames import Columns, parts_of
-from rulec.api.given import Plant, Recorded, folder_of, is_path, names_given, recording_given
 from rulec.api.result import PageResult
-from rulec.effects.made_from import basis_of
+from rulec.effects.analysis_sources import basis_of
 from rulec.mismatch.refused import MismatchRefused
 from rulec.passes.deferred_compilation import open_plant
 
@@ -85,7 +85,7 @@ class MismatchResult(PageResult):
 
     def page(self) -> str:
         """The report, one page of HTML with pictures."""
-        from rulec.mismatch.answer.shown import report
+        from rulec.mismatch.answer.terminal_and_page import report
 
         return report(self.found, self.subject, made_now("rulec"))
 
@@ -97,7 +97,7 @@ class MismatchResult(PageResult):
 
     def tell(self, out: Console) -> None:
         """Print the whole story."""
-        from rulec.mismatch.answer.shown import tell
+        from rulec.mismatch.answer.terminal_and_page import tell
 
         tell(out, self.found)
 

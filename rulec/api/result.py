@@ -12,8 +12,8 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import as_html, plain, with_styles
 from rulec_runtime.output.write_file import write_text
 
+from rulec.api.arguments import AnyPath
 from rulec.api.frames import Backend, Columns, frame_of
-from rulec.api.given import AnyPath
 
 
 class Result(ABC):

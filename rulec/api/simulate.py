@@ -18,10 +18,18 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import written
 from rulec_runtime.recordings.formats import csv_name
-from rulec_runtime.recordings.given import is_there, place_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+from rulec_runtime.recordings.recording_path import is_there, place_of
 
-from rulec.api.given import AnyPath, Plant, Recorded, files_given, is_path, names_given, ruleset_of
+from rulec.api.arguments import (
+    AnyPath,
+    Plant,
+    Recorded,
+    files_given,
+    is_path,
+    names_given,
+    ruleset_of,
+)
 from rulec.api.result import Result
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.first_readings import Starts, starts_of

@@ -13,10 +13,10 @@ from rich.console import Console
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.report.made import made_now
+from rulec_runtime.report.page_origin import made_now
 
+from rulec.api.arguments import Plant, folder_of
 from rulec.api.frames import Columns, table_of
-from rulec.api.given import Plant, folder_of
 from rulec.api.result import PageResult
 from rulec.engines.engine import chosen
 from rulec.passes.deferred_compilation import open_plant
@@ -62,7 +62,7 @@ class StudyResult(PageResult):
 
     def to_dict(self) -> dict[str, Any]:
         """The study as `rulec study --json` writes it; readings in SI."""
-        from rulec.study.story import study_form
+        from rulec.study.study_report import study_form
 
         return study_form(self.ruleset, self.points, self.settings, self.counts)
 
@@ -75,7 +75,7 @@ class StudyResult(PageResult):
 
     def tell(self, out: Console) -> None:
         """Print the findings in words, then a table per module type."""
-        from rulec.study.story import show
+        from rulec.study.study_report import show
 
         show(out, self.ruleset, self.types, self.points, self.counts)
 

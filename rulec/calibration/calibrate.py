@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording

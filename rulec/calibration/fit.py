@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings.robust import spread_about
+from rulec_runtime.recordings.robust_statistics import spread_about
 from scipy.optimize import least_squares, lsq_linear
 
 from rulec.calibration.limits import (

@@ -12,7 +12,7 @@ from rulec_runtime.commands.destinations import console, note_aside, write_json,
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import is_called_recording
-from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
+from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
 
 from rulec.commands.check_formats import json_form, sarif_form
 from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         forms = {}
         if facts:
-            from rulec.commands.recording_story import json_form as form_of
+            from rulec.commands.recording_report import json_form as form_of
 
             forms = {name: form_of(part) for name, part in facts.items()}
         write_json(options, {"found": json_form(found), "recordings": forms})
@@ -94,7 +94,7 @@ def _tell(
     if all(one.doubt for one in found):
         out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(map(str, paths))))
     if facts:
-        from rulec.commands.recording_story import tell
+        from rulec.commands.recording_report import tell
 
         for name, part in facts.items():
             tell(out, name, part)

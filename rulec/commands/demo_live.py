@@ -20,9 +20,9 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.api.simulate import parse_fault, simulate
 from rulec.demo import limits
-from rulec.demo.beside import servers, watch, write_map
 from rulec.demo.compare import matched, tell
-from rulec.demo.stage import free_port, planted, write_inputs
+from rulec.demo.played_recording import free_port, planted, write_inputs
+from rulec.demo.processes import servers, watch, write_map
 from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.simulation.prediction import Injected
 

@@ -23,12 +23,12 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.api.given import ruleset_of
+from rulec.api.arguments import ruleset_of
 from rulec.engines.engine import chosen
 from rulec.fleet.fleet_file import Fleet, read_fleet
-from rulec.fleet.judged import judged
+from rulec.fleet.judge_days import judged
 from rulec.fleet.page import fleet_page
-from rulec.fleet.places import tasks_of
+from rulec.fleet.plant_days import tasks_of
 from rulec.fleet.ranking import NOT_JUDGED, Ranked, ranked, verdict
 from rulec.fleet.store import Store, tables
 from rulec.fleet.trends import Trend, trends_of

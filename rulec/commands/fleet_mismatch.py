@@ -21,7 +21,7 @@ from rulec.engines.call import Call, Engine
 from rulec.engines.engine import run as run_on
 from rulec.fleet.answers import UNTOLD, Answer, Answers, differing, summary
 from rulec.fleet.fleet_file import Fleet
-from rulec.fleet.places import tasks_of
+from rulec.fleet.plant_days import tasks_of
 from rulec.limits import WORKER_DEATHS
 
 ASKING = "asking plant-days"

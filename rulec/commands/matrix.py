@@ -18,12 +18,12 @@ from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.made import made_now
 from rulec_runtime.report.matrix_html import ANY_ERROR
+from rulec_runtime.report.page_origin import made_now
 
 from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
-from rulec.study.without import Without, show_without, without_each
+from rulec.study.sensors_needed import Without, show_without, without_each
 
 if TYPE_CHECKING:  # loaded on request
     from rulec.separation.pairs import Separated

@@ -8,8 +8,8 @@ from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.report.document import Head, document, section
-from rulec_runtime.report.made import Made
 from rulec_runtime.report.matrix_html import Named, marked, matrix_of
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import framed

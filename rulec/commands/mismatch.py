@@ -20,7 +20,7 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.api.given import folder_of
+from rulec.api.arguments import folder_of
 from rulec.api.mismatch import MismatchResult, Periods, mismatch
 from rulec.limits import UNSURE
 from rulec.mismatch.answer.json_form import hidden_csv

@@ -19,9 +19,9 @@ from rulec_runtime.commands.destinations import (
 )
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.made import made_now
+from rulec_runtime.report.page_origin import made_now
 
-from rulec.api.given import folder_of
+from rulec.api.arguments import folder_of
 
 SUITE, RIGS = "rulec.prove", "rulec.prove.real"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.diagnosis.sensors.judge import Health, examine
+from rulec_runtime.diagnosis.sensors.sensor_health import Health, examine
 from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import assign

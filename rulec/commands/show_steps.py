@@ -8,7 +8,7 @@ from pathlib import Path
 from rulec.effects.balance_text import balances_text, flow_text
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
-from rulec.language.written import signed_sum
+from rulec.language.number_text import signed_sum
 from rulec.passes.pipeline import PASSES, run_passes
 from rulec.passes.types import Compilation
 

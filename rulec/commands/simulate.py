@@ -14,7 +14,7 @@ from rulec_runtime.commands.destinations import (
 )
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.recordings.formats import OTHERS
-from rulec_runtime.recordings.given import place_of
+from rulec_runtime.recordings.recording_path import place_of
 
 from rulec.api.simulate import parse_fault, simulate
 

@@ -17,7 +17,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.autocorrelation_time import memory_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust import spread_about
+from rulec_runtime.recordings.robust_statistics import spread_about
 from scipy.optimize import lsq_linear
 
 from rulec.calibration.calibrate import local_readings, settled_points

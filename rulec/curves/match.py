@@ -11,10 +11,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.terminal import one_line
 from scipy.constants import g
 
+from rulec.curves.column_titles import role_of
 from rulec.curves.laws import Law
 from rulec.curves.limits import SHEET_DENSITY
 from rulec.curves.sheet import Column, CurveRefused, unit_of
-from rulec.curves.words import role_of
 from rulec.knowledge.module_type import ModuleType
 from rulec.language.units import NONE, VOLUME_FLOW, Dimension, UnitTable
 

@@ -26,7 +26,7 @@ from asyncua import Server, ua
 from rulec_runtime.output.terminal import write_machine_text
 
 from rulec.demo import limits
-from rulec.demo.stage import free_port
+from rulec.demo.played_recording import free_port
 
 TITLE = re.compile(r"(?P<module>[^.]+)\.(?P<reading>.+) \[(?P<unit>.+)\]")
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate, Unknown
 from rulec.effects.downstream_readings import Gathering
-from rulec.effects.hold_back import held_back
+from rulec.effects.flow_by_state import held_back
 from rulec.effects.limits import MAX_TYPE_STEM
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Repair

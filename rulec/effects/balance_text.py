@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rulec.knowledge.module_type import ENDS, ModuleType, State
 from rulec.knowledge.plant import Module
 from rulec.language.expression import Expression, constant
-from rulec.language.written import signed_sum
+from rulec.language.number_text import signed_sum
 from rulec.passes.link import Network
 
 

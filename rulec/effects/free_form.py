@@ -15,9 +15,9 @@ from rulec.knowledge.module_type import Parameter
 from rulec.knowledge.tables import PER, SIZE, equations
 from rulec.language.expression import Expression, parse
 from rulec.language.limits import MAX_EQUATION_LENGTH
+from rulec.language.number_text import rounded
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
-from rulec.language.written import rounded
 from rulec.passes.amend import Change
 
 BAND = "~"

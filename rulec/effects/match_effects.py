@@ -24,9 +24,9 @@ from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import ENDS, Parameter, State
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.expression import Rejected
+from rulec.language.number_text import filled
 from rulec.language.origin import Origin
 from rulec.language.units import SECOND
-from rulec.language.written import filled
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import TypeFault
 from rulec.passes.store_faults import Places, StoreFault, fault_change, store_faults, undoing

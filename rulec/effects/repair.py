@@ -13,7 +13,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.json_file import Damaged, read_json
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 
 from rulec.effects.candidate import CurveTerm
 

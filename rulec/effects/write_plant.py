@@ -17,8 +17,8 @@ from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.layers import KB, Layer, shipped
 from rulec.knowledge.sources import Sources
 from rulec.language.document import Document, read_document
+from rulec.language.number_text import rounded
 from rulec.language.schema import kind_of
-from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
 from rulec.limits import MAX_FILE_BYTES
 

@@ -15,14 +15,14 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves
-from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.diagnosis.steady.growing_faults import found_of
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.fleet.plant_day import POINTS, Row
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.stationary import Timeline, systematic_u
-from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.json_form import growth_form
 

@@ -24,9 +24,9 @@ from rulec.knowledge.plant import Block, Column, Module, Plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
+from rulec.language.number_text import rounded
 from rulec.language.reader import Reader
 from rulec.language.units import VOLUME_FLOW, Unit
-from rulec.language.written import rounded
 
 
 def check(sources: Sources) -> Plant:

@@ -16,7 +16,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.parameter_belief import Strain, strain_of
 from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
-from rulec.mismatch.answer.explained import Explained, NotComparable
+from rulec.mismatch.answer.explanation import Explained, NotComparable
 from rulec.mismatch.answer.findings import findings_of, location_of, untested
 from rulec.mismatch.answer.verdict import (
     Doubt,
@@ -26,7 +26,7 @@ from rulec.mismatch.answer.verdict import (
     verdict_of,
     with_misread,
 )
-from rulec.mismatch.answer.written import PlantErrors, checks_of, refusal, written
+from rulec.mismatch.answer.written_plant import PlantErrors, checks_of, refusal, written
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR

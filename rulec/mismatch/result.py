@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 
 from rulec.effects.candidate import Changed, Repair
 from rulec.effects.repair import why_refused

@@ -16,10 +16,10 @@ from rulec_runtime.report.text import counted, fixed, listed
 from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Explained, NotComparable, Plants, Reading, Refits
+from rulec.mismatch.answer.explanation import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_spot, of_recordings, shares_of, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
-from rulec.mismatch.answer.written import file_of
+from rulec.mismatch.answer.written_plant import file_of
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
 from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
@@ -40,12 +40,12 @@ from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.search.intermittent_fault import in_periods
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
-from rulec.mismatch.search.periods import in_periods
-from rulec.mismatch.search.settled.as_written import as_written, clear_states
 from rulec.mismatch.search.settled.best_set import Search, search
 from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
 from rulec.mismatch.search.settled.candidate_sets import possible_sets
+from rulec.mismatch.search.settled.refit_for_plant_file import as_written, clear_states
 from rulec.simulation.predict import predict
 
 SHOWN = 4

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.recordings.thin import thinned
 from rulec_runtime.report.text import counted, listed
 from rulec_runtime.simulation.balances import RanAway
@@ -18,12 +18,12 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Explained, NotComparable, Plants, Reading, Refits
+from rulec.mismatch.answer.explanation import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_curve, location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
-from rulec.mismatch.evidence.stores.allowed import allowed
+from rulec.mismatch.evidence.stores.allowed_errors import allowed
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.final_fits import fixed_values
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
@@ -39,7 +39,7 @@ from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.best_set import Found, search
 from rulec.mismatch.search.stores.geometry import StoresGeometry
-from rulec.mismatch.search.stores.unnamed import curves_of, likeliest_curve
+from rulec.mismatch.search.stores.likeliest_curve import curves_of, likeliest_curve
 
 
 def explain(

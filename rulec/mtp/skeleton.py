@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rulec_runtime.output.terminal import one_line
 
-from rulec.language.written import rounded
+from rulec.language.number_text import rounded
 from rulec.language.yaml_text import flow
 from rulec.mtp import limits
 from rulec.mtp.package import Package, Parameter, Service, Symbol, Tag

@@ -17,7 +17,6 @@ import numpy as np
 import scipy.sparse as sparse
 
 from rulec.limits import SAME_DIRECTION
-from rulec.passes.advise import Adviser
 from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
@@ -25,6 +24,7 @@ from rulec.passes.limits import SMALL_DEGREE
 from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Sensor
 from rulec.passes.observed_modules import seen_through_states
+from rulec.passes.sensor_advice import Adviser
 
 
 @dataclass(frozen=True)

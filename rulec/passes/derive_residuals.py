@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rulec.algebra.continuity import FixedFlow
 from rulec.algebra.span import Span
 from rulec.knowledge.plant import Module
-from rulec.language.written import signed_sum
+from rulec.language.number_text import signed_sum
 from rulec.passes.limits import MOST_SUMMED
 from rulec.passes.link import Network
 

@@ -21,7 +21,7 @@ import sympy
 
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower
-from rulec.language.written import signed_sum
+from rulec.language.number_text import signed_sum
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signature, Signatures, most_telling

@@ -15,8 +15,8 @@ from rulec_runtime.contract.threshold import threshold_of
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
+from rulec.language.number_text import filled, rounded
 from rulec.language.origin import Origin
-from rulec.language.written import filled, rounded
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document, section
-from rulec_runtime.report.made import Made
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, safe
 

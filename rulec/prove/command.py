@@ -17,14 +17,14 @@ from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.refusal import Misused, Refusal
 from rulec_runtime.output.terminal import styled, terminal
 from rulec_runtime.output.write_file import write_text
-from rulec_runtime.report.made import made_now
+from rulec_runtime.report.page_origin import made_now
 
 from rulec.cli import prove_options
 from rulec.engines.call import Engine
 from rulec.engines.engine import chosen
 from rulec.prove import contacts
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
-from rulec.prove.ending import interruptible
+from rulec.prove.interruption import interruptible
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Further, Run

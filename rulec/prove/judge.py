@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rulec.prove.aligned import TIME, columns_of, likeness
+from rulec.prove.driver_course import TIME, columns_of, likeness
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
 from rulec.prove.results import Claim, Heldout, Judged
 from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rulec_runtime.report.document import Head, document, facts, numbered, section
-from rulec_runtime.report.made import Made
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.text import counted, number, safe
 
 from rulec.prove import tables

@@ -18,10 +18,10 @@ from rulec.engines.call import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan, read_form
 from rulec.prove.campaign import OnProgress, folder_of
-from rulec.prove.further_inputs import ARMS, RECIPE, run_again
-from rulec.prove.further_scores import further_of
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Further, Judged
+from rulec.prove.second_round_inputs import ARMS, RECIPE, run_again
+from rulec.prove.second_round_scores import further_of
 from rulec.prove.truth.recording import write_csv
 from rulec.prove.truth.settled.plan import SettledCase
 

@@ -9,9 +9,9 @@ from rulec_runtime.report.tables import Cell, columns, table
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
 from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
-from rulec.prove.mistakes import Bad, answer_of, worst
 from rulec.prove.results import Judged
 from rulec.prove.scores import Group, Reliability, Row, reliability
+from rulec.prove.worst_cases import Bad, answer_of, worst
 
 PARTS = ("place", "name", "clean", "unnamed", "told", "inside", "false")
 """Columns of a table of groups, after title and number of cases."""

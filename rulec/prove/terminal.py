@@ -9,11 +9,10 @@ from rich.table import Table
 from rulec_runtime.output.terminal import Terminal, one_line, styled
 from rulec_runtime.report.text import number
 
-from rulec.prove.further_told import tell_further
-from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
 from rulec.prove.scores import Group, Reliability, Row, by_difficulty, plain, reliability, table
+from rulec.prove.second_round_table import tell_further
 from rulec.prove.tables import (
     PARTS,
     PLAIN,
@@ -25,6 +24,7 @@ from rulec.prove.tables import (
     value_of,
 )
 from rulec.prove.truth.sealed import DIFFICULTIES
+from rulec.prove.worst_cases import worst
 
 MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
 

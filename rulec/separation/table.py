@@ -13,7 +13,7 @@ from rulec_runtime.output.terminal import styled
 from rulec.limits import SEPARATED
 from rulec.separation.limits import STEP_DEGREES
 from rulec.separation.pairs import Separated
-from rulec.separation.words import costs_in_words, set_points
+from rulec.separation.step_text import costs_in_words, set_points
 
 
 def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -> None:

@@ -16,6 +16,7 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.simulation.balances import Balances, RanAway
 
 from rulec.simulation.equations import SimulationRefused, equations_of
+from rulec.simulation.integrator_input import course, run_of
 from rulec.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
 from rulec.simulation.prediction import (
     Injected,
@@ -25,7 +26,6 @@ from rulec.simulation.prediction import (
     rows,
     within_range,
 )
-from rulec.simulation.run import course, run_of
 
 SHOWN = "shown:"
 DEGREE = "x."

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.stores.detectable_faults import swinging
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, with_free_states
-from rulec_runtime.diagnosis.stores.sighted import swinging
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.simulation.balances import RanAway
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.report.document import Head, document, facts, section
-from rulec_runtime.report.made import Made
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.prove.truth import RIGS, fault_replay, healthy_run, record, write_csv

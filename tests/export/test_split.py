@@ -11,7 +11,7 @@ from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from rulec.export.play import played, results_csv
+from rulec.export.play_on_recording import played, results_csv
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
 from tests.rig.exported.recordings import shipped

@@ -15,14 +15,14 @@ import pyarrow.parquet
 import pytest
 from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 
-from rulec.api.given import ruleset_of
+from rulec.api.arguments import ruleset_of
 from rulec.cli import main
 from rulec.commands import fleet as command
 from rulec.engines.call import DASK, Engine
-from rulec.fleet import judged as fleet_judged
+from rulec.fleet import judge_days as fleet_judged
 from rulec.fleet.fleet_file import Fleet, read_fleet
-from rulec.fleet.judged import judged
-from rulec.fleet.places import tasks_of
+from rulec.fleet.judge_days import judged
+from rulec.fleet.plant_days import tasks_of
 from rulec.fleet.ranking import ranked, verdict
 from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS

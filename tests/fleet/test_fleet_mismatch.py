@@ -13,14 +13,14 @@ import pyarrow.parquet
 import pytest
 from rulec_runtime.fleet.plant_day import Task
 
-from rulec.api.given import ruleset_of
+from rulec.api.arguments import ruleset_of
 from rulec.api.plant_day import ask_day
 from rulec.cli import main
 from rulec.commands import fleet_mismatch
 from rulec.engines.call import Engine
 from rulec.fleet.answers import Answer, answer_of, summary
 from rulec.fleet.fleet_file import read_fleet
-from rulec.fleet.places import tasks_of
+from rulec.fleet.plant_days import tasks_of
 from tests.conftest import ROOT
 
 ABC = ROOT / "plants/abc"

@@ -21,7 +21,7 @@ from rulec_runtime.output.open_file import (
     text_of,
 )
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings import given, limits
+from rulec_runtime.recordings import limits, recording_path
 
 from tests.conftest import ROOT
 from tests.hostile.test_writing import SOURCES
@@ -35,14 +35,14 @@ OPENS |= {"url_to_fs", "get_file", "np.load", "tls_set", "sqlite3.connect"}
 BESIDE = {
     "rulec/commands/editor_line.py": "schemas that are shipped",
     "rulec/commands/init.py": "skeletons that are shipped",
-    "rulec/curves/words.py": "names of columns and grades that are shipped",
+    "rulec/curves/column_titles.py": "names of columns and grades that are shipped",
     "rulec/demo/servers.py": "recordings that are shipped",
-    "rulec/demo/stage.py": "recordings that are shipped",
+    "rulec/demo/played_recording.py": "recordings that are shipped",
     "rulec/effects/write_plant.py": "schemas that are shipped",
     "rulec/language/schema.py": "schemas that are shipped",
     "rulec/mtp/tables.py": "tables that are shipped",
     "rulec/fleet/answers.py": "answers that the fleet wrote itself",
-    "rulec/fleet/places.py": "an address that was checked",
+    "rulec/fleet/plant_days.py": "an address that was checked",
     "runtime/rulec_runtime/fleet/plant_day.py": "an address that was checked",
     "rulec/mtp/container.py": "bytes that were read",
     "runtime/rulec_runtime/live/state.py": "bytes that were read",
@@ -52,7 +52,7 @@ BESIDE = {
     "runtime/rulec_runtime/live/sources/mqtt.py": "files that were found to be regular",
     "runtime/rulec_runtime/commands/frame.py": "the null device",
     "runtime/rulec_runtime/live/journal/watcher.py": "what the system says of itself",
-    "runtime/rulec_runtime/live/view/keys.py": "the terminal",
+    "runtime/rulec_runtime/live/view/terminal_keys.py": "the terminal",
     "runtime/rulec_runtime/contract/plan_kernel.py": "sources of this tool",
     "runtime/rulec_runtime/output/append_file.py": "to append; it looks for itself",
     "runtime/rulec_runtime/output/private_folder.py": "the user's own folder; it looks for itself",
@@ -104,7 +104,7 @@ def test_standard_input_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     for length in (10, 11):
         monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"x" * length)))
         with contextlib.nullcontext() if length == 10 else pytest.raises(Refusal, match="give a f"):
-            assert b"x" * 10 == given.bytes_of(Path("-"))
+            assert b"x" * 10 == recording_path.bytes_of(Path("-"))
 
 
 def test_what_is_near(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.live import follower, limits, state
+from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.batches import judged
-from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, Update, follow, nothing_yet
 from rulec_runtime.live.full_update import evaluated

@@ -23,9 +23,9 @@ from rulec_runtime.live.horizon import Horizon
 from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal_replay import ReplayedSource, replayed
 from rulec_runtime.live.rows import Notice, Rows
-from rulec_runtime.live.view.present import Present
+from rulec_runtime.live.view.present_moment import Present
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
-from rulec_runtime.recordings.when import BRIEFLY_GONE
+from rulec_runtime.recordings.time_text import BRIEFLY_GONE
 
 from tests.conftest import ROOT, compiled
 from tests.rig.follower.agreement import first_rows

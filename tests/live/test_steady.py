@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.live import steady as module
+from rulec_runtime.live import steady_clock as module
 from rulec_runtime.live.sources.remarks import Silence
-from rulec_runtime.live.steady import Standstill, Steady
+from rulec_runtime.live.steady_clock import Standstill, Steady
 
 from tests.live.sources.plant_server import PlantServer
 from tests.live.sources.test_mqtt import without_broker

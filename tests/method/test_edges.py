@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_part
+from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
-from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.steady.verdict import why_blind
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 

@@ -94,7 +94,7 @@ def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
 
 SWALLOWING = """
 import time
-from rulec.prove.ending import interruptible
+from rulec.prove.interruption import interruptible
 try:
     with interruptible(lifeline=True):
         try:

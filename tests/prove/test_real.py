@@ -20,11 +20,12 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.command import main as suite
-from rulec.prove.real import ask as asking
-from rulec.prove.real.ask import MODELS, Commands, lay_out, predicted
+from rulec.prove.real import run_tool as asking
 from rulec.prove.real.command import main
 from rulec.prove.real.files import opened
-from rulec.prove.real.form import (
+from rulec.prove.real.make import made
+from rulec.prove.real.renamed_rig import differences, hide
+from rulec.prove.real.rig_folder import (
     ALARMS,
     ANSWER,
     SEAL,
@@ -39,10 +40,9 @@ from rulec.prove.real.form import (
     read_rig,
     rigs_in,
 )
-from rulec.prove.real.hide import differences, hide
-from rulec.prove.real.make import made
+from rulec.prove.real.run_tool import MODELS, Commands, lay_out, predicted
 from rulec.prove.real.score import alarms, scored, scored_finding, totals, utility
-from rulec.prove.real.told import Result, form, page, tell
+from rulec.prove.real.score_table import Result, form, page, tell
 from tests.conftest import ROOT, plain_yaml, recordings_folder
 from tests.runtime.mismatches import NAMED
 

@@ -14,18 +14,18 @@ import yaml
 from rulec_runtime.output.terminal import Terminal
 
 from rulec.engines.call import Engine
-from rulec.prove import campaign, further_inputs
+from rulec.prove import campaign, second_round_inputs
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND
 from rulec.prove.campaign import folder_of, sealed
 from rulec.prove.command import main as suite
-from rulec.prove.further_inputs import ARMS, run_again, samples_of, steps_of
-from rulec.prove.further_scores import further_of, right_set
-from rulec.prove.further_told import after_of, gained, tell_further
 from rulec.prove.partition import Partition
 from rulec.prove.results import Further, Run
 from rulec.prove.second_round import asked_again, dated, judged_again
+from rulec.prove.second_round_inputs import ARMS, run_again, samples_of, steps_of
+from rulec.prove.second_round_scores import further_of, right_set
+from rulec.prove.second_round_table import after_of, gained, tell_further
 from rulec.prove.truth.sealed import Answer, Planted
-from rulec.prove.truth.settled.further import (
+from rulec.prove.truth.settled.further_recording import (
     displayed,
     held,
     longer,
@@ -96,7 +96,7 @@ def test_steps_at_which_the_plant_cannot_run_are_left_out(
     fault: SettledCase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The others are run; where none can be run, that is said."""
-    recipe, run = recipe_for(fault), further_inputs.recorded_further
+    recipe, run = recipe_for(fault), second_round_inputs.recorded_further
     slowest = fault.scene.given["A.n"].min()
 
     def stalls(case: SettledCase, courses: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -104,7 +104,7 @@ def test_steps_at_which_the_plant_cannot_run_are_left_out(
             raise Stalled("too slow")
         return run(case, courses)
 
-    monkeypatch.setattr(further_inputs, "recorded_further", stalls)
+    monkeypatch.setattr(second_round_inputs, "recorded_further", stalls)
     least = 0.5
     assert len(run_again(fault, recipe, "recipe", 1)["time [s]"]) == 21
     least = 1.01

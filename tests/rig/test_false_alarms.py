@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rulec.prove.limits import CERTAIN, PATIENCE
-from rulec.prove.real.ask import ask, lay_out
-from rulec.prove.real.form import FalseAlarm, false_alarms_in, read_rig
 from rulec.prove.real.make import made
+from rulec.prove.real.rig_folder import FalseAlarm, false_alarms_in, read_rig
+from rulec.prove.real.run_tool import ask, lay_out
 from rulec.prove.real.score import alarms, scored
 from tests.conftest import recordings_folder
 

@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.stores.sets import begun, grow
+from rulec.mismatch.search.stores.grow_sets import begun, grow
 from tests.conftest import ROOT, recordings_folder
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from rulec_runtime.recordings.wall_clock import Calendar
-from rulec_runtime.report.made import Made
+from rulec_runtime.recordings.plant_calendar import Calendar
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.verdict import verdict
 
 from rulec.commands.matrix_page import matrix_page
 from rulec.commands.matrix_page import verdict as matrix_verdict
-from rulec.mismatch.answer.shown import report as mismatch_report
-from rulec.mismatch.answer.shown import verdict as mismatch_verdict
+from rulec.mismatch.answer.terminal_and_page import report as mismatch_report
+from rulec.mismatch.answer.terminal_and_page import verdict as mismatch_verdict
 from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.result import Mismatch
 from rulec.prove.page import headline as prove_headline

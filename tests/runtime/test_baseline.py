@@ -9,7 +9,7 @@ import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import nothing_learned, remembered
-from rulec_runtime.diagnosis.steady.learn import Learner
+from rulec_runtime.diagnosis.steady.learn_baseline import Learner
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis

@@ -15,9 +15,9 @@ import pytest
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.blind import blind_of, coverage_of
+from rulec_runtime.diagnosis.detectable_faults import visible_of
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.visible import visible_of
+from rulec_runtime.diagnosis.hidden_faults import blind_of, coverage_of
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
@@ -25,7 +25,7 @@ from rulec_runtime.report.blindness import blindness, brought_back, unseen
 
 from rulec.cli import main
 from rulec.prove.truth import RIGS, TABLE_1, operating_points, record, visiting_run
-from rulec.study.without import without_each
+from rulec.study.sensors_needed import without_each
 from tests.conftest import ROOT, compiled
 from tests.runtime.sheets import example, write
 from tests.runtime.test_sensor_health import of_columns, put

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv

@@ -16,7 +16,7 @@ from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import read_results
@@ -25,7 +25,7 @@ from rulec_runtime.report.html_findings import told as story
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import actions, headline, why_first
 
-from rulec.export.play import played, results_csv
+from rulec.export.play_on_recording import played, results_csv
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense

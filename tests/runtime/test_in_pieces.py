@@ -15,8 +15,8 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady import limits as of_steady
 from rulec_runtime.recordings import limits as of_recordings
 from rulec_runtime.recordings import text_parts, text_table
+from rulec_runtime.recordings.larger_than_memory import array
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.recordings.scratch import array
 from rulec_runtime.report.json_form import diagnosis_form
 
 from tests.conftest import ROOT, compiled

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.prove.truth import INSIDE, Operation, Plant, Run, record

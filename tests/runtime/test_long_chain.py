@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.sensors.judge import dead_of
+from rulec_runtime.diagnosis.sensors.sensor_health import dead_of
 from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.diagnosis.steady.many import has_many
+from rulec_runtime.diagnosis.steady.many_estimates import has_many
 from rulec_runtime.diagnosis.steady.observe import estimate
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.recordings.recording import Recording

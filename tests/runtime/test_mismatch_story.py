@@ -13,8 +13,8 @@ from rulec_runtime.output.terminal import Terminal
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.findings import update_sentence as updated
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
-from rulec.mismatch.answer.shown import report, tell
 from rulec.mismatch.answer.story import explained_words
+from rulec.mismatch.answer.terminal_and_page import report, tell
 from rulec.mismatch.result import (
     Errors,
     Evidence,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.join_recordings import together
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 from rulec_runtime.recordings.stationary import Stretches
-from rulec_runtime.recordings.together import together
 
 from rulec.prove.truth import abc as abc_rig
 from rulec.prove.truth import calibration_run, record, write_csv
@@ -88,7 +88,7 @@ def test_a_course_that_never_rests_is_refused_beside_a_table(
 ) -> None:
     files = [Path("course.csv"), Path("table.csv")]
     monkeypatch.setattr(
-        "rulec_runtime.recordings.together.find_stretches",
+        "rulec_runtime.recordings.join_recordings.find_stretches",
         lambda *_, **__: Stretches(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)),
     )
     with pytest.raises(RecordingRefused, match=r"course\.csv: it never settles, and table\.csv"):

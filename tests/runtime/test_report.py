@@ -17,7 +17,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     residuals_at,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.stationary import settle
 from rulec_runtime.report.series import detail
 from rulec_runtime.report.wording import titled

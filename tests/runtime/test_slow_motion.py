@@ -11,7 +11,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.observe import observe, reason
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, lag_u, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle

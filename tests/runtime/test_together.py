@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.join_recordings import OWN_CLOCKS, names_of, part_of, read_recordings
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
-from rulec_runtime.recordings.together import OWN_CLOCKS, names_of, part_of, read_recordings
 
 COLUMNS = ("A.n [rpm]", "A.dp [bar]", "A.T [degC]")
 STEP = 2.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.journal.form import event_from
+from rulec_runtime.live.journal.event_records import event_from
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.store import open_journal
 

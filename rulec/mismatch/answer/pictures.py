@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.text import counted, number, percent

@@ -13,7 +13,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import STUCK, SensorFinding
-from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.points import outside_range
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still

@@ -14,7 +14,7 @@ from rulec_runtime.report.chart import SYMBOLS, Axis, Panel, axis
 from rulec_runtime.report.document import Head, document, numbered, section
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.html_findings import badge
-from rulec_runtime.report.made import Made
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table

@@ -1,9 +1,9 @@
 """The cheapest sensor for explanations that no set points distinguish.
 
 Candidates are a second reading of every signal that an estimate uses, and a flow meter in each
-module, as for faults (`rulec/passes/cheapest.py`). Each explanation predicts the readings of such a
-sensor at the recorded operating points. They differ if the distance exceeds the class of the sensor
-and the uncertainty of both explanations, taken as independent.
+module, as for faults (`rulec/passes/cheapest_sensors.py`). Each explanation predicts the readings
+of such a sensor at the recorded operating points. They differ if the distance exceeds the class of
+the sensor and the uncertainty of both explanations, taken as independent.
 """
 
 from __future__ import annotations

@@ -23,12 +23,12 @@ from rulec.mismatch.search.evidence import Evidence
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.best_set import titled_with_module
 from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.grow_sets import Posterior
 from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.nested import places_of
+from rulec.mismatch.search.settled.nested_terms import places_of
 from rulec.mismatch.search.settled.scan import Column, columns, id_of
-from rulec.mismatch.search.settled.sets import Posterior
+from rulec.mismatch.search.stores import grow_sets as of_stores
 from rulec.mismatch.search.stores import nameless
-from rulec.mismatch.search.stores import sets as of_stores
 from rulec.mismatch.search.stores.geometry import StoresGeometry
 
 NAMELESS = "something without a name"

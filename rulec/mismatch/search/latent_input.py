@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust import spread_about
+from rulec_runtime.recordings.robust_statistics import spread_about
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
@@ -16,7 +16,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column
 from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.periods import degree_course
+from rulec.mismatch.search.intermittent_fault import degree_course
 from rulec.mismatch.search.time_varying import spot_of
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import listed
 from scipy.special import expit

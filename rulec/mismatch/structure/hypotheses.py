@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.units import exchangeable, like_a_reading, mixups
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves
 from rulec_runtime.recordings.stationary import noise_of

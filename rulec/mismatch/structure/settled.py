@@ -20,10 +20,10 @@ from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.operating_state_means import states_of
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import screen
-from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement

@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import partial
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch import limits as common

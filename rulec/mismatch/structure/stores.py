@@ -14,7 +14,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import RanAway
 

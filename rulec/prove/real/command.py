@@ -17,18 +17,18 @@ from rulec_runtime.commands.destinations import write_json
 from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
-from rulec_runtime.report.made import made_now
+from rulec_runtime.report.page_origin import made_now
 
 from rulec.engines.call import Engine
 from rulec.prove import command as suite
 from rulec.prove.campaign import OnProgress, digest_of, folder_of, owned, spread
 from rulec.prove.limits import PATIENCE
-from rulec.prove.real.ask import ask, lay_out
-from rulec.prove.real.form import Rig, false_alarms_in, rigs_in
-from rulec.prove.real.hide import differences, hide
 from rulec.prove.real.make import made
+from rulec.prove.real.renamed_rig import differences, hide
+from rulec.prove.real.rig_folder import Rig, false_alarms_in, rigs_in
+from rulec.prove.real.run_tool import ask, lay_out
 from rulec.prove.real.score import scored
-from rulec.prove.real.told import Result, form, page, tell
+from rulec.prove.real.score_table import Result, form, page, tell
 
 NAMES = "names.json"
 """File with the new name of each module by its old one."""

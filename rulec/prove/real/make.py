@@ -19,7 +19,7 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.language.document import read_document
 from rulec.prove.real.files import opened, write_packed, write_yaml
-from rulec.prove.real.form import (
+from rulec.prove.real.rig_folder import (
     ABOUT,
     ALARMS,
     ANSWER,

@@ -13,7 +13,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.language.units import UnitTable
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
-from rulec.prove.real.form import FalseAlarm, Missing, Rig, Size, Truth
+from rulec.prove.real.rig_folder import FalseAlarm, Missing, Rig, Size, Truth
 from rulec.prove.scores import bootstrap
 
 SILENT = "none"

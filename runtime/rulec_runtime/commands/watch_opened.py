@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.commands.destinations import console
-from rulec_runtime.commands.watch_kept import KeptFiles, KeptJournal, kept_files, kept_journal
 from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
+from rulec_runtime.commands.watch_storage import KeptFiles, KeptJournal, kept_files, kept_journal
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
 from rulec_runtime.live.journal.sinks import WatchSink
@@ -22,7 +22,7 @@ from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import extra
 from rulec_runtime.live.view.live_screen import LiveScreen
-from rulec_runtime.live.view.present import Present
+from rulec_runtime.live.view.present_moment import Present
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.recording import RecordingRefused
 

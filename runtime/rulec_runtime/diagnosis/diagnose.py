@@ -9,10 +9,9 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.blind import Blind, blind_of
+from rulec_runtime.diagnosis.hidden_faults import Blind, blind_of
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.sensors.judge import Health, examine
-from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.sensors.sensor_health import Health, examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
     EvaluatedPoints,
     evaluate_stretches,
@@ -21,13 +20,14 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
 from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, Visited, visited_of
+from rulec_runtime.diagnosis.steady.growing_faults import found_of
 from rulec_runtime.diagnosis.steady.liquid import is_ordinary
+from rulec_runtime.diagnosis.steady.off_sheet import against_sheet
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
-from rulec_runtime.diagnosis.steady.sheet import against_sheet
 from rulec_runtime.diagnosis.steady.verdict import shown_without
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Timeline, timeline_of
-from rulec_runtime.recordings.wall_clock import Calendar
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,16 +14,16 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.blind import Blind, blind_between
 from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
+from rulec_runtime.diagnosis.hidden_faults import Blind, blind_between
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_observed
+from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
-from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.recordings.blockwise import runs_where
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import ModuleResults
-from rulec_runtime.recordings.piecewise import runs_where
 from rulec_runtime.recordings.stationary import Timeline
 
 UNFIT = "its module says that it is not fit"

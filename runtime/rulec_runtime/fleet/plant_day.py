@@ -17,9 +17,9 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
-from rulec_runtime.diagnosis.blind import coverage_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.hidden_faults import coverage_of
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line

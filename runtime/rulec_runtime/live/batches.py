@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.live.beside import BackgroundUpdates
+from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.connection import noticed, read_again
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import background_update, follow

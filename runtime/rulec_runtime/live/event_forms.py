@@ -9,8 +9,8 @@ from rich.text import Text
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.wall_clock import Calendar
-from rulec_runtime.recordings.when import moment
+from rulec_runtime.recordings.plant_calendar import Calendar
+from rulec_runtime.recordings.time_text import moment
 from rulec_runtime.report.wording import STATUS
 
 QUIET = ("ended", "withdrawn")

@@ -8,7 +8,7 @@ whole recording to the last digit.
 A large plant gets a full update when there are three times as many rows, when memory is full, when
 a sensor is in doubt, and in the end (`concluded`). In between, a row without news needs no update
 (`levels.py`), and parts whose readings move get a partial update (`partial_update.py`). A full
-update may run in the background while rows come (`beside.py`).
+update may run in the background while rows come (`background_update.py`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
-from rulec_runtime.live.beside import BackgroundUpdates, Due, parts_due
+from rulec_runtime.live.background_update import BackgroundUpdates, Due, parts_due
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.full_update import evaluated, horizon_of
@@ -36,7 +36,7 @@ from rulec_runtime.live.memory import (
 )
 from rulec_runtime.live.partial_update import partial_update, settled_until
 from rulec_runtime.live.rows import Rows
-from rulec_runtime.recordings.mending import mended
+from rulec_runtime.recordings.header_correction import mended
 
 
 @dataclass(frozen=True)

@@ -16,15 +16,15 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
-from rulec_runtime.diagnosis.sensors.judge import Health, examine
-from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.sensors.sensor_health import Health, examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
     EvaluatedPoints,
     evaluate_points,
     judgeable,
 )
 from rulec_runtime.diagnosis.steady.findings import Found, Period
-from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.growing_faults import found_of
+from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined, only, some
 from rulec_runtime.live.horizon import Horizon

@@ -13,7 +13,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of
-from rulec_runtime.diagnosis.steady.parts import Part
+from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points, one_after_the_other, points_of_stretches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, long_pause, timeline_of

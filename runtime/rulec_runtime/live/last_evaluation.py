@@ -10,9 +10,9 @@ import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.sensors.judge import Health
+from rulec_runtime.diagnosis.sensors.sensor_health import Health
 from rulec_runtime.diagnosis.steady.findings import Found
-from rulec_runtime.diagnosis.steady.parts import Part
+from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History
 from rulec_runtime.live.levels import Levels

@@ -13,8 +13,8 @@ from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
 from rulec_runtime.live.last_evaluation import LastEvaluation, UpdateUnderWay
 from rulec_runtime.live.rows import Rows
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.wall_clock import Calendar
 
 
 @dataclass(frozen=True, kw_only=True)

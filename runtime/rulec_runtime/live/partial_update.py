@@ -13,16 +13,16 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import assembled, joined
-from rulec_runtime.diagnosis.steady.courses import found_again, found_of
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Found
+from rulec_runtime.diagnosis.steady.growing_faults import found_again, found_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.full_update import unsettled
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
 from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation
-from rulec_runtime.recordings.mending import mended
+from rulec_runtime.recordings.header_correction import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 

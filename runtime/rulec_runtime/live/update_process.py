@@ -21,7 +21,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.live.full_update import evaluated
 from rulec_runtime.live.last_evaluation import Evaluation
 from rulec_runtime.live.memory import Memory

@@ -13,8 +13,8 @@ from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Column, read_cells
 from rulec_runtime.recordings.growing_cells import GrowingCells
+from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.numbers import Convention
-from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 
 Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]

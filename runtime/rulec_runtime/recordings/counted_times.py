@@ -12,7 +12,7 @@ from rulec_runtime.contract.file_form import START, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Unclear
-from rulec_runtime.recordings.scratch import blocks, mapped
+from rulec_runtime.recordings.larger_than_memory import blocks, mapped
 from rulec_runtime.recordings.table import Dates
 
 

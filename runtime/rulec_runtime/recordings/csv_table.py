@@ -15,8 +15,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings import limits
+from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.numbers import UNKNOWN, Convention
-from rulec_runtime.recordings.scratch import Growing
 
 _QUOTED = re.compile(r'"[^"]*"')
 _NODE_ID = re.compile(r"\b(?:nsu?=[^;,\t]*;)?[isgb]=")

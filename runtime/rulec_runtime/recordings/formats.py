@@ -19,7 +19,7 @@ from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.output.refusal import to_install
 from rulec_runtime.recordings.arrange import arrange
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_columns
-from rulec_runtime.recordings.given import opened, place_of
+from rulec_runtime.recordings.recording_path import opened, place_of
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.titles import is_time, names_of_times
 

@@ -10,7 +10,7 @@ from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.dates import dates_of
-from rulec_runtime.recordings.scratch import Growing
+from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 from rulec_runtime.recordings.time_column import plain_times
 

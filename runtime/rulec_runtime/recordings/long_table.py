@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings import held
+from rulec_runtime.recordings import hold_last_value
+from rulec_runtime.recordings.blockwise import interval_of, nearest
+from rulec_runtime.recordings.column_roles import Places
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
-from rulec_runtime.recordings.piecewise import interval_of, nearest
-from rulec_runtime.recordings.places import Places
 from rulec_runtime.recordings.quality import as_word, codes_remark, good_of
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
 from rulec_runtime.recordings.time_column import seconds_in, time_of_parts
@@ -62,7 +62,9 @@ class LongTable:
         base = self._rows(found, most)
         at = seconds_in(_taken(self.times, base), form)
         if form.hold == "last":
-            placed = {k: held.last_before(r.at, at, form.hold_for) for k, r in found.items()}
+            placed = {
+                k: hold_last_value.last_before(r.at, at, form.hold_for) for k, r in found.items()
+            }
         else:
             placed = {k: _nearest(at, r.at) for k, r in found.items()}
         columns = tuple(
@@ -94,7 +96,7 @@ class LongTable:
             return rows[order[_apart(at[order], least)]]
         for k, one in found.items():
             count = len(one.at)
-            if not form.hold and count and held.written_on_change(one.at, len(base.at)):
+            if not form.hold and count and hold_last_value.written_on_change(one.at, len(base.at)):
                 times = plural(count, "time", "times")
                 raise Unclear(
                     f"{self.path}: readings of '{self.tags[k]}' come at {times} where those of "
@@ -130,7 +132,7 @@ class LongTable:
             count = plural(self.untimed, "reading has", "readings have")
             yield f"{count} no usable time; left out"
         if self.form.hold == "last":
-            yield held.remark_on_hold(self.form)
+            yield hold_last_value.remark_on_hold(self.form)
             return
         moved, lost, largest = 0, 0, 0.0
         for k, own in found.items():

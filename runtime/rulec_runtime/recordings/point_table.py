@@ -19,7 +19,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.piecewise import differences, median_of, parts_of
+from rulec_runtime.recordings.blockwise import differences, median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, systematic_u, working
 

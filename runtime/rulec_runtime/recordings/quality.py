@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime.contract.file_form import OPC_DA, OPC_UA, FileForm
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Column, Unclear
-from rulec_runtime.recordings.scratch import Growing
+from rulec_runtime.recordings.larger_than_memory import Growing
 
 ONE_IS_GOOD = ("isgood", "is good", "good", "validity", "valid", "gültig", "gueltig")
 """Titles of columns in which 1 is good and 0 is not."""

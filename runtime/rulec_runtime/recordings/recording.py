@@ -16,12 +16,11 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.clock import ClockSet, in_order
+from rulec_runtime.recordings.blockwise import interval_of
+from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign
-from rulec_runtime.recordings.piecewise import interval_of
-from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
-from rulec_runtime.recordings.scratch import (
+from rulec_runtime.recordings.larger_than_memory import (
     array,
     blocks,
     chosen,
@@ -31,7 +30,8 @@ from rulec_runtime.recordings.scratch import (
     one_behind_the_other,
     picked,
 )
-from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
+from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
+from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
 

@@ -16,12 +16,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
+from rulec_runtime.recordings.blockwise import any_of
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
-from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
-from rulec_runtime.recordings.piecewise import any_of
-from rulec_runtime.recordings.scratch import blocks
+from rulec_runtime.recordings.larger_than_memory import blocks
+from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
 

@@ -18,9 +18,9 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.piecewise import means_between
+from rulec_runtime.recordings.blockwise import means_between
+from rulec_runtime.recordings.larger_than_memory import arrays, blocks, let_go, mark
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
     Stretches,
     cut,

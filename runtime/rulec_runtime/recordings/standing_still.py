@@ -10,15 +10,15 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.piecewise import (
+from rulec_runtime.recordings.blockwise import (
     Parts,
     differences,
     first_reading,
     parts_of,
     runs_of_same,
 )
-from rulec_runtime.recordings.robust import white_noise_of
-from rulec_runtime.recordings.scratch import blocks
+from rulec_runtime.recordings.larger_than_memory import blocks
+from rulec_runtime.recordings.robust_statistics import white_noise_of
 
 
 def standing_still(

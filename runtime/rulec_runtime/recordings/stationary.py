@@ -20,7 +20,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.piecewise import (
+from rulec_runtime.recordings.blockwise import (
     Parts,
     differences,
     filled_blocks,
@@ -30,9 +30,9 @@ from rulec_runtime.recordings.piecewise import (
     parts_of,
     runs_where,
 )
+from rulec_runtime.recordings.larger_than_memory import array, arrays, blocks, let_go, mark, picked
 from rulec_runtime.recordings.recording import Recording, once
-from rulec_runtime.recordings.robust import medians, white_noise_of
-from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark, picked
+from rulec_runtime.recordings.robust_statistics import medians, white_noise_of
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from rulec_runtime.recordings.csv_table import (
     refuse_words,
 )
 from rulec_runtime.recordings.growing_cells import GrowingCells, GrowingTimes
+from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.numbers import Convention, Signs, convention_of
-from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of
 from rulec_runtime.recordings.time_column import order_in

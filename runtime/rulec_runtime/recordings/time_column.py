@@ -13,12 +13,12 @@ from rulec_runtime import limits
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
+from rulec_runtime.recordings.blockwise import any_of
 from rulec_runtime.recordings.counted_times import SPREADSHEET, counting_of, dated
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.dates import Ambiguous, date_of, dates_of, order_of, time_of_day
-from rulec_runtime.recordings.piecewise import any_of
+from rulec_runtime.recordings.larger_than_memory import mapped
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
-from rulec_runtime.recordings.scratch import mapped
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 from rulec_runtime.recordings.zone import in_zone
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.scratch import arrays, blocks
+from rulec_runtime.recordings.larger_than_memory import arrays, blocks
 
 _STEP = 900.0
 """Zones change at whole quarters of an hour."""

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.when import moment, span
+from rulec_runtime.recordings.time_text import moment, span
 from rulec_runtime.report.text import listed
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
-    from rulec_runtime.diagnosis.blind import Blind
     from rulec_runtime.diagnosis.diagnose import Diagnosis
+    from rulec_runtime.diagnosis.hidden_faults import Blind
     from rulec_runtime.diagnosis.steady.findings import Period
-    from rulec_runtime.recordings.wall_clock import Calendar
+    from rulec_runtime.recordings.plant_calendar import Calendar
 
 PARTLY = "Partly blind"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rulec_runtime.report.chart import SYMBOLS
 from rulec_runtime.report.figure import Figure
-from rulec_runtime.report.made import Made
+from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.text import safe
 
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.growth import Growth
-from rulec_runtime.recordings.wall_clock import DAY, duration
+from rulec_runtime.recordings.plant_calendar import DAY, duration
 from rulec_runtime.report.chart import Panel, axis
 from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.text import degree as degree_text

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.hidden_faults import Blind
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
 from rulec_runtime.output.csv_cell import row_of
-from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.wording import actions, why_first
 
 EVIDENCE = ("residual", "value", "u", "u_systematic", "threshold", "verdict", "expected")

@@ -10,9 +10,9 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
-from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.traced import Trace
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.diagnosis.sensors.sensor_health import examine
+from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording
@@ -21,8 +21,8 @@ from rulec_runtime.report.document import Head, document, facts, numbered, secti
 from rulec_runtime.report.figures import figures_of
 from rulec_runtime.report.html_findings import UNSEEN, badge, evidence, remarks, told
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
-from rulec_runtime.report.made import Made, made_now
 from rulec_runtime.report.matrix_html import matrix
+from rulec_runtime.report.page_origin import Made, made_now
 from rulec_runtime.report.series import curves_of
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject

@@ -21,9 +21,9 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     usable_at,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
-from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.chart import runs_of
 from rulec_runtime.report.thin_curves import COLUMNS
 from rulec_runtime.report.wording import L_PER_H, worst_first

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.plant_calendar import Calendar, duration
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.wall_clock import Calendar, duration
-from rulec_runtime.recordings.when import span
+from rulec_runtime.recordings.time_text import span
 from rulec_runtime.report.text import counted
 
 

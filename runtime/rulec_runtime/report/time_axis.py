@@ -9,7 +9,7 @@ from datetime import datetime
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.wall_clock import DAY, HOUR, MINUTE, Calendar
+from rulec_runtime.recordings.plant_calendar import DAY, HOUR, MINUTE, Calendar
 from rulec_runtime.report.chart import Axis, axis
 from rulec_runtime.report.figure import plot
 from rulec_runtime.report.text import period

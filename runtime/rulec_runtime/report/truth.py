@@ -11,10 +11,10 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.recordings.blockwise import nearest
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import opened_sheet
-from rulec_runtime.recordings.piecewise import nearest
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.time_column import NAMES, read_times
 from rulec_runtime.report.series import NOT_JUDGED

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.recordings.when import course, span
+from rulec_runtime.recordings.time_text import course, span
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
     from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
     from rulec_runtime.diagnosis.steady.evidence import Evidence
     from rulec_runtime.diagnosis.steady.findings import Finding, Period
     from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-    from rulec_runtime.recordings.wall_clock import Calendar
+    from rulec_runtime.recordings.plant_calendar import Calendar
 
 STATUS = {
     "F": ("✖", "failure"),

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.notes import Notes
+from rulec_runtime.live.journal.acknowledgements import Notes
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.store import open_journal

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.moment import Now
 
 from tests.hostile.texts import MARKUP, STEERING
 from tests.live.view.nows import failing

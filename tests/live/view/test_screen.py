@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 from rich.cells import cell_len
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.screen import Screen, View, ViewState, after
 from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import Terminal

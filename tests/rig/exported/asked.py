@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.export.interpret import Value
-from rulec.export.play import Execute
+from rulec.export.play_on_recording import Execute
 from rulec.export.program import ModuleCode, Routine
 
 

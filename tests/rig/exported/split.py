@@ -15,7 +15,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.export.interpret import run
 from rulec.export.module_code import code_of
-from rulec.export.play import Execute, played, results_csv
+from rulec.export.play_on_recording import Execute, played, results_csv
 from rulec.export.specialised import listed_undo
 from tests.rig.exported.asked import asking
 from tests.rig.exported.compiled import COMPILER, compiled

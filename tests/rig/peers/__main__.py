@@ -12,7 +12,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from rulec.prove.real.form import rigs_in
+from rulec.prove.real.rig_folder import rigs_in
 from rulec.prove.run_folder import CASES
 from tests.rig.peers.case import case_of
 from tests.rig.peers.judge import judged

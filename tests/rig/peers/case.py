@@ -13,8 +13,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.real.ask import ASKED, FOLDERS, NOTHING, Commands, _off
-from rulec.prove.real.form import PLANT, Rig
+from rulec.prove.real.rig_folder import PLANT, Rig
+from rulec.prove.real.run_tool import ASKED, FOLDERS, NOTHING, Commands, _off
 from rulec.prove.real.score import Scored, scored
 from tests.rig.peers import limits
 from tests.rig.peers.sparse import Array, Course, rms

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.mismatch.search.periods import intermittent
+from rulec.mismatch.search.intermittent_fault import intermittent
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.made import (
     HOLD,

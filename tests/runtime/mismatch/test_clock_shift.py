@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.cli import main

@@ -26,8 +26,8 @@ from rulec.mismatch.experiment.points import (
     surroundings,
 )
 from rulec.mismatch.experiment.recipe import experiment_page
+from rulec.mismatch.search.settled.grow_sets import Posterior, explain
 from rulec.mismatch.search.settled.posterior_curve import solved
-from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import compiled
 from tests.runtime.mismatch.experiments import made_by_hand

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer.shown import report
 from rulec.mismatch.answer.story import finding_facts
+from rulec.mismatch.answer.terminal_and_page import report
 from rulec.mismatch.evidence.steady.configuration import Configuration, lasting
 from rulec.mismatch.result import Finding, Mismatch
 from rulec.mismatch.search.settled.scan import at_points

@@ -12,9 +12,9 @@ from rulec.cli import main
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.inference.power import asked_of, called_missing, judge_of, self_proof
 from rulec.mismatch.inference.replay import Replayer
+from rulec.mismatch.search.settled.grow_sets import Posterior, _join, begun
 from rulec.mismatch.search.settled.scan import columns, scan
-from rulec.mismatch.search.settled.sets import Posterior, _join, begun
-from rulec.mismatch.search.stores import sets as of_stores
+from rulec.mismatch.search.stores import grow_sets as of_stores
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
 from tests.runtime.mismatch.made import SLIP, USUAL, Built, alone, rows_at, warmed

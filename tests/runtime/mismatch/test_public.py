@@ -12,7 +12,7 @@ import pytest
 
 from rulec.effects.adopted_plant import trial
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer.written import row_errors, simulated, written
+from rulec.mismatch.answer.written_plant import row_errors, simulated, written
 from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv

@@ -33,9 +33,9 @@ from rulec.mismatch.search.curve_found import Branches
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.best_set import with_term
+from rulec.mismatch.search.settled.grow_sets import begun
 from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.nested import beside, holds
-from rulec.mismatch.search.settled.sets import begun
+from rulec.mismatch.search.settled.nested_terms import beside, holds
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import alone, compared, recorded, rows_at, tour
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main

@@ -13,13 +13,13 @@ from rulec.mismatch.answer.findings import of_recordings, update_sentence, updat
 from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration, own_error
 from rulec.mismatch.evidence.steady.fit import prior_of
+from rulec.mismatch.evidence.steady.operating_state_means import averaged
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.settle import repair_of, with_sensors_as_they_are
-from rulec.mismatch.evidence.steady.states import averaged
 from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search.settled.by_recording import ByRecording, SingleRecording, by_recording
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.sets import explain
+from rulec.mismatch.search.settled.grow_sets import explain
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,

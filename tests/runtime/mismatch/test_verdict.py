@@ -11,7 +11,7 @@ import pytest
 from rulec.effects.candidate import CurveTerm, Missing
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
-from rulec.mismatch.answer.written import refusal
+from rulec.mismatch.answer.written_plant import refusal
 from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.result import Alternative, Check, Errors, Finding, Fit, Location
 from tests.runtime.mismatches import UNNAMED, WARM

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.robust_statistics import white_noise
 
 from rulec.effects.candidate import DisturbanceLocation
 from rulec.mismatch import limits as common

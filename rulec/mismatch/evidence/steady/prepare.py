@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
-from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.limits import LONGEST_STRETCH
 from rulec_runtime.recordings.point_table import each_row, follows_a_course, is_point_table

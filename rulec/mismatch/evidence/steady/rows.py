@@ -18,8 +18,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of, patterns_of, residual_basis
 
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.steady.cell import Cell, Linear
 from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.parity_cell import Cell, Linear
 from rulec.mismatch.evidence.steady.small_systems import inverses, inverses_of
 from rulec.mismatch.evidence.steady.system import Flows, System
 

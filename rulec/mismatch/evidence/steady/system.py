@@ -224,7 +224,8 @@ class System:
                 u = self.shared[signal]
                 if number is not None:
                     u = u * (self.data.source == number)
-                result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
+                with np.errstate(invalid="ignore"):  # An estimate may be infinite, a class unknown.
+                    result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
         return result
 
 

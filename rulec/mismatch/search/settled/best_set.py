@@ -25,11 +25,11 @@ from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.prior import known_of
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
+from rulec.mismatch.search.settled.grow_sets import Names, Posterior, Progress, explain
+from rulec.mismatch.search.settled.nested_terms import coincide, holds, slopes_of
 from rulec.mismatch.search.settled.onset_refinement import with_refined_onset
 from rulec.mismatch.search.settled.posterior_curve import curve_of, lost_to, size_of_term
 from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
-from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.time_varying import varying_parameters
 
 

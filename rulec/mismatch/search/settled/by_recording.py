@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from rulec_runtime.recordings.join_recordings import part_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.together import part_of
 from rulec_runtime.report.text import listed
 
 from rulec.effects.candidate import TIME
@@ -23,8 +23,8 @@ from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.best_set import titled_with_module
+from rulec.mismatch.search.settled.grow_sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.settled.scan import id_of, name_of
-from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 
 NOTHING = "nothing"
 """Id of the empty set of explanations."""

@@ -17,8 +17,8 @@ from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.best_set import candidates_of, titled_with_module
 from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.grow_sets import Names, Posterior, begun
 from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.sets import Names, Posterior, begun
 
 
 def possible_sets(posterior: Posterior) -> tuple[CandidateSet, ...]:

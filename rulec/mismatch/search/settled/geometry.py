@@ -17,8 +17,8 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior, evaluated, prior_of
 from rulec.mismatch.evidence.steady.locate import spot_column
+from rulec.mismatch.evidence.steady.operating_state_means import likeness
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.states import likeness
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Evidence, Functions, Noise, Point, Term

@@ -18,7 +18,7 @@ from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, driver_of, term_of
-from rulec.mismatch.search.settled.switching import by_the_way
+from rulec.mismatch.search.settled.switching_term import by_the_way
 from rulec.mismatch.search.time_varying import varying_parameters
 
 

@@ -14,7 +14,7 @@ from rulec.mismatch.search.curve_found import CurveFound, RejectedCandidate
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, driver_of
-from rulec.mismatch.search.settled.sets import Posterior, without
+from rulec.mismatch.search.settled.grow_sets import Posterior, without
 
 
 def curve_of(geometry: Geometry, model: Model, term: Term) -> CurveFound:

@@ -24,7 +24,7 @@ from rulec.mismatch.evidence.steady.screen import (
 )
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Evidence
-from rulec.mismatch.search.periods import in_periods, intermittent
+from rulec.mismatch.search.intermittent_fault import in_periods, intermittent
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
 

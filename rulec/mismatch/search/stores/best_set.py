@@ -10,8 +10,8 @@ from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.settled.best_set import accepted_of, reported_names
-from rulec.mismatch.search.settled.sets import Posterior, Progress
-from rulec.mismatch.search.stores.sets import explain
+from rulec.mismatch.search.settled.grow_sets import Posterior, Progress
+from rulec.mismatch.search.stores.grow_sets import explain
 
 
 @dataclass(frozen=True)

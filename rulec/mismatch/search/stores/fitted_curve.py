@@ -22,7 +22,7 @@ from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import Basis
-from rulec.mismatch.search.stores.place import Place, place_over
+from rulec.mismatch.search.stores.curve_places import Place, place_over
 
 
 @dataclass(frozen=True)

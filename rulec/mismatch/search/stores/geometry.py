@@ -15,7 +15,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
@@ -23,7 +23,7 @@ from rulec.knowledge.parameter_belief import Coordinates
 from rulec.mismatch.evidence import limits as of_evidence
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior
-from rulec.mismatch.evidence.stores.allowed import errors_of_form
+from rulec.mismatch.evidence.stores.allowed_errors import errors_of_form
 from rulec.mismatch.evidence.stores.drift import errors_of_sensors
 from rulec.mismatch.evidence.stores.effect_forms import forms_of_effects
 from rulec.mismatch.evidence.stores.record import coarser
@@ -33,8 +33,8 @@ from rulec.mismatch.search.evidence import Evidence, Noise, Point
 from rulec.mismatch.search.prior import prior_with_sizes, range_over
 from rulec.mismatch.search.refit import climbed
 from rulec.mismatch.search.sizes import Size, size_of
+from rulec.mismatch.search.stores.curve_places import drivers_of, spots_of
 from rulec.mismatch.search.stores.innovations import innovations
-from rulec.mismatch.search.stores.place import drivers_of, spots_of
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.stores.curve_places import Place, drivers_of, place_over, spots_of
 from rulec.mismatch.search.stores.geometry import StoresGeometry
-from rulec.mismatch.search.stores.place import Place, drivers_of, place_over, spots_of
 
 
 def terms(geometry: StoresGeometry, model: Model) -> list[Term]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.mismatch import limits as common

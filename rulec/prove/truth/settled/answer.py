@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..sealed import Answer, Planted, verdict_of
+from .detection_limit import VisibleOutputs
 from .effect import WIRING, Effect, Made, Placed
 from .rivals import margin_of
-from .visible import VisibleOutputs
 
 
 def answer_of(

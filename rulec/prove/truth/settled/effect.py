@@ -16,9 +16,9 @@ import yaml
 from ..formulas import Names
 from ..transients import late
 from ..units import BAR, LITRE_PER_HOUR, RPM, Array
+from .operated_plant import Scene
 from .pumps import PUMPS
 from .rig import Rig
-from .scene import Scene
 from .solve import Operated, Stalled
 from .term import Change, Column, Kind, Reading, Term
 

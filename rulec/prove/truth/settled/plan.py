@@ -11,25 +11,25 @@ from pathlib import Path
 
 import numpy as np
 
-from ..limit import expected_gain
+from ..detection_limit import expected_gain
 from ..recording import write_csv
 from ..sealed import HIDES, Answer, Reference, Request
 from ..streams import FURTHER, stream
 from ..units import Array
 from .answer import answer_of, connection_of
-from .blurred import blurred
 from .connections import WAYS
+from .detection_limit import VisibleOutputs, visible_outputs
 from .drive import PRODUCTION
 from .effect import Made, Placed, effect_of, places_of
+from .effect_size import sized
 from .folder import write_limits, write_plant
+from .hard_detection_limit import blurred
+from .operated_plant import Scene, may_be_set, scene
 from .reference import reference
 from .rig import Rig
 from .rigs import bench_rig, dosing_rig, oil_rig, valve_rig, warm_rig
-from .scene import Scene, may_be_set, scene
-from .sized import sized
 from .solve import Stalled
 from .term import Change
-from .visible import VisibleOutputs, visible_outputs
 
 FAMILIES = {
     "dosing": dosing_rig,

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..sealed import Reference, Request
 from ..units import Array
-from .scene import SENSING, Scene
+from .operated_plant import SENSING, Scene
 from .solve import Operated, solve
 from .term import Change
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..limit import Rival, margin
+from ..detection_limit import Rival, margin
 from ..units import Array
+from .detection_limit import VisibleOutputs
 from .effect import EFFECTS, Made, Placed, places_of
-from .sized import made_of
+from .effect_size import made_of
 from .solve import Stalled
-from .visible import VisibleOutputs
 
 MIRRORS = ({"worn", "fouling"}, {"late", "open-seat"})
 """A line that passes more and more, and one that passes less; a valve that opens late, and one that

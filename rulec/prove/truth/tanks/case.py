@@ -12,10 +12,10 @@ from ..streams import FURTHER
 from .balance import Course, integrate
 from .build import CASCADED, Layout, Setup, build, recorded_input
 from .effect import Scene
+from .effect_size import Planted, change_of, is_inside, most, plant_all, plant_each, run
 from .effects import possible_effects
 from .plant import Plant
 from .sensing import shown
-from .size import Planted, change_of, is_inside, most, plant_all, plant_each, run
 
 ATTEMPTS = 20
 """Most plants that are drawn until effects show as planned."""

@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..limit import Rival, expected_gain, margin
+from ..detection_limit import Rival, expected_gain, margin
 from ..units import Array
-from .blurred import blurred
 from .case import Case
 from .effect import Built
+from .effect_size import Planted, make
 from .effects import SENSOR, Placed, possible_effects
-from .key import right
-from .knobs import base_knobs
+from .hard_detection_limit import blurred
 from .model import Model
 from .plant import Plant
-from .size import Planted, make
+from .right_answer import right
+from .varied_parameters import base_knobs
 
 SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
 """No rivals: mirror images of other effects, or the gain that is fitted anyway."""

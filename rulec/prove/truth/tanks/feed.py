@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .bend import Bend
+from .form_error import Bend
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..smooth import Drift, drift, form_error
 from ..streams import stream
-from .bend import Bend
+from .form_error import Bend
 from .plant import Plant, Tank
 
 FORM = 0.005, 0.02

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..units import Array
 from .balance import Course, integrate
-from .knobs import Knob
 from .plant import LevelSensor, Plant
 from .sensing import shown
+from .varied_parameters import Knob
 
 ONLY_READ = ("gain", "zero")
 """Parameters of a sensor that do not change the course of a plant."""

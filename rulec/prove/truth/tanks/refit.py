@@ -16,9 +16,9 @@ from ..units import Array
 from .balance import Course
 from .case import Case
 from .effects import SENSOR
-from .knobs import Knob, base_knobs, effect_knobs
 from .model import Model, noise_of
 from .plant import Plant
+from .varied_parameters import Knob, base_knobs, effect_knobs
 
 STEPS = 3
 HALVINGS = 3

@@ -11,8 +11,8 @@ from ..recording import write_csv
 from .case import Case
 from .detection_limit import detection_limits
 from .folder import write_plant
-from .key import right
 from .refit import heldout_errors
+from .right_answer import right
 
 
 @dataclass(frozen=True)

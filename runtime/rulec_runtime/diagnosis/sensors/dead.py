@@ -17,12 +17,12 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.bench import Bench
+from rulec_runtime.diagnosis.sensors.agreement import Bench
 from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
-from rulec_runtime.recordings.piecewise import median_of, parts_of
+from rulec_runtime.recordings.blockwise import median_of, parts_of
+from rulec_runtime.recordings.larger_than_memory import mapped
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import mapped
 
 
 def dead_readings(

@@ -19,11 +19,11 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.bench import Bench
+from rulec_runtime.diagnosis.sensors.agreement import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.diagnosis.steady.stand_in import ends_tried
-from rulec_runtime.recordings.piecewise import first_reading
+from rulec_runtime.diagnosis.steady.removed_reading import ends_tried
+from rulec_runtime.recordings.blockwise import first_reading
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 

@@ -20,16 +20,16 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
-from rulec_runtime.diagnosis.sensors.changed import Changed
+from rulec_runtime.diagnosis.sensors.agreement import Agreement, Bench, Explained
+from rulec_runtime.diagnosis.sensors.chi_square_if_changed import Changed
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
-from rulec_runtime.diagnosis.sensors.near import Near
+from rulec_runtime.diagnosis.sensors.nearest_residuals import Near
 from rulec_runtime.diagnosis.sensors.units import Mixup, like_a_reading, mixups, of_one_dimension
-from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
-from rulec_runtime.recordings.mending import Mending
-from rulec_runtime.recordings.piecewise import any_of
+from rulec_runtime.recordings.blockwise import any_of
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
 

@@ -17,9 +17,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
-from rulec_runtime.recordings.piecewise import median_of, parts_of, runs_where
+from rulec_runtime.recordings.blockwise import median_of, parts_of, runs_where
+from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import let_go
 
 
 def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[SensorFinding, slice]]:

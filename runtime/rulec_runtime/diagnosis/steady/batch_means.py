@@ -21,8 +21,8 @@ from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
 from rulec_runtime.diagnosis.steady.points import means_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, groups_of
+from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import let_go
 from rulec_runtime.recordings.stationary import Stretches
 
 

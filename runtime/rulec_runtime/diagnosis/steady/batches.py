@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.scratch import arrays, let_go
+from rulec_runtime.recordings.larger_than_memory import arrays, let_go
 
 Tables = TypeVar("Tables")
 """A frozen dataclass of tables."""

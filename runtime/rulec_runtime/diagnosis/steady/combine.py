@@ -26,8 +26,8 @@ from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, 
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
-from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
-from rulec_runtime.recordings.scratch import give_back, let_go
+from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test, thinned
+from rulec_runtime.recordings.larger_than_memory import give_back, let_go
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is present: in the run only, also in the baseline, or in the baseline only."""

@@ -13,10 +13,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import SHIFTED, Baselines, against, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.batches import in_batches
+from rulec_runtime.diagnosis.steady.independent_parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
-from rulec_runtime.diagnosis.steady.learn import Learner
-from rulec_runtime.diagnosis.steady.many import has_many, see_many
+from rulec_runtime.diagnosis.steady.lasting_fault import throughout
+from rulec_runtime.diagnosis.steady.learn_baseline import Learner
+from rulec_runtime.diagnosis.steady.many_estimates import has_many, see_many
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
@@ -25,13 +27,11 @@ from rulec_runtime.diagnosis.steady.observe import (
     observe_part,
 )
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
-from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
-from rulec_runtime.diagnosis.steady.stack import thinned
-from rulec_runtime.diagnosis.steady.stand_in import of_samples, with_stand_ins
-from rulec_runtime.diagnosis.steady.throughout import throughout
+from rulec_runtime.diagnosis.steady.removed_reading import of_samples, with_stand_ins
+from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
+from rulec_runtime.recordings.larger_than_memory import give_back, let_go
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
 

@@ -15,9 +15,9 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.columns import Columns
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.hypothesis_columns import Columns
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.course import Course, Moments
-from rulec_runtime.recordings.wall_clock import DAY, HOUR
+from rulec_runtime.diagnosis.steady.degree_course import Course, Moments
+from rulec_runtime.recordings.plant_calendar import DAY, HOUR
 
 
 @dataclass(frozen=True, kw_only=True)

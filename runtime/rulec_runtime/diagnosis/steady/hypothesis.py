@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, Weighing, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.larger_than_memory import let_go
 
 
 @dataclass(frozen=True)

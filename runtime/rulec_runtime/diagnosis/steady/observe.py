@@ -12,9 +12,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, part_of, points_along
 from rulec_runtime.diagnosis.steady.errors import Directions, directions_of, errors_of, gradients_of
-from rulec_runtime.diagnosis.steady.parts import Part
+from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.larger_than_memory import let_go
 
 
 @dataclass(frozen=True, kw_only=True)

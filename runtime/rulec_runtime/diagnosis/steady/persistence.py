@@ -13,7 +13,7 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted
 from rulec_runtime.diagnosis.steady.verdict import Verdict
-from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.stationary import Timeline
 
 

@@ -18,12 +18,12 @@ from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
-from rulec_runtime.diagnosis.stores.judge import Judged
+from rulec_runtime.diagnosis.stores.judge_windows import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
 from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.when import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
+from rulec_runtime.recordings.time_text import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, windows_needed
-from rulec_runtime.diagnosis.stores.judge import Judge, Judged
+from rulec_runtime.diagnosis.stores.judge_windows import Judge, Judged
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
 from rulec_runtime.simulation.balances import RanAway

@@ -17,7 +17,7 @@ from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import shares
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.stores import limits
-from rulec_runtime.diagnosis.stores.judge import Judged
+from rulec_runtime.diagnosis.stores.judge_windows import Judged
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.errors import lasting_errors
-from rulec_runtime.diagnosis.stores.judge import Judge, Judged
+from rulec_runtime.diagnosis.stores.judge_windows import Judge, Judged
 from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import Windows
 from rulec_runtime.recordings.autocorrelation_time import memory_of

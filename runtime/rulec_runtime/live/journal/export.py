@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from rulec_runtime.live.journal.form import Entry, form_for, iso, record_of
+from rulec_runtime.live.journal.event_records import Entry, form_for, iso, record_of
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.output.terminal import machine_text, shown, write_machine_text
 from rulec_runtime.output.write_file import written

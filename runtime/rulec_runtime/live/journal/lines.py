@@ -7,7 +7,13 @@ from pathlib import Path
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.form import Record, event_from, form_for, json_line, other_content
+from rulec_runtime.live.journal.event_records import (
+    Record,
+    event_from,
+    form_for,
+    json_line,
+    other_content,
+)
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.output.append_file import Appended
 from rulec_runtime.output.json_file import Damaged, parse_json

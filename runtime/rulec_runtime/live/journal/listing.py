@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from rulec_runtime.live.journal.form import Entry, iso
+from rulec_runtime.live.journal.event_records import Entry, iso
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.text import degree
 from rulec_runtime.report.wording import STATUS

@@ -19,7 +19,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.form import form_for, iso, json_line
+from rulec_runtime.live.journal.event_records import form_for, iso, json_line
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.network import is_loopback, tls_reason
 from rulec_runtime.output.open_file import opened

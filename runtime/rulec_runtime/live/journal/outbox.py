@@ -16,8 +16,8 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.spill import Pending, spill, waiting
-from rulec_runtime.live.steady import steady
-from rulec_runtime.recordings.wall_clock import duration
+from rulec_runtime.live.steady_clock import steady
+from rulec_runtime.recordings.plant_calendar import duration
 from rulec_runtime.report.text import counted
 
 

@@ -9,8 +9,8 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
-from rulec_runtime.live.now import Now
-from rulec_runtime.live.steady import steady
+from rulec_runtime.live.moment import Now
+from rulec_runtime.live.steady_clock import steady
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.device_health import DeviceHealth

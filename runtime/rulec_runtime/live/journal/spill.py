@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.journal.form import event_of, record_of
+from rulec_runtime.live.journal.event_records import event_of, record_of
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.output.json_file import Damaged, digest_of, read_json
 from rulec_runtime.output.write_file import written

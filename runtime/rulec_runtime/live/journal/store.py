@@ -15,7 +15,7 @@ import sqlalchemy as sa
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.database import READING, engine_of, prepared, translated
-from rulec_runtime.live.journal.form import (
+from rulec_runtime.live.journal.event_records import (
     Entry,
     Record,
     event_of,

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.form import name_of
+from rulec_runtime.live.journal.event_records import name_of
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.tables import WATCHERS
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from rulec_runtime.live.rows import Notice
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.handover import Handover
 from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
-from rulec_runtime.live.steady import steady
+from rulec_runtime.live.sources.row_queue import Handover
+from rulec_runtime.live.steady_clock import steady
 
 
 class Assembler:

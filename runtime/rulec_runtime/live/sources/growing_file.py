@@ -22,7 +22,7 @@ from rulec_runtime.live.sources.rotation import (
     with_inode,
 )
 from rulec_runtime.live.sources.table_stream import TextSource
-from rulec_runtime.live.steady import steady
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.recording_file import times_of

@@ -12,12 +12,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler
-from rulec_runtime.live.sources.handover import Handover
 from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.opcua_link import Link
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks
-from rulec_runtime.live.steady import Standstill, steady, steady_loop
+from rulec_runtime.live.sources.row_queue import Handover
+from rulec_runtime.live.steady_clock import Standstill, steady, steady_loop
 
 
 class OpcUa:

@@ -13,7 +13,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import NoticeKind
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler, usable
-from rulec_runtime.live.sources.handover import Handover
 from rulec_runtime.live.sources.map import Server, SourceMap
 from rulec_runtime.live.sources.opcua_check import gone_of, scales_of
 from rulec_runtime.live.sources.opcua_nodes import namespaces_of, node_of, nodes_of
@@ -30,7 +29,8 @@ from rulec_runtime.live.sources.opcua_session import (
 )
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
-from rulec_runtime.live.steady import Standstill, steady
+from rulec_runtime.live.sources.row_queue import Handover
+from rulec_runtime.live.steady_clock import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 

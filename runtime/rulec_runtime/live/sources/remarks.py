@@ -7,7 +7,7 @@ from collections.abc import Hashable
 from rulec_runtime.live.limits import STOOD_STILL
 from rulec_runtime.live.rows import Notice, NoticeKind
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.steady import steady
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.terminal import one_line
 
 

@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.table_stream import TextSource
-from rulec_runtime.live.steady import steady
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 

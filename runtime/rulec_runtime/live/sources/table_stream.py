@@ -17,6 +17,7 @@ from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.column_roles import places_of
 from rulec_runtime.recordings.counted_times import Counting, counting_of, dated
 from rulec_runtime.recordings.csv_table import (
     Column,
@@ -29,7 +30,6 @@ from rulec_runtime.recordings.csv_table import (
 from rulec_runtime.recordings.dates import dates_of
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.numbers import UNKNOWN, Convention
-from rulec_runtime.recordings.places import places_of
 from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
 from rulec_runtime.recordings.text_table import conventions

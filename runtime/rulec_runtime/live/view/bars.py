@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.evidence import Evidence
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.limits import BAR_ENDS
 from rulec_runtime.live.view.words import finding_of, listed
-from rulec_runtime.recordings.when import moment
+from rulec_runtime.recordings.time_text import moment
 from rulec_runtime.report.wording import LISTED, flow_unit, told_residual
 
 

@@ -8,10 +8,10 @@ import math
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.words import modules
 from rulec_runtime.output.terminal import machine_text
-from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.json_form import diagnosis_form
 
 

@@ -13,11 +13,11 @@ from rich.live import Live
 from rich.text import Text
 
 from rulec_runtime.live.event_forms import line_of
-from rulec_runtime.live.now import Arrival, Now
-from rulec_runtime.live.steady import steady
-from rulec_runtime.live.view.keys import Keys
+from rulec_runtime.live.moment import Arrival, Now
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
+from rulec_runtime.live.view.terminal_keys import Keys
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
 from rulec_runtime.output.terminal import styled
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from rulec_runtime.live.episode import Episode
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.words import modules
 from rulec_runtime.output.terminal import one_line
 

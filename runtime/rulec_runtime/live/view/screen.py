@@ -11,7 +11,7 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view import blocks
 from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import shown, styled

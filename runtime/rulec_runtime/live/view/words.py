@@ -10,9 +10,9 @@ from rulec_runtime.diagnosis.diagnose import worst
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.event_forms import QUIET
-from rulec_runtime.live.now import Now
-from rulec_runtime.recordings.wall_clock import duration
-from rulec_runtime.recordings.when import moment
+from rulec_runtime.live.moment import Now
+from rulec_runtime.recordings.plant_calendar import duration
+from rulec_runtime.recordings.time_text import moment
 from rulec_runtime.report.blindness import told_else
 from rulec_runtime.report.text import bounds, counted, degree, percent
 from rulec_runtime.report.wording import SHOWN, STATUS, actions, headline, remarks_of, titled

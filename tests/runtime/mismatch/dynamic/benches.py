@@ -16,10 +16,10 @@ from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.settled.sets import join_terms
+from rulec.mismatch.search.settled.grow_sets import join_terms
 from rulec.mismatch.search.stores.best_set import Found
+from rulec.mismatch.search.stores.grow_sets import begun, grow
 from rulec.mismatch.search.stores.nameless import terms
-from rulec.mismatch.search.stores.sets import begun, grow
 from rulec.mismatch.stores import Explanation, explanation
 from tests.conftest import ROOT
 

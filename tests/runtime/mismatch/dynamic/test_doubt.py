@@ -13,8 +13,8 @@ from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
-from rulec.mismatch.search.settled import sets
-from rulec.mismatch.search.settled.sets import posterior
+from rulec.mismatch.search.settled import grow_sets
+from rulec.mismatch.search.settled.grow_sets import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove
 from rulec.mismatch.structure.structure_search import Structure
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, explained, made
@@ -57,7 +57,7 @@ def test_no_tick_where_an_explanation_gains(
     none, other = frozenset[str](), frozenset({"pump.x"})
     shown: Any = SimpleNamespace(terms=())
     monkeypatch.setattr(
-        sets, "Tolerance", lambda geometry, model: SimpleNamespace(shows=1.0, within=none)
+        grow_sets, "Tolerance", lambda geometry, model: SimpleNamespace(shows=1.0, within=none)
     )
     odds = {none: was.odds[none], other: was.odds[none] + more}
     now = posterior(was.geometry, {**was.models, other: shown}, odds)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.findings import findings_of, location_of
-from rulec.mismatch.answer.written import written
+from rulec.mismatch.answer.written_plant import written
 from rulec.mismatch.evidence.stores.final_fits import fixed_values, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.best_set import search as searched
-from rulec.mismatch.search.stores.sets import begun, grow, prune
+from rulec.mismatch.search.stores.grow_sets import begun, grow, prune
 from rulec.mismatch.stores import until_of
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from rulec.mismatch.search.settled.sets import Search
+from rulec.mismatch.search.settled.grow_sets import Search
 from rulec.mismatch.search.stores.best_set import Found, search
-from rulec.mismatch.search.stores.sets import begun, grow
+from rulec.mismatch.search.stores.grow_sets import begun, grow
 from tests.runtime.mismatch.dynamic.benches import NOISE, OVERFLOW, RIM, bench, made
 from tests.runtime.mismatch.made import changed
 

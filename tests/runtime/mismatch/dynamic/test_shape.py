@@ -19,8 +19,8 @@ from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.stores.fitted_curve import FittedCurve, fitted_curve
+from rulec.mismatch.search.stores.likeliest_curve import likeliest_curve
 from rulec.mismatch.search.stores.posterior_curve import curve_of
-from rulec.mismatch.search.stores.unnamed import likeliest_curve
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, tanks
 

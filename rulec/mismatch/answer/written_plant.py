@@ -1,0 +1,264 @@
+"""The writable part of an explanation, fitted alone, and its errors as any user would find them.
+
+A plant file holds only laws and values. Faults, sensor errors and courses in time are left out
+before the fit, not after it: values fitted beside them belong to another model. Errors are those of
+plants that are written, compiled and simulated as by `rulec simulate`: of the shipped, the
+recalibrated and the repaired plant alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.header import Header
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.report.text import number
+
+from rulec.effects.adopt import why_not
+from rulec.effects.adopted_plant import trial
+from rulec.effects.candidate import Candidate, CurveTerm, Unwritable
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
+from rulec.mismatch.answer.explanation import Explained, F, Plants, Refits
+from rulec.mismatch.answer.wording import suffix
+from rulec.mismatch.evidence.samples import inside_of
+from rulec.mismatch.evidence.steady.configuration import HIDDEN
+from rulec.mismatch.inference.prove import Proof, rms
+from rulec.mismatch.inference.series import course_of
+from rulec.mismatch.result import Check, Fit, Repair, Series
+from rulec.simulation.equations import SimulationRefused
+from rulec.simulation.predict import predict
+
+UNSURE = "something else may explain it as well"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantErrors:
+    """Errors of the three plants, their courses, and the simulation.
+
+    `plants` is None if the plant cannot be simulated, for the reason `why`.
+    """
+
+    fits: tuple[Fit, ...]
+    series: Series
+    plants: Plants | None
+    why: str
+
+
+def written(found: Explained[F], proofs: Sequence[Proof]) -> tuple[Refits[F], PlantErrors]:
+    """What may be written, refitted, and the errors of the plants.
+
+    If something is missing, nameless terms become curves, but not beside a fault, whose shape they
+    may have. They stay if the plant is fitted better with them than without.
+    """
+    certain = [a.candidate for a in found.accepted if a.class_probability >= limits.CERTAIN]
+    sure = {c.id for c in certain}
+    refits = _refitted(found, sure, [])
+    errors = plant_errors(found, refits, proofs)
+    broken = found.failing or any(c.sort in ("fault", "sensor") for c in certain)
+    if found.curves and not broken and (found.model.joined or found.places):
+        curves = [found.model.builder.curve_term(curve) for curve in found.curves]
+        drawn = _refitted(found, sure, curves)
+        drawn_errors = plant_errors(found, drawn, proofs)
+        if _fits_better(drawn_errors.fits, errors.fits):
+            return drawn, drawn_errors
+    return refits, errors
+
+
+def _fits_better(fits: Sequence[Fit], before: Sequence[Fit]) -> bool:
+    """Whether fitted samples show a smaller error of the first reading, and no larger one of any
+    other."""
+    earlier = {fit.signal: fit.estimation.repaired for fit in before}
+    falls = [fit.estimation.repaired / max(earlier.get(fit.signal, np.inf), 1e-300) for fit in fits]
+    return bool(falls) and falls[0] < 1.0 and max(falls) <= 1.0 + limits.SAME_ERROR
+
+
+def _refitted(found: Explained[F], sure: set[str], curves: Sequence[Candidate]) -> Refits[F]:
+    """Refits with what may be written, and `curves` in place of what has no name.
+
+    Of explanations with the same signature, the most probable one that may be written represents
+    all. If one is certain, uncertain ones are left out, as the plant would keep them.
+    """
+    builder, taken, left_out = found.model.builder, list[Candidate](), []
+    for candidate in found.model.joined:
+        if curves and candidate.sort == "free":
+            continue
+        if (sure or curves) and candidate.id not in sure:
+            left_out.append((candidate, UNSURE))
+            continue
+        why = _why_not(candidate, builder)
+        instead = _instead(found, candidate) if why else candidate
+        if instead is not None:
+            taken.append(instead)
+        if why:
+            same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
+            left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
+    return found.refitted([*taken, *curves], left_out)
+
+
+def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:
+    """The most probable writable explanation with the signature of one that is not writable."""
+    own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
+    alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
+    return next((c for c in alike if not _why_not(c, found.model.builder)), None)
+
+
+def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
+    """Why no plant file can hold an explanation; empty if one can."""
+    if candidate.sort == HIDDEN:
+        return "what drives it is not recorded"
+    return why_not(candidate, builder.network)
+
+
+def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> PlantErrors:
+    """Simulate the plants over the recording, and compare."""
+    model, why = found.model, ""
+    ruleset, builder, recording = model.ruleset, model.builder, found.recording
+    try:
+        plants: Plants | None = plants_of(ruleset, builder, recording, *refits.repairs)
+    except (SimulationRefused, Unwritable) as error:
+        plants, why = None, str(error)
+    readings = found.readings(plants, refits, proofs)
+    signals, samples = ruleset.signal_by_id, model.samples
+    courses = (course_of(signals[r.fit.signal], r.measured, r.predicted) for r in readings)
+    return PlantErrors(
+        fits=tuple(r.fit for r in readings),
+        series=Series(samples.time, ~samples.open, tuple(courses)),
+        plants=plants,
+        why=why,
+    )
+
+
+def simulated(ruleset: Ruleset, recording: Recording) -> Mapping[str, Array]:
+    """Readings by `rulec simulate`, per signal, shape (rows,), SI; raises `SimulationRefused`."""
+    files = []
+    for segment in dict.fromkeys(recording.segment.tolist()):
+        rows = recording.segment == segment
+        values = {name: v[rows] for name, v in recording.values.items()}
+        files.append(file_of(f"file {int(segment) + 1}", recording.time[rows], values))
+    return predict(ruleset, files).values
+
+
+def plants_of(
+    ruleset: Ruleset, builder: ModelBuilder, recording: Recording, plain: Repair, repair: Repair
+) -> Plants:
+    """Write, compile and simulate the plants; raises `SimulationRefused` if that is impossible.
+
+    Raises `Unwritable` if not even recalibrated values can be written.
+    """
+    first = simulated(ruleset, recording)
+    recalibrated = trial(builder, plain)
+    second = simulated(recalibrated, recording)
+    if not repair.joined:
+        return Plants(first, second, second, (ruleset, recalibrated, recalibrated))
+    try:
+        repaired = trial(builder, repair)
+        third = simulated(repaired, recording)
+    except (Unwritable, SimulationRefused) as error:
+        return Plants(first, second, None, (ruleset, recalibrated, recalibrated), str(error))
+    return Plants(first, second, third, (ruleset, recalibrated, repaired))
+
+
+def refusal(
+    verdict: str,
+    fits: Sequence[Fit],
+    joined: Sequence[str],
+    unwritten: str,
+    checks: Sequence[Check] = (),
+    instead: bool = True,
+    curves: Sequence[CurveTerm] = (),
+) -> str:
+    """Why the repaired plant should not be written; empty if it may be.
+
+    `instead`: recalibration alone is an alternative, as its values are credible. If it is not, the
+    repair must be better than the shipped plant, and not significantly worse than recalibration.
+
+    Held-out blocks decide nothing else. The repair must lower the error of the first reading
+    significantly where errors are reported, and must not raise it over all held-out rows, including
+    periods of faults, as a fault may be false. It must not raise the error of any other reading
+    significantly.
+    """
+    if verdict == "ambiguous" and set(joined).difference(c.id for c in curves):
+        return "the recording does not tell which of several explanations is right"
+    if unwritten:
+        return f"it cannot be written: {unwritten}"
+    for i, fit in enumerate(fits if joined else ()):
+        held, which = fit.heldout, "held-out"
+        if not held.points:
+            held, which = fit.estimation, "fitted"
+        plain = held.recalibrated if instead or i else held.shipped
+        worse = held.repaired > plain * (1.0 + limits.SAME_ERROR)
+        if (i == 0 and worse) or is_spoiled(fit):
+            return _worse(fit, held.repaired, held.recalibrated, f"on {which} samples")
+        if i == 0 and fit.gain_interval[0] <= 0.0 and instead:
+            low, high = (number(100.0 * share) for share in fit.gain_interval)
+            return (
+                f"simulated with it, the error of {fit.signal} on held-out samples falls by {low} "
+                f"to {high} % (95 %) beside recalibrated values alone, which may be chance"
+            )
+    for check in checks if joined and instead else ():
+        if check.signal == fits[0].signal and check.error > check.plain * (1.0 + limits.SAME_ERROR):
+            return _worse(fits[0], check.error, check.plain, "over all held-out rows")
+    return ""
+
+
+def _worse(fit: Fit, own: float, plain: float, where: str) -> str:
+    unit = suffix(fit.unit)
+    return (
+        f"simulated with it, {fit.signal} is off by {number(own)}{unit} {where}, and by "
+        f"{number(plain)}{unit} with recalibrated values alone"
+    )
+
+
+def checks_of(
+    plants: Plants, recording: Recording, spans: Sequence[tuple[float, float]]
+) -> tuple[Check, ...]:
+    """The errors that `rulec adopt` must reproduce: see `row_errors`."""
+    ruleset = plants.rulesets[0]
+    plain = row_errors(ruleset, plants.recalibrated, recording, spans)
+    own = row_errors(ruleset, plants.last, recording, spans)
+    both = (n for n in own if n in plain and own[n][1])
+    return tuple(Check(signal=n, rows=own[n][1], error=own[n][0], plain=plain[n][0]) for n in both)
+
+
+def row_errors(
+    ruleset: Ruleset,
+    predicted: Mapping[str, Array],
+    recording: Recording,
+    spans: Sequence[tuple[float, float]],
+) -> dict[str, tuple[float, int]]:
+    """Error of each predicted reading, as shown, over the rows of spans, and the number of rows.
+
+    Rows count if they have a reading and a prediction, and the reading is not below its minimum,
+    where the equations do not hold. `predicted` has shape (rows,) per signal, SI; `spans` are in s.
+    """
+    inside = inside_of(recording.time, spans)
+    found = {}
+    for name, course in predicted.items():
+        if name in recording.values:
+            signal, measured = ruleset.signal_by_id[name], recording.values[name]
+            low = -np.inf if signal.minimum is None else signal.minimum
+            off = (course - measured)[inside & (measured >= low)] / signal.factor
+            off = off[np.isfinite(off)]
+            found[name] = (rms(off), len(off))
+    return found
+
+
+def file_of(name: str, time: Array, values: dict[str, Array]) -> RecordingFile:
+    """Readings, SI, at times, s, shape (n,) each, as a recording file with a name."""
+    return RecordingFile(
+        path=Path(name), header=Header(), time=time, values=values, zones=None, comma=False
+    )
+
+
+def is_spoiled(fit: Fit) -> bool:
+    """Does the repair make the error of a reading significantly worse, and exceed its noise?"""
+    held = fit.heldout
+    rises = held.repaired - held.recalibrated > limits.SPOILED * held.recalibrated
+    return fit.gain_interval[1] < 0.0 and rises and held.repaired > held.noise

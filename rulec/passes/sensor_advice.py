@@ -1,0 +1,159 @@
+"""Degrees at which the faults of a group are isolated, and the cheapest sensors to isolate them.
+
+Each group is judged only by the estimates around its modules, so that the effort is proportional to
+the number of modules.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from rulec.knowledge.plant import Module
+from rulec.limits import SEPARATED
+from rulec.passes.assemble import Assembly
+from rulec.passes.cheapest_sensors import Advice, candidates, cheapest, degrees_at
+from rulec.passes.derive_signatures import Signatures
+from rulec.passes.limits import FAR_READERS, SMALL_DEGREE, WIDE_JUNCTION
+from rulec.passes.linearise import linearise
+from rulec.passes.link import Network
+from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
+
+
+class Adviser:
+    """Judges groups of faults of one plant; shared results are calculated once."""
+
+    def __init__(self, network: Network, assembly: Assembly, signatures: Signatures) -> None:
+        self._modules = network.plant.modules
+        self._knowledge = network.plant.knowledge
+        measured = [m.name for m in self._modules.values() if m.type.observers]
+        self._balances = network.graph.measured_balances(measured)
+        self._places: dict[str, frozenset[int]] = {name: frozenset() for name in self._modules}
+        for place, names in self._balances.items():
+            for name in names:
+                self._places[name] |= {place}
+        self._number = {name: i for i, name in enumerate(self._modules)}
+        self._linear = linearise(network, assembly, signatures)
+        self._faults: dict[str, list[str]] = {}
+        self._module_of: dict[str, str] = {}
+        self._variants = {h.id: h.fault.variant for h in assembly.hypotheses}
+        self._reached: dict[str, set[str]] = {}
+        for h in assembly.hypotheses:
+            self._faults.setdefault(h.module, []).append(h.id)
+            self._module_of[h.id] = h.module
+            reached = self._reached.setdefault(h.module, set())
+            reached.update(o.partition(".")[0] for o in h.affects)
+        self._around = {name: self._surrounding(name) for name in self._modules}
+        self._hoods: dict[frozenset[int | str], Neighbourhood] = {}
+        self._candidates: dict[str, tuple[Sensor, ...]] = {}
+
+    def degrees(self, faults: Sequence[str]) -> tuple[float, ...]:
+        """Smallest degree, as a share, that isolates each fault from all others; inf if none does.
+
+        Empty if no junction joins the modules of the group.
+        """
+        hood = self._hood(faults)
+        return () if hood is None else degrees_at(apart(hood.gram(faults)))
+
+    def close_pairs(self) -> Iterable[tuple[str, str]]:
+        """Pairs within or beside a module that a small degree detects but does not isolate."""
+        for key in dict.fromkeys(self._key(pair) for pair in self._neighbours()):
+            hood = self._hood_of(key)
+            for faults in self._together(key, hood):
+                distance = SMALL_DEGREE * apart(hood.gram(faults))
+                detected = np.diagonal(distance) >= SEPARATED
+                hidden = (distance < SEPARATED) & detected[:, None]
+                for i, j in np.argwhere(np.triu(hidden | hidden.T, 1)):
+                    pair = (faults[i], faults[j])
+                    if self._key([self._module_of[f] for f in pair]) == key:
+                        yield pair
+
+    def unit(self, fault: str) -> str:
+        """The unit of a degree, to follow its number; empty for a share."""
+        unit = self._variants[fault].unit
+        return f" {unit}" if unit else ""
+
+    def in_unit(self, fault: str, share: float) -> float:
+        """The degree of a fault that corresponds to a share."""
+        return share * self._variants[fault].scale
+
+    def size(self, fault: str, share: float) -> str:
+        """The degree of a fault that corresponds to a share, as text."""
+        return f"{self.in_unit(fault, share):.2g}{self.unit(fault)}"
+
+    def sizes(self, faults: Sequence[str], share: float) -> str:
+        """One degree for all faults, or one for each if some have a unit."""
+        if not any(self.unit(fault) for fault in faults):
+            return f"{share:.2g}"
+        return " and ".join(f"{self.size(fault, share)} ({fault})" for fault in faults)
+
+    def _together(self, key: frozenset[int | str], hood: Neighbourhood) -> list[list[str]]:
+        """Groups of faults to be compared: all, but at a wide junction only those of one module."""
+        if all(len(self._balances[p]) <= WIDE_JUNCTION for p in key if isinstance(p, int)):
+            return [list(hood.faults)]
+        modules = dict.fromkeys(self._module_of[f] for f in hood.faults)
+        return [self._faults[m] for m in modules if self._around[m] == key]
+
+    def advise(self, faults: Sequence[str]) -> Advice | None:
+        """The cheapest one or two sensors that isolate a group, else a greedy choice of more."""
+        hood = self._hood(faults)
+        if hood is None:
+            return None
+        modules = dict.fromkeys(self._module_of[f] for f in faults)
+        sensors = [s for name in modules for s in self._sensors(name)]
+        return cheapest(hood, faults, sensors)
+
+    def _neighbours(self) -> Iterable[tuple[str, ...]]:
+        """Each module, and each pair of modules that meet at a junction."""
+        for name in self._modules:
+            yield (name,)
+        for names in self._balances.values():
+            if len(names) <= WIDE_JUNCTION:
+                yield from itertools.combinations(names, 2)
+
+    def _surrounding(self, name: str) -> frozenset[int | str]:
+        """Places of a module, by number, and modules that are added by name.
+
+        The latter are the module itself, if it is at no place, and some that read its signals.
+        """
+        places, number = self._places[name], self._number
+        far = [m for m in self._reached.get(name, ()) if not self._places[m] & places]
+        near = sorted(far, key=lambda m: (abs(number[m] - number[name]), m))
+        alone = {name} if not places else set()
+        return frozenset((*places, *alone, *near[:FAR_READERS]))
+
+    def _key(self, modules: Iterable[str]) -> frozenset[int | str]:
+        return frozenset().union(*(self._around[name] for name in modules))
+
+    def _hood(self, faults: Sequence[str]) -> Neighbourhood | None:
+        modules = list(dict.fromkeys(self._module_of[f] for f in faults))
+        shared = [self._places[a] & self._places[b] for a, b in itertools.combinations(modules, 2)]
+        return self._hood_of(self._key(modules)) if all(shared) else None
+
+    def _hood_of(self, key: frozenset[int | str]) -> Neighbourhood:
+        """Balances of the first observers, and each against the others of its module."""
+        if key in self._hoods:
+            return self._hoods[key]
+        places = sorted(p for p in key if isinstance(p, int))
+        balances = [self._balances[p] for p in places]
+        names = {n for b in balances for n in b} | {p for p in key if isinstance(p, str)}
+        modules = [m for name, m in self._modules.items() if name in names]
+        residuals = [{f"{n}.{_first(self._modules[n])}": s for n, s in b.items()} for b in balances]
+        for module in modules:
+            first, *others = (f"{module.name}.{o}" for o in module.type.observers or ("",))
+            residuals += [{first: 1, other: -1} for other in others]
+        faults = [f for m in modules for f in self._faults.get(m.name, ())]
+        self._hoods[key] = Neighbourhood.of(self._linear, residuals, faults)
+        return self._hoods[key]
+
+    def _sensors(self, name: str) -> tuple[Sensor, ...]:
+        if name not in self._candidates:
+            found = candidates(self._modules[name], self._knowledge, self._linear)
+            self._candidates[name] = tuple(found)
+        return self._candidates[name]
+
+
+def _first(module: Module) -> str:
+    return next(iter(module.type.observers))

@@ -1,0 +1,226 @@
+"""Run the tool on a rig, as a user does: commands as processes, in a folder of their own.
+
+The folder gets the plain plant and the training recordings; nothing in it reveals where the rig is.
+`test.csv` is copied there after the tool has answered, for `rulec simulate` only. The sealed answer
+is never copied.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rulec_runtime
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording, read_recording
+
+import rulec
+from rulec.limits import UNSURE
+from rulec.passes.pipeline import compile_plant
+from rulec.prove.analyst import ANSWER, EARLIER, answered, read_form
+from rulec.prove.real.files import write_yaml, yaml_of
+from rulec.prove.real.rig_folder import PLAIN, PLANT, TEST, TRAIN, Rig
+
+Bools = NDArray[np.bool_]
+TOOL = "rulec.prove.real.tool_process"
+ASKED = "asked.json"
+MODELS = ("shipped", "recalibrated", "adopted")
+FOLDERS = {"shipped": "plant", "recalibrated": "recalibrated", "adopted": "adopted"}
+NOTHING: Mapping[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}, "cpu": 0.0}
+"""The result before anything is answered."""
+
+WINDOWS = 40
+"""Successive parts of the unseen rows whose errors count as independent."""
+
+DRAWN = 400
+"""Most unseen rows in a picture."""
+
+MESSAGE = 300
+"""Characters of a message that are kept."""
+
+
+class NoAnswer(Exception):
+    """A command gave no result; the message says why."""
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Runs commands of the tool in a folder, all of them within `limit` seconds each."""
+
+    folder: Path
+    limit: float
+
+    def run(self, *words: object) -> None:
+        """Run a command; raises `NoAnswer` with the end of its message if it fails."""
+        code, said = self._ended([sys.executable, "-m", TOOL, *map(str, words)], str(words[0]))
+        if code not in (0, UNSURE):
+            raise NoAnswer(f"rulec {words[0]}: {said[-MESSAGE:] or f'exit {code}'}")
+
+    def _ended(self, asked: Sequence[str], name: str) -> tuple[int, str]:
+        """Exit code and text of standard error; the command ends if this process does."""
+        sources = (str(Path(p.__path__[0]).parent) for p in (rulec, rulec_runtime))
+        lifeline, ours = os.pipe()
+        try:
+            done = subprocess.run(
+                asked,
+                cwd=self.folder,
+                # Where this very tool is, so that its processes run no other.
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(sources)},
+                stdin=lifeline,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                timeout=self.limit,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise NoAnswer(f"rulec {name}: no answer in {self.limit:.0f} s") from None
+        finally:
+            os.close(lifeline)
+            os.close(ours)
+        return done.returncode, " ".join(done.stderr.split())
+
+
+def lay_out(rig: Rig, folder: Path) -> None:
+    """Copy the plant and the training recordings under names that reveal nothing."""
+    if folder.exists():
+        return
+    shutil.copytree(rig.folder / PLAIN, folder / "plant")
+    for number, file in enumerate(rig.train, 1):
+        shutil.copyfile(file, folder / f"{TRAIN}-{number}{_suffix(file)}")
+    if rig.earlier:
+        shutil.copyfile(rig.earlier, folder / f"earlier{_suffix(rig.earlier)}")
+
+
+def ask(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
+    """Return the tool's answer, its plants' predictions of `test` and CPU time; kept in the folder.
+
+    Keys: `form` (the JSON of `rulec mismatch`, None without an answer), `error`, `refused` (why
+    nothing was adopted), `predicted` by signal, `cpu` and `seconds`.
+    """
+    return {**NOTHING, **answered(folder / ASKED, lambda: _asked(folder, test, limit))}
+
+
+def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
+    begin, commands = _cpu(), Commands(folder, limit)
+    found: dict[str, Any] = dict(NOTHING)
+    try:
+        _calibrate(commands)
+        shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
+        commands.run("mismatch", "plant", *shown, "--json", ANSWER, "--quiet")
+        found["form"] = read_form(folder / ANSWER)
+    except NoAnswer as failure:
+        found["error"] = str(failure)
+    if test is not None:
+        found["refused"] = _adopted(commands) if found["form"] else ""
+        found["predicted"] = predicted(commands, test)
+    found["cpu"] = _cpu() - begin
+    return found
+
+
+def _adopted(commands: Commands) -> str:
+    """Write the recalibrated and the repaired plant; returns why the latter was refused, if so."""
+    with contextlib.suppress(NoAnswer):
+        commands.run("adopt", ANSWER, "-o", FOLDERS["recalibrated"], "--recalibrated", "--quiet")
+    try:
+        commands.run("adopt", ANSWER, "-o", FOLDERS["adopted"], "--quiet")
+    except NoAnswer as failure:
+        return str(failure)
+    return ""
+
+
+def _calibrate(commands: Commands) -> None:
+    """Calibrate the plain plant if there is an earlier run."""
+    plant = commands.folder / "plant"
+    for earlier in commands.folder.glob(f"{Path(EARLIER).stem}.csv*"):
+        try:
+            commands.run("calibrate", "plant", earlier.name, "-o", "plant/found.yaml", "--quiet")
+        except NoAnswer:
+            return  # parameters that an earlier run does not determine stay as in the data sheet
+        write_yaml(plant / PLANT, {**yaml_of(plant / PLANT), "calibration": ["found.yaml"]})
+
+
+def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
+    """Return by signal: unit, number of rows that every plant predicts, and each plant's RMS error.
+
+    `windows` has the errors in windows of time, shape (windows,), and `course` some of the rows. A
+    plant that was not written predicts as the one before it.
+    """
+    rules = compile_plant(commands.folder / FOLDERS["shipped"] / PLANT)
+    copy = commands.folder / f"{TEST}{_suffix(test)}"
+    shutil.copyfile(test, copy)
+    off, measured = {}, read_recording(copy, rules)
+    for model, name in FOLDERS.items():
+        if (commands.folder / name / PLANT).is_file():
+            with contextlib.suppress(NoAnswer):
+                target = f"{model}.csv"
+                commands.run("simulate", name, copy.name, "-o", target, "--quiet")
+                off[model] = _off(rules, commands.folder / target, measured)
+    moved = [n for n in off.get("shipped", {}) if any(np.nansum(abs(o[n])) for o in off.values())]
+    own = {n: {m: o[n] for m, o in off.items()} for n in moved}
+    return {n: _errors(rules.signal_by_id[n], measured, own[n]) for n in moved}
+
+
+def _off(rules: Ruleset, target: Path, measured: Recording) -> dict[str, Array]:
+    """By signal, simulated minus measured in its unit, shape (n,); NaN if a row does not count."""
+    simulated = read_recording(target, rules)
+    found = {}
+    for signal in rules.signals:
+        if signal.id in simulated.values and signal.id in measured.values:
+            off = simulated.values[signal.id] - measured.values[signal.id]
+            counts = _counts(signal.id, rules, measured)
+            found[signal.id] = np.where(counts, off / signal.factor, np.nan)
+    return found
+
+
+def _counts(name: str, rules: Ruleset, measured: Recording) -> Bools:
+    """Rows that count, shape (n,): no reading of the signal's module is below its minimum.
+
+    Below, the module type is not valid, as when a pump stands still.
+    """
+    module = name.partition(".")[0]
+    least = {s.id: s.minimum for s in rules.signals if s.id.partition(".")[0] == module}
+    there = [
+        measured.values[n] >= m for n, m in least.items() if m is not None and n in measured.values
+    ]
+    return np.all(there, axis=0) if there else np.ones(len(measured.time), dtype=bool)
+
+
+def _errors(signal: SignalSpec, measured: Recording, off: Mapping[str, Array]) -> dict[str, Any]:
+    known = np.all([np.isfinite(o) for o in off.values()], axis=0)
+    found: dict[str, Any] = {"unit": signal.unit, "rows": int(known.sum())}
+    if not known.any() or "shipped" not in off:
+        return {**found, **dict.fromkeys(MODELS)}
+    rows = np.flatnonzero(known)
+    some = rows[np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))]
+    reading = (measured.values[signal.id] - signal.offset) / signal.factor
+    windows, course = {}, {"time": measured.time[some], "measured": reading[some]}
+    own = off["shipped"]
+    for model in MODELS:
+        own = off.get(model, own)
+        square = own[rows] ** 2
+        found[model] = float(np.sqrt(np.mean(square)))
+        parts = np.array_split(square, min(WINDOWS, len(rows)))
+        windows[model] = [float(np.sqrt(np.mean(part))) for part in parts]
+        course[model] = reading[some] + own[some]
+    return {**found, "windows": windows, "course": {k: v.tolist() for k, v in course.items()}}
+
+
+def _suffix(file: Path) -> str:
+    return ".csv.gz" if file.name.endswith(".gz") else ".csv"
+
+
+def _cpu() -> float:
+    """CPU time of child processes that have ended, s."""
+    times = os.times()
+    return times.children_user + times.children_system

@@ -1,0 +1,231 @@
+"""Scores of rigs in the terminal, as JSON and as a page."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.report.document import Head, document, numbered, section
+from rulec_runtime.report.figure import Figure
+from rulec_runtime.report.page_origin import Made
+from rulec_runtime.report.tables import columns, table
+from rulec_runtime.report.text import counted, number, percent, safe
+
+from rulec.mismatch.answer.pictures import ReadingCourses, over_time
+from rulec.mismatch.result import Curves
+from rulec.prove.real.rig_folder import FalseAlarm
+from rulec.prove.real.run_tool import MODELS
+from rulec.prove.real.score import Alarm, Scored, ScoredFinding, Total, alarms, totals
+
+TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
+ERRORS = ("rig", "reading", *MODELS, "ratio", "noise", "grey box")
+WORDS = ("rig", "told", "", "reading", "wrong", "story", "right")
+"""Headings of columns of words."""
+
+NOTE = (
+    "name: share of what is missing whose id is the headline of a finding; class: whose id is in "
+    "the set that a finding leaves open; p: probability told for that set; size: intervals that "
+    "hold the truth; utility: of the ambiguity set, as the DX competition 2026 scores it. Errors: "
+    "root mean square on rows that were never shown; a plant that was not written predicts as the "
+    "one before it; ratio: adopted over recalibrated, 95 % by bootstrap over windows of time."
+)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run over rigs; `hidden` lists by rig the differences under other names, None if not run."""
+
+    scored: tuple[Scored, ...]
+    manifest: tuple[FalseAlarm, ...]
+    hidden: Mapping[str, Sequence[str]] | None
+    digest: str
+
+    @property
+    def totals(self) -> list[Total]:
+        return totals(self.scored)
+
+    @property
+    def alarms(self) -> list[Alarm]:
+        return alarms(self.manifest, self.scored)
+
+    @property
+    def headline(self) -> str:
+        """The result in one line."""
+        known = [s for s in self.scored if s.headline is not None]
+        right = sum(s.named == 1.0 for s in known)
+        sure = sum(bool(s.sure) for s in self.scored)
+        asked = counted(len(self.scored), "rig")
+        named = f"{right} of {len(known)} with a known effect are named in its class"
+        return f"{asked}: {named}, {sure} wrong and sure"
+
+
+def tell(out: Console, result: Result) -> None:
+    """Print the tables."""
+    out.print(styled("[bold]{}[/]", result.headline))
+    out.print(styled("[dim]{}[/]\n", NOTE))
+    for title, titles, rows in parts(result):
+        if title:
+            out.print(styled("\n[bold]{}[/]", title))
+        shown = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+        for heading in titles:
+            wide = heading in WORDS
+            narrow = not wide or heading == "rig"
+            shown.add_column(heading, justify="left" if wide else "right", no_wrap=narrow)
+        for row in rows:
+            shown.add_row(*map(one_line, row))
+        out.print(shown)
+
+
+def page(result: Result, made: Made | None) -> str:
+    """Write the same as one HTML file."""
+    body = [f'<p class="key">{safe(NOTE)}</p>']
+    for title, titles, rows in parts(result):
+        cells = [[safe(cell) for cell in row] for row in rows]
+        body.append(
+            section(safe(title or "Answers"), table(title or "answers", columns(*titles), cells))
+        )
+    rigs = []
+    for rig in (s.rig for s in result.scored):
+        known = rig.truth.source if rig.truth else "nothing is known"
+        rigs.append([safe(text) for text in (rig.name, rig.title, rig.licence, rig.source, known)])
+    of = columns("rig", "what", "licence", "source", "how the answer is known")
+    body.append(section("Rigs", table("rigs", of, rigs)))
+    body += numbered(figure for s in result.scored if (figure := draw(s)) is not None)
+    head = Head(kind="Real recordings", verdict=result.headline, made=made)
+    return document(head, "".join(body))
+
+
+def form(result: Result) -> dict[str, Any]:
+    """Return the machine form."""
+    return {
+        "sealed": result.digest,
+        "totals": {t.title: _finite(dataclasses.asdict(t)) for t in result.totals},
+        "rigs": {s.rig.name: _rig_form(s, result.hidden) for s in result.scored},
+        "false_alarms": [
+            {**vars(alarm.known), "told_again": alarm.again} for alarm in result.alarms
+        ],
+    }
+
+
+def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
+    """Yield the tables with title, headings and cells."""
+    yield "", ("rig", "told"), [[s.rig.name, _said(s)] for s in result.scored]
+    yield "Scores", TITLES, [_answer_row(s) for s in result.scored]
+    yield "Errors on unseen rows", ERRORS, [r for s in result.scored for r in _error_rows(s)]
+    yield "All rigs", ("", "mean", "95 % interval", "rigs"), [_total_row(t) for t in result.totals]
+    if result.alarms:
+        rows = [_alarm_row(alarm) for alarm in result.alarms]
+        yield "False alarms", ("rig", "wrong", "told again", "story", "right"), rows
+    if result.hidden is not None:
+        rows = [[name, "; ".join(diff) or "the same"] for name, diff in result.hidden.items()]
+        yield "Under other names", ("rig", ""), rows
+
+
+def _answer_row(s: Scored) -> list[str]:
+    inside = f"{s.inside[0]}/{s.inside[1]}" if s.inside[1] else "–"
+    scores = [_share(s.place), _share(s.headline), _share(s.named), _share(s.probability)]
+    if s.silent is not None:
+        scores = ["–", "silent" if s.silent else "no", "–", "–"]
+    known = s.rig.truth is not None
+    false = [str(len(s.false)), str(len(s.sure))] if known else ["–", "–"]
+    utility = "–" if s.utility is None else f"{s.utility:.2f}"
+    return [s.rig.name, *scores, inside, *false, utility, f"{s.cpu:.0f}"]
+
+
+def _said(s: Scored) -> str:
+    if s.error:
+        return s.error
+    words = "; ".join(found.text for found in s.said)
+    return f"{s.verdict}: {words}" if words else s.verdict
+
+
+def _error_rows(s: Scored) -> Iterator[list[str]]:
+    """One row per reading, first the one that counts."""
+    for name in sorted(s.predicted, key=lambda n: n != s.signal):
+        errors = s.predicted[name]
+        cells = [_number(errors[model]) for model in MODELS]
+        cells[-1] += " *" if s.refused or s.error else ""
+        cells.append(_within(s) if name == s.signal else "–")
+        grey = _number(s.grey_box) if name == s.signal else "–"
+        title = f"{name} [{errors['unit']}]"
+        yield [s.rig.name, title, *cells, _number(s.noise.get(name)), grey]
+
+
+def _within(s: Scored) -> str:
+    low, high = s.within
+    return "–" if math.isnan(low) or s.refused else f"{number(low, 2)} to {number(high, 2)}"
+
+
+def _total_row(t: Total) -> list[str]:
+    ends = "–" if math.isnan(t.low) else f"{number(t.low, 2)} to {number(t.high, 2)}"
+    return [t.title, number(t.value, 2), ends, str(t.count)]
+
+
+def _alarm_row(alarm: Alarm) -> list[str]:
+    known = alarm.known
+    again = "no" if alarm.again is None else percent(alarm.again)
+    return [known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right]
+
+
+def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str, Any]:
+    found = {
+        name: getattr(s, name)
+        for name in (
+            *("verdict", "place", "headline", "named", "probability", "inside", "silent"),
+            *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error", "cpu"),
+        )
+    }
+    found["predicted"] = {
+        name: {key: value for key, value in errors.items() if key != "course"}
+        for name, errors in s.predicted.items()
+    }
+    found |= {"title": s.rig.title, "sealed": s.rig.seal, "said": [_told_form(t) for t in s.said]}
+    found |= {"false": [_told_form(t) for t in s.false], "sure": [_told_form(t) for t in s.sure]}
+    return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
+
+
+def _told_form(found: ScoredFinding) -> dict[str, Any]:
+    causes = [{"name": cause.name, "places": cause.places} for cause in found.causes]
+    return {"causes": causes, "probability": found.probability}
+
+
+def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in data.items()}
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else percent(value)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else number(value, 3)
+
+
+def draw(scored: Scored) -> Figure | None:
+    """Draw the reading that counts on unseen rows, and each plant's prediction; None without."""
+    found = scored.predicted.get(scored.signal, {})
+    if not found.get("course"):
+        return None
+    order = np.argsort(found["course"]["time"], kind="stable")
+    course = {name: np.array(values)[order] for name, values in found["course"].items()}
+    course["repaired"] = course.pop("adopted")
+    every = np.ones(len(course["time"]), dtype=bool)
+    curves = Curves(**course, inside=every, heldout=~every, drivers={})
+    figure = over_time(
+        ReadingCourses(signal=scored.signal, unit=found["unit"], curves=curves, located=~every),
+        None,
+    )
+    errors = ", ".join(f"{number(found[model], 3)} {model}" for model in MODELS)
+    return dataclasses.replace(
+        figure,
+        name=f"rig-{scored.rig.name}",
+        title=f"{scored.rig.name}: {scored.rig.title}",
+        caption=f"Root mean square error in {found['unit']} on unseen rows: {errors}.",
+    )

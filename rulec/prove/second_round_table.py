@@ -1,0 +1,180 @@
+"""A second round in the terminal: its benefit, beside that of baselines of equal length."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import fmean, median
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.report.text import counted, number, percent
+
+from rulec.prove.limits import PROBABILITIES, WORST_CASES
+from rulec.prove.results import COVERED, RUN, Further, Judged
+from rulec.prove.scores import table
+from rulec.prove.second_round_inputs import ARMS, RECIPE
+from rulec.prove.tables import planted_words, said_words, value_of
+
+FALSE_NAMES = 6
+SCORES = {0: "place right", 1: "name right", 2: "clean", 3: "unnamed", FALSE_NAMES: "false names"}
+"""Scores of a second recording, by their position in `scores.table`."""
+
+OUTCOMES = {
+    RUN: "run again as proposed",
+    COVERED: "run again with steps that only cover what may be set: nothing is to be told apart",
+    "alike": "there is nothing that may be set, the tool says; the first answer stays",
+    "refused": "the tool plans nothing; the first answer stays",
+    "stalled": "the plant cannot be run as proposed; the first answer stays",
+}
+
+
+STOOD = "truth stood: the true explanation was among those that the recipe tells apart"
+
+
+@dataclass(frozen=True)
+class Gained:
+    """Recipes by the certainty that they predict, from `low` to `high`.
+
+    `said` and `found` are mean probabilities of the true explanation, predicted and realised.
+    `stood` counts the recipes that distinguish the truth from others; `found_of_stood` is the mean
+    realised by those.
+    """
+
+    low: float
+    high: float
+    count: int
+    said: float
+    found: float
+    stood: int
+    found_of_stood: float
+
+
+def gained(further: Sequence[Further]) -> list[Gained]:
+    """Return predicted against realised certainty; bins with recipes only."""
+    ran, found = [f for f in further if f.outcome == RUN], []
+    for low, high in pairwise(PROBABILITIES):
+        own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
+        if own:
+            stood = [f.sure[RECIPE] for f in own if f.stood]
+            found.append(
+                Gained(
+                    low,
+                    high,
+                    len(own),
+                    fmean(f.expected[1] for f in own),
+                    fmean(f.sure[RECIPE] for f in own),
+                    len(stood),
+                    fmean(stood) if stood else float("nan"),
+                )
+            )
+    return found
+
+
+def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Further]) -> None:
+    """Print the outcomes, the scores before and after, and the predicted certainty."""
+    first = {j.case: j for j in judged}
+    ran = [f for f in further if f.outcome in (RUN, COVERED)]
+    out.print(styled("\n[bold]{}[/]", headline(further)))
+    counts = Counter(f.outcome for f in further)
+    for outcome, words in OUTCOMES.items():
+        if counts[outcome]:
+            out.print(styled("{}  {}", f"{counts[outcome]:>5}", words))
+        for why, count in Counter(f.why for f in further if f.outcome == outcome and f.why).items():
+            out.print(styled("[dim]{}  {}[/]", f"{count:>9}", one_line(why)))
+    if ran:
+        total = sum(f.minutes for f in ran)
+        out.print(
+            styled(
+                "plant time: {} min in all, {} min and {} in the middle",
+                number(total, 3),
+                number(median(f.minutes for f in ran), 3),
+                counted(round(median(f.steps for f in ran)), "step"),
+            )
+        )
+        out.print(styled("\n[bold]Of cases that were run again[/]"))
+        out.print(_scores([first[f.case] for f in ran], ran))
+        out.print(styled("\n[bold]Of all cases[/]"))
+        out.print(_scores(list(judged), further))
+        for arm in sorted({arm for f in ran for arm in f.after}, key=list(ARMS).index):
+            out.print(styled("[dim]{}: {}[/]", arm, ARMS[arm]))
+        out.print(styled("\n[bold]How sure of the true explanation: predicted and realised[/]"))
+        out.print(_gained(gained(further)))
+        out.print(styled("[dim]{}[/]", STOOD))
+    lost = [
+        (first[f.case], f.after[RECIPE])
+        for f in ran
+        if _right(f.after[RECIPE]) < _right(first[f.case])
+    ]
+    if lost:
+        out.print(styled("\n[bold]Worse with the second recording[/]"))
+        shown = Table("case", "planted", "first said", "then said", box=None, pad_edge=False)
+        for before, after in lost[:WORST_CASES]:
+            row = (before.case, planted_words(before), said_words(before), said_words(after))
+            shown.add_row(*(one_line(words) for words in row))
+        out.print(shown)
+
+
+def headline(further: Sequence[Further]) -> str:
+    """Return in a sentence how certain answers are of the truth before and after the round."""
+    ran = [f for f in further if f.outcome in (RUN, COVERED)]
+    if not ran:
+        return f"Round two: none of {counted(len(further), 'case')} was run again."
+    before, after = fmean(f.sure_before for f in ran), fmean(f.sure[RECIPE] for f in ran)
+    return (
+        f"Round two: {len(ran)} of {counted(len(further), 'case')} were run again. There the true "
+        f"one was {percent(before)} sure on average, and is {percent(after)} sure now."
+    )
+
+
+def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:
+    """Return the answers with a second recording; the first answer if there is none."""
+    changed: Mapping[str, Judged] = {f.case: f.after[arm] for f in further if arm in f.after}
+    return [changed.get(j.case, j) for j in judged]
+
+
+def _scores(judged: Sequence[Judged], further: Sequence[Further]) -> Table:
+    """Scores of the first answers, and with a second recording of each kind."""
+    arms = [arm for arm in ARMS if any(arm in f.after for f in further)]
+    columns = [table(judged), *(table(after_of(judged, further, arm)) for arm in arms)]
+    shown = Table(box=None, pad_edge=False, collapse_padding=True)
+    shown.add_column("score", max_width=24)
+    for title in ("first", *arms):
+        shown.add_column(title, justify="right", no_wrap=True)
+    for place, title in SCORES.items():
+        rows = [column[place] for column in columns]
+        if place == FALSE_NAMES:
+            shown.add_row(title, *(f"{row.hits:g} of {row.count}" for row in rows))
+        else:
+            shown.add_row(f"{title} ({rows[0].count})", *map(value_of, rows))
+    shown.add_row(
+        "sure of the truth",
+        percent(fmean(f.sure_before for f in further)),
+        *(percent(fmean(f.sure.get(arm, f.sure_before) for f in further)) for arm in arms),
+    )
+    return shown
+
+
+def _gained(bins: Sequence[Gained]) -> Table:
+    shown = Table(box=None, pad_edge=False, collapse_padding=True)
+    for title in ("predicted", "recipes", "mean", "realised", "truth stood", "realised"):
+        shown.add_column(title, justify="right", no_wrap=True)
+    for one in bins:
+        shown.add_row(
+            f"{percent(one.low)} to {percent(one.high)}",
+            str(one.count),
+            percent(one.said),
+            percent(one.found),
+            str(one.stood),
+            percent(one.found_of_stood) if one.stood else "–",
+        )
+    return shown
+
+
+def _right(judged: Judged) -> float:
+    """The score by which a case can become worse."""
+    scores = (judged.name_right, judged.clean_right, judged.unnamed_right)
+    return next((float(s) for s in scores if s is not None), 0.0)

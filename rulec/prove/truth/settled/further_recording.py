@@ -1,0 +1,145 @@
+"""A further recording of the same plant, which was left running: the same parameters, effects and
+systematic errors of the sensors, new noise.
+
+Signals that nobody sets continue: temperatures, levels, and pressures before and behind a valve
+return the way they came; a temperature that follows the load goes on following it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..transients import SPEED_TIME, approach
+from ..units import Array
+from .effect_size import made_of
+from .operated_plant import SENSING, Scene, ambient
+from .solve import Operated, solve
+from .term import shown_by
+
+if TYPE_CHECKING:
+    from .plan import SettledCase
+
+MEMORY = 25.0
+"""Samples within which a temperature follows the load, as in `drive.by_load`."""
+
+ROUNDS = 30
+"""Iterations to find the true value behind a display."""
+
+Point = Mapping[str, float]
+"""Set points by input, in the unit of its sensor."""
+
+
+def held(case: SettledCase, points: Sequence[Point], samples: Sequence[int]) -> dict[str, Array]:
+    """Return the courses of all inputs, SI, with set points held for some samples each.
+
+    The plant's own sensors show the set points. An input without a set point keeps its last value.
+    Raises ValueError for a set point of a signal that is no input.
+    """
+    scene, courses = case.scene, {}
+    unknown = {name for point in points for name in point} - set(scene.rig.inputs)
+    if unknown:
+        raise ValueError(f"{sorted(unknown)[0]}: nobody can set this in {scene.rig.name}")
+    for name in scene.rig.inputs:
+        last = float(scene.given[name][-1])
+        set_ = [_behind_display(case, name, p[name]) if name in p else last for p in points]
+        setting = np.concatenate([[last], np.repeat(set_, samples)])
+        time = np.arange(setting.size, dtype=np.float64)
+        courses[name] = approach(time, setting, SPEED_TIME)[1:]
+    return courses
+
+
+def displayed(case: SettledCase, name: str, value: float) -> float:
+    """Return the reading of a true value, SI, without noise, in the sensor's unit."""
+    scene = case.scene
+    course = shown_by(case.terms, name, np.full(scene.time.size, value))
+    return float(scene.read(name, course, replace(SENSING, statistical=0.0))[-1])
+
+
+def _behind_display(case: SettledCase, name: str, shown: float) -> float:
+    """The true value, SI, at which a sensor shows a value in its unit."""
+    sensor = case.scene.rig.sensors[name]
+    value = shown * sensor.scale + sensor.offset
+    for _ in range(ROUNDS):
+        value -= (displayed(case, name, value) - shown) * sensor.scale
+    return value
+
+
+def repeated(scene: Scene, samples: int) -> dict[str, Array]:
+    """Return the inputs again, SI, from the beginning of the recording on."""
+    order = np.arange(samples) % (scene.time.size - scene.first) + scene.first
+    return {name: scene.given[name][order] for name in scene.rig.inputs}
+
+
+def recorded_further(case: SettledCase, courses: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the columns of a further recording, in the sensors' units; its clock continues.
+
+    Raises Stalled if the plant cannot be run so.
+    """
+    scene = longer(case.scene, courses)
+    seed = case.answer.seed
+    terms = [
+        term for placed, size in case.planted for term in made_of(scene, placed, size, seed).changes
+    ]
+    columns = scene.recorded(scene.truly(terms), terms)
+    return case.shown(columns, slice(case.scene.time.size, None))
+
+
+def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:
+    """Continue a scene with courses of all inputs, SI."""
+    rig, count = scene.rig, len(next(iter(courses.values())))
+    given = {name: np.concatenate([scene.given[name], courses[name]]) for name in rig.inputs}
+    densities = {m: _back(values, count) for m, values in scene.density.items()}
+    suction = {m: _back(values, count) for m, values in scene.suction.items()}
+    if rig.by_travel:
+        behind = {m: _back(v - scene.given[f"{m}.dp"], count) for m, v in scene.suction.items()}
+        suction = {m: given[f"{m}.dp"] + values for m, values in behind.items()}
+    added = slice(scene.time.size, None)
+    temperatures = {m: _warmed(scene, m, given, count) for m in scene.temperature}
+    levels = {m: _back(values, count) for m, values in scene.level.items()}
+    laws = scene.hard.terms(rig, scene.values)
+    found = solve(Operated(rig, scene.values, {n: v[added] for n, v in given.items()}, laws))
+    around = ambient(rig, temperatures, levels, suction, densities)
+    plain = {**around, **given}
+    for name, values in found.items():
+        if name not in plain:
+            plain[name] = np.concatenate([scene.plain[name], values])
+    return replace(
+        scene,
+        time=np.concatenate([scene.time, scene.time[-1] + 1.0 + np.arange(count)]),
+        given=given,
+        temperature=temperatures,
+        level=levels,
+        suction=suction,
+        density=densities,
+        running=np.concatenate([scene.running, np.ones(count, dtype=bool)]),
+        plain=plain,
+        further=count,
+    )
+
+
+def _back(values: Array, count: int) -> Array:
+    """A course, continued by `count` samples in which it returns the way it came."""
+    return np.asarray(np.pad(values, (0, count), mode="symmetric"))
+
+
+def _warmed(scene: Scene, module: str, given: Mapping[str, Array], count: int) -> Array:
+    """Temperature of the liquid at a pump, K."""
+    values = scene.temperature[module]
+    if scene.rig.by_temperature:
+        return given[f"{module}.T"]
+    if not scene.correlated:
+        return _back(values, count)
+    load = given[f"{module}.{'dp' if scene.rig.by_load else 'n'}"]
+    known = values.size
+    # T rises by (a + b load - T) / MEMORY per sample; a and b follow from its course so far.
+    wanted = values[:-1] + MEMORY * np.diff(values)
+    slope, level = np.polyfit(load[1:known], wanted, 1)
+    found = np.empty(known + count)
+    found[:known] = values
+    for k in range(known, known + count):
+        found[k] = found[k - 1] + (level + slope * load[k] - found[k - 1]) / MEMORY
+    return found

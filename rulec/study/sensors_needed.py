@@ -1,0 +1,87 @@
+"""What each sensor is needed for: faults that cannot be detected, or told apart, without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.detectable_faults import Sighted, visible_of
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.blindness import named
+from rulec_runtime.report.text import listed
+
+from rulec.limits import SAME_DIRECTION
+
+Without = Mapping[str, Mapping[str, Any]]
+
+
+def without_each(ruleset: Ruleset) -> Without:
+    """JSON data per signal that something reads: `unseen` are faults that cannot be detected
+    without it, `merged` are groups of other listed faults that cannot be told apart without it and
+    can with it, at one operating point."""
+    visible = visible_of(ruleset)
+    listed_ones = {f.id for f in ruleset.faults}
+    every = [_alike(one, frozenset()) for one in visible.parts]
+    found = {}
+    for signal in (s.id for s in ruleset.signals if s.id in ruleset.read):
+        lost = frozenset((signal,))
+        unseen = visible.unseen(lost)
+        merged = [
+            group
+            for one, before in zip(visible.parts, every, strict=True)
+            if signal in one.signals
+            for group in _merged(_alike(one, lost), before, one, listed_ones)
+        ]
+        found[signal] = {
+            "unseen": [f.id for f in ruleset.faults if f.id in unseen],
+            "merged": merged,
+        }
+    return found
+
+
+def _merged(
+    now: np.ndarray, before: np.ndarray, one: Sighted, listed_ones: set[str]
+) -> Iterator[list[str]]:
+    """Groups of listed faults of a part that are alike now and were not all alike before; `now` and
+    `before` flag pairs of all its faults, shape (faults, faults)."""
+    faults = list(one.highest)
+    chosen = np.array([name in listed_ones for name in faults], dtype=bool)
+    now = now & np.outer(chosen, chosen)
+    left = {int(i) for i in np.flatnonzero(now.any(axis=0))}
+    while left:
+        group, grown = np.zeros(0, dtype=int), np.array([min(left)])
+        while len(grown) > len(group):
+            group = grown
+            grown = np.union1d(group, np.flatnonzero(now[group].any(axis=0)))
+        left -= set(group.tolist())
+        if (now & ~before)[np.ix_(group, group)].any():
+            yield [faults[i] for i in group]
+
+
+def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:
+    """Flags of faults of a part that move the remaining readings in the same proportion, shape
+    (faults, faults)."""
+    products = one.information(lost)
+    size = np.sqrt(np.diag(products))
+    scale = np.where(size > 0.0, size, np.inf)
+    with np.errstate(invalid="ignore"):
+        same: np.ndarray = products / np.outer(scale, scale) > SAME_DIRECTION
+    np.fill_diagonal(same, False)
+    return same
+
+
+def show_without(out: Console, ruleset: Ruleset, without: Without) -> None:
+    """Print a table with a row per sensor."""
+    table = Table(pad_edge=False, box=None, padding=(0, 1))
+    for title in ("without", "cannot be seen", "cannot be told apart"):
+        table.add_column(title, no_wrap=title == "without")
+    for signal, lost in without.items():
+        unseen = listed(list(named(ruleset, lost["unseen"])))
+        merged = "; ".join(listed(group) for group in lost["merged"])
+        table.add_row(signal, unseen or "-", merged or "-")
+    out.print(styled("\n[bold]What each sensor is needed for[/], at the reference point"))
+    out.print(table)

@@ -1,0 +1,204 @@
+"""Faults that missing readings hide: which, since when, and what makes them detectable again.
+
+A reading is missing where its column is missing or empty, or where its values were rejected (dead,
+stuck, out of range). Gaps shorter than a finding needs do not count. Neither do modules at
+standstill, with readings below their minimum: they would show nothing anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.detectable_faults import visible_of
+from rulec_runtime.diagnosis.steady.points import is_bad
+from rulec_runtime.recordings.blockwise import runs_where
+from rulec_runtime.recordings.larger_than_memory import let_go
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.time_text import ENDED, TO_THE_END
+
+Runs = Sequence[tuple[int, int]]
+"""Pairs of the first row and the row after the last."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blind:
+    """Faults that all readings together could show but the present ones cannot, over a period;
+    times in s.
+
+    `readings` is the smallest set that makes them detectable again, `because` why these are
+    missing.
+    """
+
+    faults: tuple[str, ...]
+    since: float
+    until: float
+    because: str
+    readings: tuple[str, ...]
+    behind: str | None = ENDED
+
+    @property
+    def active(self) -> bool:
+        """Whether they were still hidden at the end."""
+        return self.behind is not ENDED
+
+    def but(self, seen: Set[str]) -> Blind:
+        """The same without faults that are detectable by other means."""
+        return replace(self, faults=tuple(f for f in self.faults if f not in seen))
+
+
+def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:
+    """Faults that the sound readings of a recording cannot show."""
+    lost = {name: runs for name, runs in _lost(recording, ruleset) if runs}
+    if not lost:
+        return ()
+    why = {name: (recording.unfit or {}).get(name, "no reading") for name in recording.values}
+    still = {
+        s.id: _runs(recording.values[s.id], partial(np.greater, s.minimum))
+        for s in ruleset.signals
+        if s.minimum is not None and s.id in recording.values
+    }
+    return blind_between(ruleset, (recording.time, recording.time), lost, still, why)
+
+
+def blind_between(
+    ruleset: Ruleset,
+    times: tuple[Array, Array],
+    lost: Mapping[str, Runs],
+    still: Mapping[str, Runs],
+    why: Mapping[str, str],
+) -> tuple[Blind, ...]:
+    """The same, given the rows in which signals are lost, and those in which they are below
+    minimum.
+
+    `times` are the first and last times of rows, s, shape (n,) each; `why` gives the reason for
+    lost signals that were recorded.
+    """
+    (begin, end), count = times, len(times[0])
+    periods: dict[tuple[int, int, tuple[str, ...]], set[str]] = {}
+    for fault, first, last, readings in _spells(ruleset, count, lost, still):
+        periods.setdefault((first, last, readings), set()).add(fault)
+    return tuple(
+        Blind(
+            faults=tuple(f.id for f in ruleset.faults if f.id in faults),
+            since=float(begin[first]),
+            until=float(end[last - 1]),
+            because=_because(readings, why),
+            readings=readings,
+            behind=TO_THE_END if last == count else ENDED,
+        )
+        for (first, last, readings), faults in sorted(periods.items())
+    )
+
+
+def coverage_of(ruleset: Ruleset, blind: Iterable[Blind], begin: float, end: float) -> float:
+    """Share of the time of all faults in which the readings could show them."""
+    whole = len(ruleset.faults) * (end - begin)
+    hidden = sum(len(one.faults) * (one.until - one.since) for one in blind)
+    return 1.0 - min(hidden / whole, 1.0) if whole > 0.0 else float(not hidden)
+
+
+Spell = tuple[str, int, int, tuple[str, ...]]
+"""A hidden fault, its first row and the row after the last, and the readings it needs."""
+
+
+def _spells(
+    ruleset: Ruleset, count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
+) -> Iterator[Spell]:
+    """Runs of rows in which a fault is never detectable; lost readings hide it in the end rows."""
+    visible = visible_of(ruleset)
+    known: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
+    begun: dict[str, Spell] = {}
+    for first, last, gone, low in _segments(count, lost, still):
+        rests = _at_rest(ruleset, low)
+        if (gone, rests) not in known:
+            unseen = visible.unseen(gone, rests)
+            known[gone, rests] = {f: visible.brings_back(f, gone, rests) for f in unseen}
+        hidden = known[gone, rests]
+        for fault, readings in hidden.items():
+            before = begun.get(fault)
+            if before is not None and before[3] != readings:
+                yield before
+                before = None
+            begun[fault] = (fault, first if before is None else before[1], last, readings)
+        for fault in begun.keys() - hidden.keys():
+            if visible.sees(fault, gone, rests):
+                yield begun.pop(fault)
+    yield from begun.values()
+
+
+def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
+    """Estimates with a signal below its minimum; for an input, all of its module."""
+    modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
+    return frozenset(
+        o.id
+        for o in ruleset.observers
+        if low and (o.module in modules or not low.isdisjoint(o.signals))
+    )
+
+
+def _segments(
+    count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
+) -> Iterator[tuple[int, int, frozenset[str], frozenset[str]]]:
+    """Rows with the same lost and the same low signals: first, after last, these signals."""
+    changes: dict[int, list[tuple[int, str]]] = {0: [], count: []}
+    for side, table in enumerate((lost, still)):
+        for name, runs in table.items():
+            for edge in (edge for run in runs for edge in run):
+                changes.setdefault(edge, []).append((side, name))
+    now: tuple[set[str], set[str]] = (set(), set())
+    for first, last in pairwise(sorted(changes)):
+        for side, name in changes[first]:
+            now[side].symmetric_difference_update({name})
+        yield first, last, frozenset(now[0]), frozenset(now[1])
+
+
+def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:
+    reasons: dict[str, list[str]] = {}
+    for name in readings:
+        reasons.setdefault(why.get(name, "not in the recording"), []).append(name)
+    return "; ".join(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
+
+
+def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
+    """Signals in use, with the rows without a reading. If all columns come by a map, the plant
+    lacks the signals that the map omits."""
+    mapped = {column.signal for column in ruleset.columns}
+    by_map = mapped >= recording.values.keys()
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if signal.id not in ruleset.read:
+            continue
+        if values is not None:
+            yield signal.id, _runs(values, partial(is_bad, signal))
+        elif not (mapped and by_map) or signal.id in mapped:
+            yield signal.id, ((0, len(recording)),)
+
+
+def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
+    """Rows in which most neighbours are flagged, in runs as long as a finding needs."""
+    beside, n = limits.PERSISTENCE - 1, len(values)
+    if n < limits.PERSISTENCE:
+        return ()
+    width = 2 * beside + 1
+
+    def mostly(low: int, high: int) -> np.ndarray:
+        first, last = max(low - beside, 0), min(high + beside, n)
+        with np.errstate(invalid="ignore"):
+            here = flags(values[first:last])
+        let_go(values)
+        if not here.any():
+            return np.zeros(high - low, dtype=bool)
+        # A recording is mirrored at its ends.
+        here = np.pad(here, (beside - (low - first), beside - (last - high)), mode="reflect")
+        count = np.concatenate([[0], np.cumsum(here)])
+        return np.asarray(2 * (count[width:] - count[:-width]) > width)
+
+    return runs_where(n, mostly, limits.PERSISTENCE)

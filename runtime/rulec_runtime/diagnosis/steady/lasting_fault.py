@@ -1,0 +1,153 @@
+"""A fault present from the first sample to the last, and too small for any single stretch.
+
+Errors of sensors and of the calibration are the same at all operating points; a fault is not. So
+several operating points together show a fault that the errors hide at each: a power meter that
+reads 10 % too much is 9 W off at one speed and 20 W at another, where its bound allows 10 W that do
+not change.
+
+Source: own derivation, docs/method.md; the score test of each fault (Rao 1948) over the joint
+covariance of all stretches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.batches import batches, in_batches, part_of
+from rulec_runtime.diagnosis.steady.contrasts import Contrasts
+from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.isolate import (
+    POINTS_ALONG,
+    Isolation,
+    accepted,
+    quantile,
+    shares,
+    test_of,
+)
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.screen import leading, may_fit
+from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test
+from rulec_runtime.recordings.larger_than_memory import let_go
+
+
+def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation | None:
+    """The verdict of all stretches together, if one fault in all of them explains them best.
+
+    None if they do not contradict a sound plant, if no known fault explains them (the error of a
+    law's form may look like anything), or if a fault that begins or ends in between explains them
+    better.
+    """
+    judged = np.flatnonzero(isolation.judged)
+    if len(judged) < 2:
+        return None
+    points, valid = spread_evenly(observed, judged)
+    whole = stacked_test(ruleset, observed, valid, points[:, None], np.ones((len(points), 1)))
+    # Only stretches with the same usable estimates.
+    judged = judged[(observed.valid[:, judged] == valid[:, None]).all(axis=0)]
+    if len(judged) < 2:
+        return None
+    chance = isolation.chance
+    test, own, every = _telling_most(whole, _named(isolation, judged))
+    scores = np.where(ruleset.is_listed, every, 0.0)
+    if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
+        return None
+    limit = accepted(test.freedom, 1, chance)
+    tried = may_fit(test, limit, (every[:, None] > 0.0) & own[:, None])
+    fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
+    evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
+    if (isolation.pair[judged, 0] >= 0).any():
+        # Two faults at once explained some stretch better than a change of the liquid.
+        evidence[[not fault.module for fault in ruleset.faults]] = -np.inf
+    if not np.isfinite(evidence).any():
+        return None
+    deviating = isolation.deviating[test.members[:, 0]]
+    best = float((evidence + ruleset.doubted).max())
+    if not best + limits.FAULT_FROM_START > _best_change(test, limit, own, deviating):
+        return None
+    lasting = np.zeros(len(observed), dtype=bool)
+    lasting[judged] = True
+    found = shares(evidence[:, None])
+    fitting = np.flatnonzero(np.isfinite(evidence))
+
+    def of_batch(part: slice) -> Isolation:
+        own, here = part_of(isolation, POINTS_ALONG, part, len(observed)), lasting[part]
+        degree, u = own.degree.copy(), own.u.copy()
+        for i in fitting:
+            degree[i, here], u[i, here] = fits.degree[0, i, 0], fits.u[0, i, 0]
+        return replace(
+            own,
+            deviating=own.deviating | here,
+            degree=degree,
+            u=u,
+            probability=np.where(here, found, own.probability),
+            pair=np.where(here[:, None], -1, own.pair),
+        )
+
+    return in_batches(len(observed), POINTS_ALONG, of_batch)
+
+
+def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
+    """Faults that some stretch names alone, shape (faults,): these are always compared."""
+    named = np.zeros(len(isolation.probability), dtype=bool)
+    for part in batches(len(judged)):
+        named |= (isolation.probability[:, judged[part]] > limits.NAMED_ALONE).any(axis=1)
+        let_go(isolation.probability)
+    return named
+
+
+def _telling_most(
+    whole: HypothesisTest, named: np.ndarray
+) -> tuple[HypothesisTest, np.ndarray, Array]:
+    """The test that shows the fault with the largest score, flags of the faults that it shows, and
+    the scores, shape (faults,). Faults that move hundreds of flows are included only if `named`, or
+    if they have the largest score."""
+    every = np.ones(len(whole.ruleset.faults), dtype=bool)
+    if len(whole.basis) < limits.MANY_RESIDUALS:
+        return whole, every, _scores(whole)[:, 0]
+    middle = whole.members[len(whole.members) // 2]
+    one = test_of(whole.ruleset, whole.observed, whole.valid, whole.basis, middle)
+    scores, best, own = np.zeros(len(every)), whole, every
+    for basis, shown in Contrasts(one, len(whole.members)).groups():
+        test = whole.seen_by(basis)
+        found = _scores(test, shown)[:, 0]
+        if found.max() > scores.max():
+            best, own = test, np.isin(np.arange(len(every)), shown)
+        scores[shown] = found
+    # Stacking faults that move hundreds of flows is expensive: only for the best candidate.
+    faults = whole.ruleset.faults
+    narrow = np.array([len(fault.affects) <= limits.ROWS_OF_A_FAULT for fault in faults])
+    return best, own & (narrow | named | (scores >= scores.max())), scores
+
+
+def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
+    """Degree over its standard uncertainty of each fault, or of some by their places, (faults,
+    n)."""
+    pull, information = test.towards(chosen)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scores = np.maximum(pull, 0.0) / np.sqrt(information)
+    return np.where(information > 0.0, scores, 0.0)
+
+
+def _best_change(
+    test: HypothesisTest, limit: float, own: np.ndarray, deviating: np.ndarray
+) -> float:
+    """The largest evidence of a fault, among those that the test shows, by flags, that begins or
+    ends between two of the stretches, or is present where they deviate on their own."""
+    count = len(test.members)
+    later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float)
+    times = [later, 1.0 - later]
+    if deviating.any() and not deviating.all():
+        times.append(deviating[:, None].astype(float))
+    changed = test.at_other_times(np.hstack(times))
+    tried = leading(_scores(changed), test.ruleset.is_listed) & own[:, None]
+    tried = may_fit(changed, limit, tried)
+    fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
+    evidence = fits.evidence + test.ruleset.doubted[:, None]
+    return float(np.max(evidence[fits.distance <= limit], initial=-np.inf))

@@ -1,0 +1,152 @@
+"""Replace a removed reading by an unknown, if the estimates know more than it takes to find it.
+
+Three estimates that read a lost pressure are useless without it; but whatever the pressure is, it
+is the same for all of them. So the value with the best agreement replaces it, as uncertain as a
+guess: the effect of an error in it is no longer evidence, and the rest is. Faults of the lost
+reading itself are not detectable.
+
+Source: own derivation; a nuisance parameter, eliminated by a wide prior (generalised least
+squares).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, quantile
+from rulec_runtime.diagnosis.steady.many_estimates import has_many
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
+
+
+def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
+    """Points with values for removed readings, where more is known with them than without."""
+    if has_many(ruleset) or not len(points):
+        return points
+    for signal in ruleset.signals:
+        values = points.values.get(signal.id)
+        taken_out = points.why.get(signal.id, NO_READING) != NO_READING
+        if values is not None and taken_out and signal.id in ruleset.observed:
+            # Stand-ins are expensive, and a finding goes on without some of them.
+            lost = thinned(np.flatnonzero(~np.isfinite(values)), limits.STAND_INS)
+            size = max(limits.POINTS_AT_ONCE // limits.STAND_IN_VALUES, 1)
+            for low in range(0, len(lost), size):
+                chosen = lost[low : low + size]
+                value = _value(ruleset, points.at(chosen).of(ruleset.observed), signal)
+                points = _filled(points, signal, chosen, value)
+    return points
+
+
+def _value(ruleset: Ruleset, points: Points, signal: SignalSpec) -> Array:
+    """The value with the best agreement of all estimates, shape (n,), SI; NaN where it gains
+    nothing.
+
+    If no value gives agreement, there may be a fault: then it is the value that agrees best
+    together with the best fault. The equations are too nonlinear to hold far from there.
+    """
+    best, chi, freedom = _searched(ruleset, points, signal, beside_faults=False)
+    without = agreement(ruleset, observe(ruleset, points))[1]
+    gained = freedom - 1 > without
+    limit = [chi_square_limit(max(f - 1, 1), quantile(alarm_chance(1))) for f in freedom.tolist()]
+    off = np.flatnonzero(gained & (chi > limit))
+    if len(off):
+        best[off] = _searched(ruleset, points.at(off), signal, beside_faults=True)[0]
+    return np.where(gained, best, np.nan)
+
+
+def _searched(
+    ruleset: Ruleset, points: Points, signal: SignalSpec, *, beside_faults: bool
+) -> tuple[Array, Array, np.ndarray]:
+    """The value at which most can be compared, and agrees best, the chi-square it leaves, and its
+    degrees of freedom, each of shape (n,)."""
+    low, high = ends_tried(signal)
+    n, places = len(points), np.arange(len(points))
+    values = np.repeat(np.linspace(low, high, limits.STAND_IN_VALUES + 2)[1:-1, None], n, axis=1)
+    u = float(values[1, 0] - values[0, 0]) if n else 0.0
+    for step in range(limits.STAND_IN_ROUNDS + 1):
+        tried = one_after_the_other([_tried(points, signal, one, u) for one in values])
+        chi, freedom = (
+            table.reshape(values.shape)
+            for table in agreement(ruleset, observe(ruleset, tried), beside_faults=beside_faults)
+        )
+        most = freedom == freedom.max(axis=0)
+        order = np.argsort(np.where(most, chi, np.inf), axis=0, kind="stable")
+        if step == limits.STAND_IN_ROUNDS:
+            break
+        # The best value on a coarse grid need not be the best on a fine one.
+        u /= 3.0
+        chosen = np.take_along_axis(values, order[: limits.STAND_INS_REFINED], axis=0)
+        around = chosen[:, None] + u * np.arange(-2.0, 3.0)[:, None]
+        values = np.clip(around.reshape(-1, n), low, high)
+    best = order[0]
+    return values[best, places], chi[best, places], freedom[best, places]
+
+
+def ends_tried(signal: SignalSpec) -> tuple[float, float]:
+    """Range of values tried for a reading, SI."""
+    if signal.lowest is not None and signal.highest is not None:
+        return signal.lowest, signal.highest
+    return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
+
+
+def _tried(points: Points, signal: SignalSpec, value: Array, u: float) -> Points:
+    """Points with independent values of a reading, shape (n,)."""
+    name = signal.id
+    return replace(
+        points,
+        values={**points.values, name: value},
+        u={**points.u, name: np.full(len(value), u)},
+        systematic={**points.systematic, name: np.zeros(len(value))},
+        bad={**points.bad, name: ~np.isfinite(value)},
+        stood_in={**points.stood_in, name: np.ones(len(value), dtype=bool)},
+    )
+
+
+def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array) -> Points:
+    """Points some of which have a stand-in for a reading, shape (chosen,)."""
+    found = np.isfinite(value)
+    if not found.any():
+        return points
+    name, (low, high) = signal.id, ends_tried(signal)
+    places, spread = chosen[found], limits.STAND_IN_SPREAD * (high - low)
+    none = np.zeros(len(points), dtype=bool)
+    return replace(
+        points,
+        values=_with(points.values, name, places, value[found]),
+        u=_with(points.u, name, places, spread),
+        systematic=_with(points.systematic, name, places, 0.0),
+        bad=_with(points.bad, name, places, False),
+        stood_in=_with({name: none, **points.stood_in}, name, places, True),
+    )
+
+
+def _with(
+    table: Mapping[str, Array], name: str, places: np.ndarray, new: Array | float
+) -> dict[str, Array]:
+    """A table with other numbers at some places of one column."""
+    column = table[name].copy()
+    column[places] = new
+    return {**table, name: column}
+
+
+def of_samples(points: Points, stretches: Points, place: np.ndarray) -> Points:
+    """Points of samples with the stand-ins of their stretches, by their places."""
+    for name, flags in stretches.stood_in.items():
+        lost = np.flatnonzero(flags[place] & ~np.isfinite(points.values[name]))
+        own = place[lost]
+        points = replace(
+            points,
+            values=_with(points.values, name, lost, stretches.values[name][own]),
+            u=_with(points.u, name, lost, stretches.u[name][own]),
+            systematic=_with(points.systematic, name, lost, 0.0),
+            stood_in={**points.stood_in, name: flags[place]},
+        )
+    return points

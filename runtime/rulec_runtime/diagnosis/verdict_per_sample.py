@@ -1,0 +1,122 @@
+"""A verdict for every sample, where a diagnosis judges whole stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.sensor_health import examine
+from rulec_runtime.diagnosis.steady.evaluated_points import (
+    EvaluatedPoints,
+    evaluate_samples,
+    evaluate_stretches,
+    judgeable,
+)
+from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.diagnosis.steady.verdict import verdict_at
+from rulec_runtime.recordings.recording import Recording
+
+QUIET = ("ok", "cannot judge")
+"""Words that give way to those of other blocks of estimates."""
+
+
+def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
+    """Judge every sample of the settled stretches on its own; the others are ``moving``.
+
+    Samples of a plant that stores have the verdict of their windows.
+    """
+    recording = examine(recording, ruleset).recording
+    if ruleset.dynamics is not None:
+        return _of_stores(recording, ruleset)
+    stretches, noise = judgeable(recording, ruleset, mode)
+    words = ["moving"] * len(recording)
+    known: list[EvaluatedPoints] = []
+    if len(stretches):
+        known = evaluate_stretches(recording, ruleset, stretches, noise, mode, keep=True)
+    names = tuple(dict.fromkeys([*(f.id for f in ruleset.faults), *_unlisted(known)]))
+    rows = {name: row for row, name in enumerate(names)}
+    degree = np.zeros((len(rows), len(recording)))
+    half = np.zeros_like(degree)
+    if not known:
+        return Trace(recording.time, tuple(words), degree, degree, degree, names)
+    chosen = np.concatenate(
+        [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
+    )
+    for here, evaluated in evaluate_samples(recording, ruleset, noise, stretches, known, chosen):
+        sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in evaluated], axis=0)
+        for i, sample in enumerate(here.tolist()):
+            words[sample] = "ok" if sound[i] else _word(evaluated, i)
+        for one in evaluated:
+            own = [i for i, f in enumerate(one.part.ruleset.faults) if f.id in rows]
+            there = np.array([rows[one.part.ruleset.faults[i].id] for i in own], dtype=int)
+            at = np.ix_(there, here)
+            fits = one.isolation.probability[own] > 0
+            degree[at] += np.where(fits, one.isolation.degree[own], 0.0)
+            half[at] += np.where(fits, limits.COVERAGE * one.isolation.u[own], 0.0)
+    return Trace(
+        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half, names
+    )
+
+
+def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
+    for evaluated in known:
+        faults = evaluated.part.ruleset.faults
+        for point in np.flatnonzero(evaluated.isolation.deviating).tolist():
+            yield from (
+                faults[i].id for i in verdict_at(evaluated, point).faults if faults[i].unlisted
+            )
+
+
+def _word(evaluated: Sequence[EvaluatedPoints], point: int) -> str:
+    """Verdicts of all parts as written to the trace: ids of faults, or another word."""
+    words = dict.fromkeys(_of_part(part, point) for part in evaluated)
+    loud = [word for word in words if word not in QUIET]
+    return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
+
+
+def _of_part(evaluated: EvaluatedPoints, point: int) -> str:
+    verdict = verdict_at(evaluated, point)
+    if verdict.kind == "fault":
+        return " + ".join(evaluated.part.ruleset.faults[i].id for i in verdict.faults)
+    return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)
+
+
+def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
+    """Each sample has the verdict of the window with the nearest middle."""
+    # The integrator takes a second to load, and only plants that store need it.
+    from rulec_runtime.diagnosis.stores.diagnose import judge_stores
+
+    result = judge_stores(recording, ruleset)
+    judged = result.judged
+    words = ["cannot judge"] * len(recording)
+    degree = np.zeros((len(ruleset.faults), len(recording)))
+    half = np.zeros_like(degree)
+    row = {f.id: i for i, f in enumerate(ruleset.faults)}
+    if judged:
+        middles = np.array([one.window.middle for one in judged])
+        order = np.argsort(middles, kind="stable")
+        edges = 0.5 * (middles[order][1:] + middles[order][:-1])
+        nearest = order[np.searchsorted(edges, recording.time)]
+        for sample in np.flatnonzero(result.covered).tolist():
+            one = judged[int(nearest[sample])]
+            if one.plain is not None:
+                words[sample] = "ok"
+            for name, test in one.tests.items():
+                if test.fits:
+                    degree[row[name], sample] = test.degree
+                    half[row[name], sample] = limits.COVERAGE * test.u
+    for period in result.found.unknown:
+        _say(words, recording, period.since, period.until, "unknown")
+    for finding in result.found.findings:
+        _say(words, recording, finding.since, finding.until, finding.fault.id)
+    lower = np.maximum(degree - half, 0.0)
+    return Trace(recording.time, tuple(words), degree, lower, degree + half, tuple(row))
+
+
+def _say(words: list[str], recording: Recording, since: float, until: float, word: str) -> None:
+    for i in np.flatnonzero((recording.time >= since) & (recording.time <= until)).tolist():
+        if words[i] != "cannot judge":
+            words[i] = word
