@@ -213,7 +213,7 @@ def _fit_observer(
     summary = ObserverFit(
         observer=observer,
         misfit=_own_misfit(found, best, known, readings, kept),
-        r2=1.0 - float(np.sum(found.off**2)) / total if size == varied else 0.0,
+        r2=max(1.0 - float(np.sum(found.off**2)) / total, 0.0) if size == varied else 0.0,
         points=len(kept),
         set_aside=len(rows) - len(kept),
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rulec_runtime.report.text import counted, listed, number, percent
+from rulec_runtime.report.text import counted, fixed, listed, number, percent
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits
@@ -294,7 +294,7 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
     }
     if every := mismatch.evidence:
         used, of = [e for e in every if e.used], sum(e.rows for e in every)
-        rows_used = f"{sum(e.rows for e in used)} of {counted(of, 'row')} "
+        rows_used = f"{fixed(sum(e.rows for e in used), 0)} of {counted(of, 'row')} "
         rows_used += "was used" if of == 1 else "were used"
         why = f": {'; '.join(_counts(used, brief, ' '))}" if used else ""
         doubts["rows"] = [rows_used + why]
@@ -310,9 +310,9 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
 def _counts(parts: Sequence[Evidence], brief: bool, between: str) -> list[str]:
     """Rows with what they were used for or why not; of many the first, the rest as one."""
     shown = parts[:MOST] if brief else parts
-    lines = [f"{e.rows}{between}{e.because}" for e in shown]
+    lines = [f"{fixed(e.rows, 0)}{between}{e.because}" for e in shown]
     rest = sum(e.rows for e in parts[len(shown) :])
-    return [*lines, f"{rest}{between}other reasons (--json has all)"] if rest else lines
+    return [*lines, f"{fixed(rest, 0)}{between}other reasons (--json has all)"] if rest else lines
 
 
 def _origin(mismatch: Mismatch, brief: bool) -> Iterator[Fact]:

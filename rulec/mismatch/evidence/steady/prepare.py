@@ -20,6 +20,7 @@ from rulec_runtime.recordings.stationary import (
     noise_at_work,
     systematic_u,
 )
+from rulec_runtime.report.text import counted, fixed
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
@@ -228,9 +229,9 @@ def _split_of_one(
 def _split_in_words(
     time: Array, part: NDArray[np.intp], block: NDArray[np.intp], heldout: Sequence[object]
 ) -> str:
-    counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
+    counts = [fixed(int((part == p).sum()), 0) for p in (ESTIMATION, SELECTION, HELDOUT)]
     chosen = "as asked" if heldout else "every fifth block"
     return (
-        f"{len(time)} settled points in {len(np.unique(block))} blocks of time: "
+        f"{counted(len(time), 'settled point')} in {len(np.unique(block))} blocks of time: "
         f"{counts[0]} for estimation, {counts[1]} for selection, {counts[2]} held out ({chosen})"
     )

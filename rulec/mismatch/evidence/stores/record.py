@@ -13,6 +13,7 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
+from rulec_runtime.report.text import counted, fixed
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.failing_sensors import coarse_step, median_u
@@ -192,8 +193,9 @@ def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) 
 
 def _split_in_words(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str:
     counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
+    fitted, held = fixed(counts[0] + counts[1], 0), fixed(counts[2], 0)
     chosen = "as asked" if heldout else "every fifth block, by the inputs"
     return (
-        f"{len(time)} samples in {limits.BLOCKS} blocks of time: {counts[0] + counts[1]} to search "
-        f"and fit, {counts[2]} held out ({chosen}); simulation runs through all of them"
+        f"{counted(len(time), 'sample')} in {limits.BLOCKS} blocks of time: {fitted} to search and "
+        f"fit, {held} held out ({chosen}); simulation runs through all of them"
     )

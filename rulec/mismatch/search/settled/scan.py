@@ -248,10 +248,11 @@ def _has_alike_faults(found: Found, alike: Alike) -> bool:
 
 
 def _with_exact_laws(geometry: Evidence, model: Model) -> Model:
-    """A model with smaller errors of laws, and calibrations as firm as stated: where a large effect
-    is missing these replace it, so that no explanation would gain anything beside them."""
+    """A model with smaller errors of laws and of sensors that move, and calibrations as firm as
+    stated: where a large effect is missing these replace it, so that no explanation would gain
+    anything beside them."""
     table, n = model.table.copy(), len(model.at)
-    table[:, n : n + geometry.forms.shape[1]] *= limits.STIFF
+    table[:, n : n + geometry.forms.shape[1] + geometry.moving.shape[1]] *= limits.STIFF
     precision = model.precision.copy()
     precision[:n, :n] = model.prior.near(model.mean).precision
     return replace(model, table=table, precision=precision)
