@@ -106,6 +106,13 @@ def _simulation(known: Compilation) -> Iterator[str]:
         yield "a reading is solved for twice, or given as well"
 
 
+def _balanced(known: Compilation) -> Iterator[str]:
+    """Balances hold each fault once."""
+    faults = known.balanced.dynamics.faults if known.balanced.dynamics else ()
+    if len(set(faults)) < len(faults):
+        yield "a fault is built into the balances twice"
+
+
 def _ruleset(known: Compilation) -> Iterator[str]:
     """The plan has all outputs that the runtime needs."""
     outputs = known.ruleset.plan.outputs
@@ -124,5 +131,6 @@ INVARIANTS: Mapping[str, Callable[[Compilation], Iterator[str]]] = {
     "signatures": _signatures,
     "rules": _rules,
     "simulation": _simulation,
+    "balanced": _balanced,
     "ruleset": _ruleset,
 }

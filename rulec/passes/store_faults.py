@@ -52,7 +52,7 @@ def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
     # Faults of both have the names that the settled equations give them.
     named = _names(kind, knowledge) | _names(still, knowledge)
     result = []
-    for (use, variant), name in named.items():
+    for (use, _), (variant, name) in named.items():
         fault, id_ = knowledge.fault_in(use), f"{module.name}.{name}"
         places, law = _acting(module, fault, variant, use.target)
         result.append(
@@ -78,9 +78,12 @@ def fault_change(
     return Change(places=places, law=law, parameters={"x": x}, ids={"x": degree})
 
 
-def _names(kind: ModuleType, knowledge: Knowledge) -> dict[tuple[FaultUse, Variant], str]:
+def _names(
+    kind: ModuleType, knowledge: Knowledge
+) -> dict[tuple[FaultUse, str], tuple[Variant, str]]:
+    """Variants of faults with their local ids, by the use and the name of the variant."""
     named = fault_names(kind.faults, knowledge, kind.signals)
-    return {(use, variant): name for use, variant, name in named}
+    return {(use, variant.name): (variant, name) for use, variant, name in named}
 
 
 def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
