@@ -237,7 +237,7 @@ def scan(
         # Far from the model slopes hardly predict the gain of a large effect: more are tried.
         count = limits.FIRST_SETS if len(levels) == 1 else most
         found += _scanned(geometry, levels[0], every, count, 0)
-        found += _scanned(geometry, _with_exact_laws(geometry, model), every, most, 0)
+        found += _scanned(geometry, _with_exact_laws(geometry, model), every, count, 0)
     found = [f for f in found if not _has_alike_faults(f, alike)]
     return sorted(found, key=lambda f: -f.gain)
 
