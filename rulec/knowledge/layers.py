@@ -103,16 +103,20 @@ def layers_around(near: Path, root: Path | None = None) -> tuple[Layer, ...]:
 
 
 def root_of(file: Path) -> Path | None:
-    """The folder of knowledge that a file belongs to; None if it belongs to none."""
+    """The folder of knowledge that a file belongs to; None if it belongs to none.
+
+    A knowledge base may hold copies of others in folders of their own, as `rulec adopt` writes.
+    """
     folder = Path(os.path.abspath(file)).parent  # of a link itself, not of its target
+    nearest = None
     for part in (folder, *folder.parents):
         if part.name == KB or (part / UNITS).is_file():
             return part
         if (part / PLANT).is_file():
-            return None
-        if part.name in _OF_A_KIND:
-            return part.parent
-    return None
+            break
+        if nearest is None and part.name in _OF_A_KIND:
+            nearest = part.parent
+    return nearest
 
 
 def yaml_files_in(folder: Path) -> list[Path]:

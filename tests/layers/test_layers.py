@@ -85,7 +85,8 @@ def test_package_without_knowledge_is_told(plant: Path, install: Install, entry:
 
 
 def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> None:
-    """In folders of their own; the copy stands alone, and gives the same."""
+    """In folders of their own; the copy stands alone, beside the package and without it, and gives
+    the same."""
     install(units=UNITS)
     write(plant / "kb", modules__acme_valve=VALVE)
     before = compile_plant(plant)
@@ -95,6 +96,7 @@ def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> 
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
     shutil.copy(plant / "plant.yaml", "copy")
+    assert collect([Path("copy")]) == []
     shutil.rmtree("site-packages")
     assert collect([Path("copy")]) == []
     after = compile_plant(Path("copy"))
