@@ -110,11 +110,13 @@ def root_of(file: Path) -> Path | None:
     folder = Path(os.path.abspath(file)).parent  # of a link itself, not of its target
     nearest = None
     for part in (folder, *folder.parents):
-        if part.name == KB or (part / UNITS).is_file():
+        if part.name == KB:
             return part
         if (part / PLANT).is_file():
             break
-        if nearest is None and part.name in _OF_A_KIND:
+        if nearest is None and (part / UNITS).is_file():
+            nearest = part
+        elif nearest is None and part.name in _OF_A_KIND:
             nearest = part.parent
     return nearest
 

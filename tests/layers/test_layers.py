@@ -87,7 +87,7 @@ def test_package_without_knowledge_is_told(plant: Path, install: Install, entry:
 def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> None:
     """In folders of their own; the copy stands alone, beside the package and without it, and gives
     the same."""
-    install(units=UNITS)
+    install(units=UNITS, modules__acme_pump=VALVE.replace("acme-valve", "acme-pump"))
     write(plant / "kb", modules__acme_valve=VALVE)
     before = compile_plant(plant)
     nothing = cast(Adoption, SimpleNamespace(changed={}, taken=()))
