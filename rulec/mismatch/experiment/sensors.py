@@ -141,7 +141,7 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
         plan = builder.plan(module, setting.ids, tuple(spots), definitions=True)
         out = run_with_slopes(plan, inputs, ())[0]
         flows = [out[f"q:{o.id}"] + everywhere for o in system.observers if o.module == module]
-        found[module, ""] = np.mean(flows, axis=0)
+        found[module, ""] = np.median(flows, axis=0)  # One estimate may diverge.
         joined = tuple(id_ for id_ in setting.ids if module in observed[id_])
         corrected = builder.amended(module, joined).corrected
         for name in system.shared:

@@ -186,13 +186,14 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
 
 
 def test_the_answer_tells_of_each_recording() -> None:
-    """A slip that follows the temperature shows in the second alone, which decides for both."""
+    """A slip that follows the temperature shows in the second alone, which decides for both: not
+    surely, as laws may be off by as much."""
     plant, n = alone(), LENGTH // 2
     slip = {SLIP: {"b": 0.02, "T0": USUAL}}
     cold = recorded(plant, {**tour(plant[0], n), "A.T": np.full(n, USUAL)}, slip)
     warm = recorded(plant, {**tour(plant[0], n, low=0.65), "A.T": warming(n)}, slip)
     found = compared(plant, joined(cold, warm))
-    assert [("0.csv", "none"), ("1.csv", "named")] == [
+    assert [("0.csv", "none"), ("1.csv", "ambiguous")] == [
         (r.name, r.verdict) for r in found.recordings
     ]
     (update,) = found.changed
@@ -200,8 +201,9 @@ def test_the_answer_tells_of_each_recording() -> None:
     assert ["nothing", SLIP] == [moved.id for moved in update.moved]
     before, after = np.array([(moved.before, moved.after) for moved in update.moved]).T
     assert before[0] > 0.9 > 0.1 > after[0]
-    assert before[1] < 0.1 < 0.9 < after[1]
-    assert [SLIP] == [finding.id for finding in found.findings]
+    (finding,) = found.findings
+    assert before[1] < 0.1 < 0.4 < after[1] == pytest.approx(finding.probability, abs=1e-3)
+    assert SLIP == finding.id
 
 
 MOVED = (Moved("a", "slip", 0.52, 0.97), Moved("b", "friction", 0.45, 0.02))

@@ -23,7 +23,7 @@ from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.best_set import titled_with_module
-from rulec.mismatch.search.settled.grow_sets import Names, Posterior, Progress, explain
+from rulec.mismatch.search.settled.grow_sets import Posterior, Progress, explain
 from rulec.mismatch.search.settled.scan import id_of, name_of
 
 NOTHING = "nothing"
@@ -98,7 +98,7 @@ def _result(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
     """The verdict by probabilities only, and the likely explanations, the likeliest first."""
     if found is None:
         return "cannot judge", ()
-    every, (titles, sorts) = _by_id(found.sets), _titles(found)
+    every, (titles, sorts) = _by_id(found), _titles(found)
     kept = sorted((k for k, p in every.items() if p >= common.MENTIONED), key=lambda k: -every[k])
     return _verdict(every, sorts), tuple(Likely(key, titles[key], every[key]) for key in kept)
 
@@ -109,13 +109,15 @@ def _key(name: str) -> str:
     return TERM + driver if mark else id_of(name)
 
 
-def _by_id(sets: Mapping[Names, float]) -> dict[str, float]:
-    """Probability of each explanation, by its id."""
-    found = {NOTHING: sets.get(frozenset(), 0.0)}
-    for names, probability in sets.items():
+def _by_id(posterior: Posterior) -> dict[str, float]:
+    """Probability of each explanation, by its id; as in a finding, that errors of laws and sensors
+    alone explain the misfit counts against those of the best set."""
+    found = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
+    for names, probability in posterior.sets.items():
         for key in {_key(name) for name in names}:
             found[key] = found.get(key, 0.0) + probability
-    return found
+    exact = posterior.tolerance.stand_out
+    return {k: p * (1.0 - limits.INEXACT * (1.0 - exact.get(k, 1.0))) for k, p in found.items()}
 
 
 def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
@@ -148,7 +150,7 @@ def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ..
     titles: dict[str, str] = {}
     shares: list[dict[str, float]] = []
     for found in (before, after):
-        shares.append({} if found is None else _by_id(found.sets))
+        shares.append({} if found is None else _by_id(found))
         titles |= {} if found is None else _titles(found)[0]
     first, last = shares
     every = {k: (first.get(k, 0.0 if first else None), last.get(k, 0.0)) for k in first | last}
