@@ -6,7 +6,6 @@ Only the standard library at the top: `--help` answers without numpy.
 from __future__ import annotations
 
 import argparse
-import difflib
 import io
 import os
 import re
@@ -36,6 +35,18 @@ class Parser(argparse.ArgumentParser):
             self.exit(2)
         return super().parse_args(given, namespace)
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse unknown arguments with the usage of their own command."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            from rulec_runtime.output.nearest import nearest
+
+            known = (name.lstrip("-") for name in self._option_string_actions)
+            near = nearest(unknown[0].partition("=")[0].lstrip("-"), known)
+            hint = f"; did you mean '--{near}'?" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found, unknown
+
     def error(self, message: str) -> NoReturn:
         from rulec_runtime.output.terminal import one_line
 
@@ -47,10 +58,12 @@ def _with_the_nearest(message: str) -> str:
     found = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
     if found is None:
         return message
-    near = difflib.get_close_matches(found[1], re.findall(r"[\w-]+", found[2]), n=1)
-    if not near:
+    from rulec_runtime.output.nearest import nearest
+
+    near = nearest(found[1], re.findall(r"[\w-]+", found[2]))
+    if near is None:
         return message
-    return f"{message[: found.start()]}there is no '{found[1]}'; did you mean '{near[0]}'?"
+    return f"{message[: found.start()]}there is no '{found[1]}'; did you mean '{near}'?"
 
 
 def prepare_process() -> None:
