@@ -9,7 +9,6 @@ from pathlib import Path
 
 from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings.formats import is_called_recording
 
 from rulec.language.limits import (
     MAX_DIAGNOSTICS,
@@ -91,13 +90,10 @@ def no_file_of_ours(
     place: Place, near: str | None = None, second: Place | None = None
 ) -> Diagnostic:
     """A file is not of this tool; `near` is the key that was meant, `second` what names it."""
-    if is_called_recording(Path(place.file)):
-        message = "this is a recording, not a YAML file of this tool"
-        hint = "the plant comes first, then the recording"
-    else:
-        message = "this is not a file of this tool"
-        hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
-    return Diagnostic(place, "KB012", message, hint, second)
+    hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
+    if Path(place.file).suffix not in (".yaml", ".yml"):
+        hint = "it is no YAML file; if it is a recording, give the plant first: PLANT RECORDING"
+    return Diagnostic(place, "KB012", "this is not a file of this tool", hint, second)
 
 
 def render(diagnostic: Diagnostic) -> str:

@@ -97,7 +97,7 @@ def assign(
         expected = ruleset.time_column or "time [s]"
         hint = ""
         if header.strangers and header.targets and not ruleset.time_column:
-            names = ", ".join(f"'{name}'" for name in header.strangers[:SHOWN])
+            names = " or ".join(f"'{name}'" for name in header.strangers[:SHOWN])
             hint = (
                 f"; if it is {names}, rename it, or name it in the column map (columns.yaml) as "
                 "'time: {from: ...}'"
