@@ -281,7 +281,7 @@ def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("no json", "it is not JSON"),
+        ("no json", "this is not a result of"),
         ('{"repair": {"plant": "nowhere"}}', "broken (KeyError: 'parameters')"),
         (
             '{"repair": {"plant": "nowhere", "joined": [], "parameters": ["A.k2"], "values": [], '

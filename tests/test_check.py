@@ -109,7 +109,7 @@ def test_doubts_and_mistakes_in_sarif(
     the standard asks for has both places of a clash, by relative paths."""
     folder = shutil.copytree(ROOT / "tests" / "errors" / "KB141-apart", tmp_path / "p")
     assert main(["check", str(folder)]) == 0
-    assert "1 doubt in 1 file" in capsys.readouterr().out
+    assert "1 warning in 1 file" in capsys.readouterr().out
     assert main(["check", str(folder), "--format", "sarif"]) == 0
     (result,) = json.loads(capsys.readouterr().out)["runs"][0]["results"]
     assert (result["ruleId"], result["level"]) == ("KB141", "warning")

@@ -71,7 +71,7 @@ def test_example_says_what_is_expected(
         expected.write_text(text, encoding="utf-8")
     assert expected.read_text(encoding="utf-8") == text
     assert [name[:5]] == re.findall(r"^KB\d{3}", text, re.MULTILINE)
-    assert re.search(r"\n1 (mistake|doubt) in 1 file\n\Z", text)
+    assert re.search(r"\n1 (mistake|warning) in 1 file\n\Z", text)
 
 
 @contextlib.contextmanager

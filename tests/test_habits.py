@@ -151,7 +151,7 @@ class Told(io.StringIO):
     [
         (["chek", "x"], 2, "there is no 'chek'; did you mean 'check'?"),
         (["init", "plnt", "x"], 2, "there is no 'plnt'; did you mean 'plant'?"),
-        (["check", "nowhere"], 1, "`rulec init plant NAME` writes a first plant"),
+        (["check", "nowhere"], 1, "`rulec init plant NAME` makes a new plant"),
         (["show", "nothing"], 2, "rulec show: there is no pass 'nothing'"),
         (["show", "differentiate"], 2, "which plant? give rulec show differentiate PLANT"),
         (["matrix", "plants/abc", "--limits", "l.yaml"], 2, "rulec matrix: --limits are limits"),

@@ -126,7 +126,11 @@ INPUTS = str(STORES / "examples" / "inputs.csv")
     ("words", "code", "said"),
     [
         (("abc.ruleset.json", str(RECORDING)), 2, "abc.ruleset.json: give the plant's folder"),
-        ((str(PLANT), str(RECORDING), "--series", "no/m.x"), 2, "no/m.x: there is no such folder"),
+        (
+            (str(PLANT), str(RECORDING), "--series", "no/m.x"),
+            2,
+            "no/m.x: there is no folder 'no'; make it first",
+        ),
         ((str(PLANT), str(RECORDING), str(RECORDING)), 1, "same file, given twice"),
         ((str(STORES), INPUTS, INPUTS), 1, "this plant stores"),
     ],

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.console import Console
+from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.recordings.join_recordings import names_of
 from rulec_runtime.recordings.recording import Recording
@@ -194,8 +194,8 @@ def _check_effects(asked: Sequence[str], builder: ModelBuilder) -> None:
     known = {c.id for c in builder.candidates} if asked else set()
     for id_ in asked:
         if id_ not in known:
-            near = get_close_matches(id_, sorted(known), 1)
-            meant = f"; did you mean {near[0]}?" if near else ""
+            near = nearest(id_, known)
+            meant = f"; did you mean '{near}'?" if near else ""
             raise MismatchRefused(
                 f"--power {id_}: no effect of this plant has that id{meant or ';'} "
                 "'rulec show effects PLANT' lists them"

@@ -218,6 +218,8 @@ def parse_fault(text: str) -> Injected:
         found = Injected(name.strip(), float(size), float(since or "-inf"), float(until or "inf"))
     except ValueError:
         found = Injected("", float("nan"))
+    if found.since > found.until:
+        raise Misused(f"--fault {text}: the period ends before it begins")
     if not found.fault or not isfinite(found.degree) or not found.since <= found.until:
         raise Misused(
             f"--fault {text}: write <module>.<fault>=<degree>, where 0.2 is 20 %; for a period "

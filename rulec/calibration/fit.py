@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.plural import plural
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.robust_statistics import spread_about
 from scipy.optimize import least_squares, lsq_linear
@@ -379,9 +380,11 @@ def _usable_rows(
     rows = np.flatnonzero(usable)
     needed = POINTS_PER_PARAMETER * max(count, 1)
     if len(rows) < needed:
+        points = plural(len(rows), "settled point", "settled points")
+        fitted = plural(count, "parameter", "parameters")
         raise CalibrationRefused(
-            f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
-            f"{readings.true.name}; {needed} are needed for {count} parameters"
+            f"{module.name}.{observer}: only {points} with all readings and {readings.true.name}; "
+            f"{needed} are needed for {fitted}: record more speeds or pressures"
         )
     return rows
 

@@ -32,8 +32,8 @@ def run(options: argparse.Namespace) -> int:
     written = options.force or not found.unbelievable
     if written:
         write_to(options.output, found.text)
-    found.tell(console(options), options.output, forced=options.force)
     write_json(options, found.to_dict())
+    found.tell(console(options), options.output, forced=options.force)
     return 0 if written else 1
 
 

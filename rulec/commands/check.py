@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rulec_runtime.commands.destinations import console, note_aside, write_json, write_to
+from rulec_runtime.output.plural import plural
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import is_called_recording
@@ -92,7 +93,9 @@ def _tell(
     if found:
         out.print(render_all(found), soft_wrap=True)
     if all(one.doubt for one in found):
-        out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(map(str, paths))))
+        warned = f", {plural(len(found), 'warning', 'warnings')}" if found else ""
+        shown = ", ".join(map(str, paths))
+        out.print(styled("[green]✓[/] {}: no mistakes{}", shown, warned))
     if facts:
         from rulec.commands.recording_report import tell
 

@@ -8,6 +8,7 @@ from rulec_runtime.commands.destinations import (
     check_outputs,
     console,
     progress_of,
+    show_files,
     write_json,
     write_to,
 )
@@ -23,15 +24,15 @@ def run(options: argparse.Namespace) -> int:
         found = experiment(
             options.mismatch, hours=options.hours, steps=options.steps, limits=options.limits
         )
-    out = console(options)
-    found.tell(out)
-    if options.output and found.found.steps:
-        write_to(options.output, found.inputs_csv())
-        out.print(styled("[dim]inputs for rulec simulate: {}[/]", options.output))
-    elif options.output:
-        out.print(styled("[dim]{} is not written: there is no step[/]", options.output))
+    inputs = options.output if found.found.steps else None
+    if inputs:
+        write_to(inputs, found.inputs_csv())
     if options.report:
         write_to(options.report, found.page())
-        out.print(styled("[dim]report: {}[/]", options.report))
     write_json(options, found.to_dict())
+    out = console(options)
+    found.tell(out)
+    if options.output and not inputs:
+        out.print(styled("[dim]{} is not written: there is no step[/]", options.output))
+    show_files(out, {"inputs for rulec simulate": inputs, "report": options.report})
     return 0

@@ -72,8 +72,8 @@ def run(options: argparse.Namespace) -> int:
     trends = [*trends_of(store.rows(tasks), fleet.rulesets)]
     page = fleet.results / "ranking.html"
     write_text(page, fleet_page(fleet, plants, days, trends))
-    _show(console(options), plants, trends, page)
     write_json(options, _form(fleet, plants, rows, trends))
+    _show(console(options), plants, trends, page)
     return 0
 
 

@@ -45,8 +45,8 @@ def run(options: argparse.Namespace) -> int:
     written = options.force or fitted.holds
     if written:
         write_to(options.output, module_of(document, fitted, name, source))
-    _tell(console(options), fitted, options.output, written)
     write_json(options, machine_form(fitted, source))
+    _tell(console(options), fitted, options.output, written)
     return 0 if written else 1
 
 

@@ -34,7 +34,9 @@ def run(options: argparse.Namespace) -> int:
     files = dict(skeleton(options.kind, options.name, folder, options.like))
     for file in files:
         if os.path.lexists(file):
-            raise InitRefused(f"'{file}' is there already, and nothing is replaced; take another")
+            raise InitRefused(
+                f"'{file}' already exists and was not overwritten; choose another name or folder"
+            )
     out = console(options)
     for file, text in files.items():
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -58,6 +60,8 @@ def skeleton(
     """
     if not _NAME.fullmatch(name):
         hint = "a letter, then at most 60 letters, digits, _ and -"
+        if os.path.basename(name) != name:
+            hint += f"; the folder comes after it: rulec init {kind} {Path(name).name} {name}"
         raise InitRefused(f"'{name[:70]}' is not a legal name: {hint}")
     package = re.sub(r"[^a-z0-9]", "_", name.lower())
     knowledge = {"plant": folder / KB, "kb": folder / package}.get(kind, folder)

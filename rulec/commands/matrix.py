@@ -13,7 +13,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from rulec_runtime import limits
-from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
+from rulec_runtime.commands.destinations import (
+    check_outputs,
+    console,
+    show_files,
+    write_json,
+    write_to,
+)
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
@@ -41,6 +47,14 @@ def run(options: argparse.Namespace) -> int:
     ruleset = ruleset_of_plant(plant)
     stores, without = _of_stores(ruleset, plant), _without(ruleset, plant)
     pairs = separated(ruleset, options.limits) if options.separate else None
+    if options.report:
+        write_to(options.report, matrix_page(ruleset, made_now("rulec"), stores))
+    more = {}
+    if pairs is not None:
+        from rulec.separation.table import separated_form
+
+        more = {"separate": separated_form(ruleset, pairs)}
+    write_json(options, {**json_form(ruleset, stores), "without": without, **more})
     if options.json != "-":
         if pairs is None:
             show(console(options), ruleset, stores)
@@ -49,15 +63,7 @@ def run(options: argparse.Namespace) -> int:
             from rulec.separation.table import show_separated
 
             show_separated(console(options), ruleset, pairs)
-    if options.report:
-        write_to(options.report, matrix_page(ruleset, made_now("rulec"), stores))
-        console(options).print(styled("[dim]report: {}[/]", options.report))
-    more = {}
-    if pairs is not None:
-        from rulec.separation.table import separated_form
-
-        more = {"separate": separated_form(ruleset, pairs)}
-    write_json(options, {**json_form(ruleset, stores), "without": without, **more})
+    show_files(console(options), {"report": options.report})
     return 0
 
 

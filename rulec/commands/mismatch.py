@@ -7,17 +7,16 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rulec_runtime.commands.destinations import (
     STANDARD_OUTPUT,
     check_outputs,
     console,
     progress_of,
+    show_files,
     write_json,
     write_to,
 )
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.arguments import folder_of
@@ -40,15 +39,17 @@ def run(options: argparse.Namespace) -> int:
             power=options.power,
             progress=progress,
         )
-    out = console(options)
-    found.tell(out)
+    # All files first: whatever reads the story may go before its end.
     if options.report:
         write_to(options.report, found.page())
-        out.print(styled("[dim]report: {}[/]", options.report))
     if options.series:
         write_to(options.series, found.series_csv())
-        out.print(styled("[dim]courses of the models: {}[/]", options.series))
-    write_json(options, found.form(_write_hidden(out, options, found)))
+    hidden = _write_hidden(options, found)
+    write_json(options, found.form(hidden.name if hidden else None))
+    out = console(options)
+    found.tell(out)
+    courses = {"courses of the models": options.series, "course of what is not recorded": hidden}
+    show_files(out, {"report": options.report, **courses})
     return UNSURE if found.verdict == "unsure" else 0
 
 
@@ -79,13 +80,12 @@ def periods_of(texts: Sequence[str]) -> Periods:
     return tuple(periods)
 
 
-def _write_hidden(out: Console, options: argparse.Namespace, found: MismatchResult) -> str | None:
-    """Write the course of a hidden driver beside the JSON file; returns the name of its file."""
+def _write_hidden(options: argparse.Namespace, found: MismatchResult) -> Path | None:
+    """Write the course of a hidden driver beside the JSON file; returns its file."""
     hidden = found.found.hidden
     if hidden is None or options.json in (None, STANDARD_OUTPUT):
         return None
     target = Path(options.json)
     series = target.with_name(f"{target.stem}.hidden.csv")
     write_text(series, hidden_csv(hidden))
-    out.print(styled("[dim]course of what is not recorded: {}[/]", series))
-    return series.name
+    return series

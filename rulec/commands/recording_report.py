@@ -81,7 +81,7 @@ def _lines(facts: Facts) -> Iterator[Text]:
         template = _WHOLE if count == every else _PART
         yield styled(template, what, count, every)
     if facts.blind:
-        yield styled("  no trace of {}", _some(facts.blind))
+        yield styled("  undetectable: {}", _some(facts.blind))
     for lack in facts.lacks:
         yield styled("  without {} ({}): {}", lack.signal, lack.why, _without(lack))
     yield styled("rulec mismatch could find {} of {} effects, each at its place", *facts.effects)
@@ -94,7 +94,7 @@ def _without(lack: Lack) -> str:
     if lack.estimates:
         parts.append(f"no {_some(lack.estimates)}")
     if lack.comparisons:
-        parts.append(plural(len(lack.comparisons), "comparison less", "comparisons less"))
+        parts.append(plural(len(lack.comparisons), "fewer comparison", "fewer comparisons"))
     if lack.effects:
         parts.append(f"mismatch cannot find {_some(lack.effects)}")
     return "; ".join(parts) or "its balance cannot be followed"

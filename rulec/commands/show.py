@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.refusal import Misused
 
 from rulec.passes.compile_cache import kept_of_plant
@@ -43,7 +44,6 @@ def _lines(step: str, plant: Path | None) -> Iterable[str]:
 def _printer(asked: str, plant: Path | None) -> Callable[[], Iterable[str]]:
     """What gives the lines of a step, by its name or a word of it; raises `Misused` for others."""
     from rulec.commands.show_steps import STEPS, lines_of  # loads the compiler
-    from rulec.language.diagnostics import did_you_mean
 
     short = [name for name in STEPS if asked in name.split("_")]
     step = short[0] if len(short) == 1 else asked

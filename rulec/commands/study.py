@@ -11,11 +11,11 @@ from rulec_runtime.commands.destinations import (
     console,
     note_aside,
     progress_of,
+    show_files,
     write_json,
     write_to,
 )
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.output.terminal import styled
 
 from rulec.api.study import JUDGING, study
 
@@ -45,12 +45,12 @@ def run(options: argparse.Namespace) -> int:
             announce=announce,
             progress=progress,
         )
-    out = console(options)
-    found.tell(out)
     if options.report:
         write_to(options.report, found.page())
-        out.print(styled("[dim]report: {}[/]", options.report))
     write_json(options, found.to_dict())
+    out = console(options)
+    found.tell(out)
+    show_files(out, {"report": options.report})
     return 0
 
 

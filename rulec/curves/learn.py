@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.autocorrelation_time import memory_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import spread_about
@@ -27,7 +28,6 @@ from rulec.curves.limits import GAP, KNOT_GAP, LEARNT_FAR, LEARNT_KNOTS, LEARNT_
 from rulec.curves.samples import Samples, samples_of
 from rulec.knowledge.module_type import ModuleType, Signal
 from rulec.knowledge.plant import Module
-from rulec.language.diagnostics import did_you_mean
 from rulec.limits import FAR_POINT, POINTS_PER_PARAMETER
 from rulec.passes.types import Compilation
 

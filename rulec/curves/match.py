@@ -97,8 +97,8 @@ def points_of(
         elif fits:
             names = ", ".join(one_line(c.name)[:40] for c in alike)
             raise CurveRefused(
-                f"{names}: it is open which column is {' and which '.join(fits)}; call them so "
-                "with --columns, and leave out what is neither"
+                f"{names}: each could be {' or '.join(fits)}; rename the right ones so with "
+                "--columns, and leave out the others"
             )
     taken = {id(values) for values in readings.values()}
     return _derived(readings, [c for c in rest if id(c.values) not in taken], wanted)

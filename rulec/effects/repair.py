@@ -166,7 +166,9 @@ def read_form(file: Path) -> dict[str, Any]:
     try:
         data = read_json(file)
     except Damaged as error:
-        raise AdoptRefused(f"{file}: {error}; write it with rulec mismatch") from None
+        raise AdoptRefused(
+            f"{file}: this is not a result of `rulec mismatch --json FILE` ({error})"
+        ) from None
     if not isinstance(data, dict) or not isinstance(data.get("repair"), dict):
         raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")
     return data

@@ -10,6 +10,7 @@ from typing import Any
 
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
 from rulec_runtime.fleet.plant_day import hash_of
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.open_file import check_address, is_below, is_near
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.header import parts_of
@@ -18,7 +19,7 @@ from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec.knowledge.layers import PLANT, leads_out
 from rulec.knowledge.read import read_alone
 from rulec.knowledge.unit_lists import table_of
-from rulec.language.diagnostics import Refused, did_you_mean
+from rulec.language.diagnostics import Refused
 from rulec.language.reader import Reader
 
 RulesetOf = Callable[[Path], Ruleset]

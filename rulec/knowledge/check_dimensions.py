@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import sympy
+from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.module_type import ENDS, ModuleType
-from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
+from rulec.language.diagnostics import Diagnostic, Place
 from rulec.language.dimension import dimension
 from rulec.language.document import Document
 from rulec.language.expression import Rejected, constant

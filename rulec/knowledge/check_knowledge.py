@@ -6,6 +6,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Iterator, Mapping
 
+from rulec_runtime.output.nearest import did_you_mean
+
 from rulec.knowledge.check_dimensions import EquationReader, provided_names
 from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_fault import check_fault, frequency_at
@@ -15,7 +17,7 @@ from rulec.knowledge.effect import Effect
 from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.unit_lists import table_of
-from rulec.language.diagnostics import Diagnostic, Refused, did_you_mean
+from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.language.reader import Reader
 from rulec.language.units import NONE, UnitTable

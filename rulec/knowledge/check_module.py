@@ -8,6 +8,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rulec_runtime.output.nearest import did_you_mean
+
 from rulec.knowledge.check_fault import frequency_at
 from rulec.knowledge.check_length import check_lengths
 from rulec.knowledge.check_regimes import RegimeReader
@@ -25,7 +27,7 @@ from rulec.knowledge.module_type import (
     Parameter,
     Signal,
 )
-from rulec.language.diagnostics import Place, did_you_mean
+from rulec.language.diagnostics import Place
 from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.reader import Reader

@@ -12,6 +12,7 @@ from zoneinfo import available_timezones
 
 import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN
+from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_module import check_value
@@ -22,7 +23,7 @@ from rulec.knowledge.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 from rulec.knowledge.module_type import ModuleType, Parameter
 from rulec.knowledge.plant import Block, Column, Module, Plant
 from rulec.knowledge.sources import Sources
-from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
+from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_
 from rulec.language.number_text import rounded
 from rulec.language.reader import Reader

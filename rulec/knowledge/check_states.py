@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rulec_runtime.output.nearest import did_you_mean
+
 from rulec.knowledge.module_type import ENDS, ModuleType, Reading, Signal, State
-from rulec.language.diagnostics import did_you_mean
 from rulec.language.document import Path_
 from rulec.language.expression import Expression, parse
 from rulec.language.reader import Reader

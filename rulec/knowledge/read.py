@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.open_file import begin_of, is_near
 from rulec_runtime.output.refusal import Misused
 
@@ -33,7 +34,7 @@ from rulec.knowledge.read_layers import (
 )
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.tables import with_tables
-from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
+from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.open_file import begin_of, is_near
 
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
-from rulec.language.diagnostics import KINDS, Diagnostic, Place, nearest, no_file_of_ours
+from rulec.language.diagnostics import KINDS, Diagnostic, Place, no_file_of_ours
 from rulec.language.document import Document, unread_document
 from rulec.language.schema import check_schema, kind_of
 from rulec.limits import MAX_FILE_BYTES

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.refusal import Refusal
@@ -14,7 +14,6 @@ from rulec.language.limits import (
     MAX_DIAGNOSTICS,
     MAX_EXCERPT_BYTES,
     MAX_MESSAGE_LENGTH,
-    NEAREST_NAME,
 )
 
 WIDTH = 96
@@ -76,14 +75,6 @@ class Refused(Refusal):
         return "; ".join(d.message for d in self.diagnostics[:3])
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that the author probably meant, if any."""
-    names = sorted(known)
-    same = [n for n in names if n.lower() == name.lower()]
-    near = same or difflib.get_close_matches(name, names, n=1, cutoff=NEAREST_NAME)
-    return near[0] if near else None
-
-
 def is_ours(text: str) -> bool:
     """Whether a text looks like a file of this tool, without parsing it.
 
@@ -100,30 +91,18 @@ def no_file_of_ours(
 ) -> Diagnostic:
     """A file is not of this tool; `near` is the key that was meant, `second` what names it."""
     hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
+    if Path(place.file).suffix not in (".yaml", ".yml"):
+        hint = "it is no YAML file; if it is a recording, give the plant first: PLANT RECORDING"
     return Diagnostic(place, "KB012", "this is not a file of this tool", hint, second)
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Suggest the nearest known name, or list the first known ones.
-
-    >>> did_you_mean("k_leek", ["k_leak", "V"])
-    "did you mean 'k_leak'?"
-    """
-    names = sorted(known)
-    near = nearest(name, names)
-    if near is not None:
-        return f"did you mean '{near}'?"
-    if not names:
-        return ""
-    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-    return f"known: {shown}"
 
 
 def render(diagnostic: Diagnostic) -> str:
     """Write a diagnostic as text: place, message, excerpt with caret, remedy."""
     place, second = diagnostic.place, diagnostic.second
     message = _shortened(diagnostic.message)
-    head = f"{diagnostic.code} {place.file}:{place.line}:{place.column}: {message}"
+    whole = place == Place(place.file)  # the file, not a part of it
+    at = place.file if whole else f"{place.file}:{place.line}:{place.column}"
+    head = f"{diagnostic.code} {at}: {message}"
     lines = [head, *_excerpt(place, _shortened(diagnostic.hint))]
     if second is not None:
         lines.append(f"  see also {second.file}:{second.line}:{second.column}")
@@ -140,7 +119,7 @@ def render_all(diagnostics: Iterable[Diagnostic]) -> str:
     found = sorted(set(diagnostics))
     files = len({d.place.file for d in found})
     doubts = sum(d.doubt for d in found)
-    kinds = (("mistake", len(found) - doubts), ("doubt", doubts))
+    kinds = (("mistake", len(found) - doubts), ("warning", doubts))
     counted = [f"{count} {kind}{'s' * (count != 1)}" for kind, count in kinds if count]
     counted = counted or ["0 mistakes"]
     count = f"{' and '.join(counted)} in {files} file{'s' * (files != 1)}"

@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from rulec_runtime.output.nearest import near_file
 from rulec_runtime.output.open_file import begin_of
 
 from rulec.language.diagnostics import (
+    KINDS,
     Diagnostic,
     Place,
     Refused,
@@ -90,7 +92,8 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     try:
         raw = begin_of(path, MAX_FILE_BYTES + 1)
     except FileNotFoundError:
-        hint = "`rulec init plant NAME` writes a first plant, to be filled in"
+        near = near_file(path)
+        hint = f"did you mean '{near}'?" if near else "`rulec init plant NAME` makes a new plant"
         message = "there is no such file or folder"
         return None, [Diagnostic(Place(name), "KB001", message, hint)]
     except (OSError, ValueError) as error:
@@ -139,7 +142,8 @@ def _parsed(name: str, text: str) -> tuple[Document | None, Sequence[Diagnostic]
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         return None, [_syntax(name, text, error)]
     if node is None:
-        hint = "start it with what it describes, as in 'module: my-module'"
+        kind = Path(name).stem if Path(name).stem in KINDS else "module"
+        hint = f"start it with what it describes, as in '{kind}: my-{kind}'"
         return None, [Diagnostic(Place(name), "KB006", "the file is empty", hint)]
     builder = _Builder(name)
     data = builder.build(node, ())
@@ -186,7 +190,10 @@ _SYNTAX = {
         "text that starts with it needs quotes",
     ),
     "expected node content": ("something is missing here", "a value, or a closing bracket"),
-    "did not find expected ','": ("a comma or a closing bracket is missing before this", ""),
+    "did not find expected ','": (
+        "a comma or a closing bracket is missing before this",
+        "close the bracket that was opened before",
+    ),
     "did not find expected key": (
         "this does not belong here",
         "keys of one group start in the same column; is a quote or bracket too many?",
@@ -216,6 +223,8 @@ def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
             place = min(_at(name, context), end)
         elif "," in problem:
             second = _at(name, context)
+    if "expected ':'" in problem and context is not None:
+        place = _at(name, context)  # the end of the line above, without its colon, is read on
     # Some releases of the YAML reader refuse extreme nesting before they give any event.
     if "maximum nesting depth" in problem:
         return Diagnostic(place, "KB010", *_TOO_DEEP)

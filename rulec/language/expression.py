@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rulec.language.diagnostics import did_you_mean
+from rulec_runtime.output.nearest import did_you_mean
+
 from rulec.language.functions import FUNCTIONS
 from rulec.language.limits import (
     MAX_CONSTANT,

@@ -28,10 +28,6 @@ MAX_UNKNOWN_KEYS = 30
 """Unknown keys of one part that are reported; more are some other file altogether. Origin:
 assumed."""
 
-NEAREST_NAME = 0.6
-"""Likeness, from 0 to 1, from which on a known name counts as the one that was meant. Origin:
-standard (the default of difflib.get_close_matches)."""
-
 # Equations
 
 MAX_EQUATION_LENGTH = 600

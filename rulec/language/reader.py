@@ -7,7 +7,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rulec.language.diagnostics import Diagnostic, Place, did_you_mean, nearest
+from rulec_runtime.output.nearest import did_you_mean, nearest
+
+from rulec.language.diagnostics import Diagnostic, Place
 from rulec.language.dimension import dimension
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Expression, Rejected, parse

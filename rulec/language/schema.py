@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+from rulec_runtime.output.nearest import did_you_mean, nearest
 
-from rulec.language.diagnostics import KINDS, Diagnostic, did_you_mean, nearest
+from rulec.language.diagnostics import KINDS, Diagnostic
 from rulec.language.document import Document, Path_
 from rulec.language.limits import MAX_UNKNOWN_KEYS
 from rulec.limits import KEPT_DOCUMENTS
@@ -86,7 +87,11 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
         case "type":
             types = " or ".join(_TYPES[t] for t in ([limit] if isinstance(limit, str) else limit))
             message = f"{part} must be {types}, not {_show(value)}"
-            yield Diagnostic(where, "KB022", message, _type_hint(limit, value))
+            needed = error.schema.get("required", ())
+            hint = _type_hint(limit, value)
+            if limit == "object" and len(needed) == 1 and isinstance(value, str):
+                hint = f"write {{{needed[0]}: {_clip(value)}}}"
+            yield Diagnostic(where, "KB022", message, hint)
         case "enum":
             hint = did_you_mean(str(value), map(str, limit))
             yield Diagnostic(where, "KB023", f"{part} cannot be {_show(value)}", hint)
@@ -121,7 +126,7 @@ def _comma(document: Document, path: Path_, part: dict[str, Any], key: str) -> s
     if document.key(*path, first).line != document.key(*path, key).line:
         return ""
     value = part[first]
-    if key.isdigit() and isinstance(value, int) and not isinstance(value, bool):
+    if key[:1].isdigit() and _is_number(key) and type(value) is int:
         return f"between {{ and }} a comma ends a value: write '{first}: {value}.{key}'"
     if isinstance(value, str):
         return f"between {{ and }} a comma ends a value: put the text of '{first}' in quotes"

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.simulation.balances import Balances, RanAway
 
@@ -74,8 +75,8 @@ def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injec
     for name in (part.fault for part in injected):
         fault = ruleset.fault_by_id.get(name)
         if fault is None:
-            known = ", ".join(ruleset.fault_by_id) or "none"
-            raise SimulationRefused(f"{ruleset.plant} has no fault '{name}'; it has {known}")
+            hint = did_you_mean(name, ruleset.fault_by_id)
+            raise SimulationRefused(f"{ruleset.plant} has no fault '{name}'; {hint}")
         read = {s for o in fault.affects for s in ruleset.observer_by_id[o].signals}
         if read.intersection(dynamics.inputs) and name not in dynamics.faults:
             raise SimulationRefused(

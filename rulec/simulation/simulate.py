@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.simulation.equations import Equations, SimulationRefused, StepEquations
 from rulec.simulation.newton import Index, Systems, follow
@@ -192,15 +193,14 @@ def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -
     for kind, table, known in kinds:
         for name, value in table.items():
             if name not in known:
-                raise SimulationRefused(
-                    f"{ruleset.plant} has no {kind} '{name}'; it has {', '.join(known)}"
-                )
+                hint = did_you_mean(name, known)
+                raise SimulationRefused(f"{ruleset.plant} has no {kind} '{name}'; {hint}")
             if np.any(np.isinf(value)) or (kind != "input" and np.any(np.isnan(value))):
                 raise SimulationRefused(f"{name}: not every value is a number")
     for name, value in degrees.items():
         fault = ruleset.fault_by_id[name]
         if np.any(np.asarray(value) < fault.lowest) or np.any(np.asarray(value) > fault.highest):
             raise SimulationRefused(
-                f"{name}: its degree lies between {fault.lowest:g} and {fault.highest:g}"
-                f"{' ' if fault.unit else ''}{fault.unit}"
+                f"{name}: give a degree from {fault.lowest:g} to {fault.highest:g}"
+                f"{f' {fault.unit}' if fault.unit else ', where 0.2 is 20 %'}"
             )

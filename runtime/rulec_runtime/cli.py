@@ -23,16 +23,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser(
         prog="rulec-runtime",
         description="Diagnose a plant, also while it runs, with a ruleset from rulec compile.",
-        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage; 3 where diagnose could not see "
-        "all, or --fail-on asks for it.",
+        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage; 3 if diagnose was partly blind, "
+        "or as --fail-on says.",
     )
     version_option(parser, "rulec-runtime")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "judge a recording: which fault, how large, and why"
     diagnose_options(commands.add_parser("diagnose", help=text), "RULESET.json")
-    text = "judge a plant while it runs, and tell what begins, grows and ends"
+    text = "judge a plant while it runs, and report what begins, grows and ends"
     watch_options(commands.add_parser("watch", help=text), "RULESET.json")
-    text = "list, filter and export what a watched plant told"
+    text = "list, filter and export the events of a watched plant"
     journal_options(commands.add_parser("journal", help=text))
     for command in commands.choices.values():
         quiet_option(command)

@@ -134,7 +134,7 @@ def test_excel_and_a_digitised_table_say_the_same(tmp_path: Path) -> None:
         ("Q [m3/h],H,,,P_el [kW],,n [rpm]", (), "column 'H' names no unit"),
         ("Q [m3/h],H [furlong],,,,,n [rpm]", (), "unknown unit 'furlong'"),
         ("dp [bar],n [m],,,,,Q [m3/h]", (), "are two columns swapped?"),
-        ("Q [m3/h],H [m],,P1 [kW],P2 [kW],,n [rpm]", (), "it is open which column is P_el"),
+        ("Q [m3/h],H [m],,P1 [kW],P2 [kW],,n [rpm]", (), "each could be P_el"),
         ("Q [m3/h],H [m],,,P_el [kW],,", (), "dp_law lacks n [rpm]"),
         ("Q [m3/h],,,,,,", (), "no law of metered-centrifugal can be fitted"),
         ("Q [m3/h],H [m],,,,,n [rpm]", ("--grade", "9Z"), "give 1B, 2B, 3B, or a share"),

@@ -64,7 +64,7 @@ def test_nothing_is_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     """And a name that no file could use is refused."""
     write(Path("new"), plant="mine\n")
     assert main(["init", "plant", "p", "new"]) == 1
-    assert "new/plant.yaml' is there already" in capsys.readouterr().err
+    assert "new/plant.yaml' already exists" in capsys.readouterr().err
     assert ["new/plant.yaml"] == [str(f) for f in Path("new").rglob("*")]
     assert Path("new/plant.yaml").read_text() == "mine\n"
     for name in ("../x", "a b", "", "1", "x" * 99, "ü"):

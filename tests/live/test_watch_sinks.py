@@ -174,7 +174,7 @@ def test_mistakes_are_told(rules: Path, tmp_path: Path, capsys: pytest.CaptureFi
         (("--events", "no/such/events.jsonl"), "there is no such folder"),
         (("--state", str(other)), "no state of a watch"),
         (("--mqtt", "mqtt://x/a/#"), "cannot be the beginning"),
-        (("--mqtt-ca", "x.pem"), "name the broker with --mqtt"),
+        (("--mqtt-ca", "x.pem"), "needs --mqtt URL"),
         (("--mqtt", "mqtts://x", "--mqtt-ca", "no.pem"), "no.pem: No such file"),
         ((health, "x"), "write PORT or HOST:PORT"),
         ((health, "0.0.0.0:4840"), "beyond this computer it needs a certificate"),

@@ -68,9 +68,9 @@ def test_exit_code_json_and_terminal(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (GONE_WITH_DP, ["A.dp"]) == (set(blind["faults"]), blind["readings"])
     assert "A.dp: not in the recording" == blind["because"]
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "Partly blind 9 of 18 faults could not be seen" in shown
-    assert "cannot see any fault of A, C.clogging and C.widening since 0 s" in shown
-    assert "A.dp brings them back" in shown
+    assert "Partly blind 9 of 18 faults could not be detected" in shown
+    assert "cannot detect any fault of A, C.clogging and C.widening since 0 s" in shown
+    assert "A.dp is needed to detect them" in shown
     assert "Partly blind: 9 of 18 faults" in page.read_text()
 
 

@@ -102,4 +102,4 @@ def test_a_leakage_beside_a_dead_pressure_of_its_module(points: int, kind: str) 
     leakage_of(found)
     if kind == "stuck":
         (blind,) = found.not_judged
-        assert "in part: A.dp: stuck at one value; cannot see A.dp.high, A.dp.low" == blind.text
+        assert "in part: A.dp: stuck at one value; cannot detect A.dp.high, A.dp.low" == blind.text

@@ -182,7 +182,10 @@ NOTED: list[tuple[str, Sheet]] = [
     ("30 rows repeat the time", SHEET.mapped("time", lambda k, _: str(k // 2))),
     ("2 rows have no usable time", SHEET.filled("time", "Bad", 4, 6)),
     ("not in order of time; they are now", Sheet(SHEET.header, SHEET.rows[::-1])),
-    ("is no signal of this plant's module A", SHEET.renamed("A.Q", "A.flow [l/h]")),
+    (
+        "matches no signal of this plant; is this a rec",
+        SHEET.renamed("A.Q", "A.flow [l/h]"),
+    ),
     ("belong to no signal of this plant: 'A_dp [bar]'", SHEET.renamed("A.dp", "A_dp [bar]")),
 ]
 

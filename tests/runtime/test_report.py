@@ -241,4 +241,4 @@ def test_command_writes_the_report(
     assert 1 == main([*told, "--truth", str(tmp_path / "no.csv")])
     assert "no.csv: No such file" in capsys.readouterr().err
     assert 2 == main([*told, "--report", str(tmp_path / "no" / "r.html")])
-    assert "there is no such folder" in capsys.readouterr().err
+    assert "make it first" in capsys.readouterr().err

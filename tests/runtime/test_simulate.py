@@ -165,8 +165,8 @@ def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
 @pytest.mark.parametrize(
     ("given", "degrees", "message"),
     [
-        ({"A.dp": 1e5}, {}, "abc has no input 'A.dp'; it has A.n, B.n"),
-        ({}, {"A.leakage": 1.5}, "A.leakage: its degree lies between 0 and 1"),
+        ({"A.dp": 1e5}, {}, "abc has no input 'A.dp'; known: A.n, B.n"),
+        ({}, {"A.leakage": 1.5}, "A.leakage: give a degree from 0 to 1, where 0.2 is 20 %"),
         ({"A.n": np.array([15.0, np.inf])}, {}, "A.n: not every value is a number"),
     ],
 )

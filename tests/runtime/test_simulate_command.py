@@ -221,10 +221,10 @@ def test_more_than_one_solution_is_said(tmp_path: Path, capsys: pytest.CaptureFi
     [
         ("A.leakage", 2, "write <module>.<fault>=<degree>"),
         ("A.leakage=nan", 2, "write <module>.<fault>=<degree>"),
-        ("A.leakage=0.2@9:3", 2, "write <module>.<fault>=<degree>"),
+        ("A.leakage=0.2@9:3", 2, "the period ends before it begins"),
         ("A.leakage=0.2@900:", 1, "the recording runs from 0 s to 59 s"),
-        ("A.leakage=-0.2", 1, "A.leakage: its degree lies between 0 and 1"),
-        ("A.leek=0.2", 1, "abc has no fault 'A.leek'; it has A.leakage, "),
+        ("A.leakage=-0.2", 1, "A.leakage: give a degree from 0 to 1, where 0.2 is 20 %"),
+        ("A.leek=0.2", 1, "abc has no fault 'A.leek'; did you mean 'A.leakage'?"),
     ],
 )
 def test_bad_faults(
@@ -254,7 +254,7 @@ def test_bad_targets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "give the name of a file" in refused(capsys, 2, ABC, source, "-o", tmp_path)
     assert "give the name of a folder" in refused(capsys, 2, ABC, tmp_path, "-o", source)
     nowhere = tmp_path / "none" / "out.csv"
-    assert "No such file or directory" in refused(capsys, 1, ABC, source, "-o", nowhere)
+    assert "make it first" in refused(capsys, 1, ABC, source, "-o", nowhere)
     assert "--noise -1" in refused(capsys, 2, ABC, source, "-o", "x.csv", "--noise", "-1")
     assert HEALTHY.read_bytes() == Path(source).read_bytes()
 

@@ -15,12 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.knowledge.read import read_all
 from rulec.knowledge.unit_lists import table_of
-from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
+from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import check_schema
 from rulec.language.units import UnitTable

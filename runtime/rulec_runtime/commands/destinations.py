@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import (
     machine_text,
     say_aside,
+    styled,
     terminal,
     write_document,
     write_machine_text,
@@ -66,7 +68,7 @@ def without_folder(options: argparse.Namespace, *names: str) -> str | None:
     for name in names:
         target = getattr(options, name, None)
         if target not in (None, STANDARD_OUTPUT) and not Path(target).parent.is_dir():
-            return f"--{name} {target}: there is no such folder"
+            return f"--{name} {target}: there is no folder '{Path(target).parent}'; make it first"
     return None
 
 
@@ -80,6 +82,13 @@ def write_to(target: str, text: str) -> None:
         write_document(text)
     else:
         write_text(Path(target), text)
+
+
+def show_files(out: Console, files: Mapping[str, str | Path | None]) -> None:
+    """Name the files that were written, by what they hold."""
+    for what, file in files.items():
+        if file is not None:
+            out.print(styled("[dim]{}: {}[/]", what, file))
 
 
 def write_json(options: argparse.Namespace, data: Any) -> None:

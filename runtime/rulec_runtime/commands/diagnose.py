@@ -10,6 +10,7 @@ from rulec_runtime.commands.destinations import (
     check_outputs,
     console,
     progress_of,
+    show_files,
     write_json,
     write_to,
 )
@@ -49,17 +50,17 @@ def show_results(options: argparse.Namespace, found: Judged, progress: Progress)
         progress("drawing the report")
         page = found.page()
     progress.end()
-    out = console(options)
-    explain(out, found.diagnosis)
+    # All files first: whatever reads the story may go before its end.
     if options.trace:
         write_to(options.trace, trace)
-        out.print(styled("[dim]one row per sample: {}[/]", options.trace))
     if options.report:
         write_to(options.report, page)
-        out.print(styled("[dim]report: {}[/]", options.report))
-    elif found.truth is not None:
+    write_json(options, found.form())
+    out = console(options)
+    explain(out, found.diagnosis)
+    show_files(out, {"one row per sample": options.trace, "report": options.report})
+    if found.truth is not None and not options.report:
         out.print(
             styled("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
         )
-    write_json(options, found.form())
     return 0 if found.diagnosis.is_whole else limits.NOT_ALL_SEEN

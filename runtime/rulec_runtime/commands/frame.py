@@ -6,7 +6,6 @@ Only the standard library at the top: `--help` answers without numpy.
 from __future__ import annotations
 
 import argparse
-import difflib
 import io
 import os
 import re
@@ -21,6 +20,9 @@ RECORDING = (
 )
 """A recording, in the help of a command."""
 
+RULESET = "file that rulec compile wrote"
+MODE = "default: whole signature with uncertainties; paper: Eqs. 17-19 as printed"
+
 
 class Parser(argparse.ArgumentParser):
     """A parser that shows wrong arguments as plain text: a script may pass anything."""
@@ -33,6 +35,18 @@ class Parser(argparse.ArgumentParser):
             self.exit(2)
         return super().parse_args(given, namespace)
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse unknown arguments with the usage of their own command."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            from rulec_runtime.output.nearest import nearest
+
+            known = (name.lstrip("-") for name in self._option_string_actions)
+            near = nearest(unknown[0].partition("=")[0].lstrip("-"), known)
+            hint = f"; did you mean '--{near}'?" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found, unknown
+
     def error(self, message: str) -> NoReturn:
         from rulec_runtime.output.terminal import one_line
 
@@ -44,10 +58,12 @@ def _with_the_nearest(message: str) -> str:
     found = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
     if found is None:
         return message
-    near = difflib.get_close_matches(found[1], re.findall(r"[\w-]+", found[2]), n=1)
-    if not near:
+    from rulec_runtime.output.nearest import nearest
+
+    near = nearest(found[1], re.findall(r"[\w-]+", found[2]))
+    if near is None:
         return message
-    return f"{message[: found.start()]}there is no '{found[1]}'; did you mean '{near[0]}'?"
+    return f"{message[: found.start()]}there is no '{found[1]}'; did you mean '{near}'?"
 
 
 def prepare_process() -> None:
@@ -108,7 +124,7 @@ class Version(argparse.Action):
 
     def __init__(self, option_strings: Sequence[str], dest: str, **rest: Any) -> None:
         self._distribution = str(rest.pop("distribution"))
-        super().__init__(option_strings, dest, nargs=0, help="say the version", default=SUPPRESS)
+        super().__init__(option_strings, dest, nargs=0, help="show the version", default=SUPPRESS)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from importlib.metadata import version
@@ -127,43 +143,38 @@ def version_option(parser: argparse.ArgumentParser, distribution: str) -> None:
 def quiet_option(parser: argparse.ArgumentParser) -> None:
     """Add the option `--quiet` of every command."""
     parser.add_argument(
-        "-q", "--quiet", action="store_true", help="say nothing but results asked for and mistakes"
+        "-q", "--quiet", action="store_true", help="print only requested results and errors"
     )
 
 
-def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
-    """Add the options of `diagnose`; `plant` is the name of its first argument."""
+def diagnose_options(diagnose: argparse.ArgumentParser, plant: str, about: str = RULESET) -> None:
+    """Add the options of `diagnose`; `plant` is its first argument, and `about` says what it is."""
     add = diagnose.add_argument
-    add("plant", metavar=plant)
+    add("plant", metavar=plant, help=about)
     add(
         "recording",
         metavar="RECORDING",
         help=f"{RECORDING}; or results of observers in the modules' controllers",
     )
-    add(
-        "--mode",
-        choices=("default", "paper"),
-        default="default",
-        help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
-    )
+    add("--mode", choices=("default", "paper"), default="default", help=MODE)
     add("--trace", metavar="FILE.csv", help="one row per sample; - for standard output")
     add("--report", metavar="FILE.html", help="one page with pictures, to hand on")
-    add("--truth", metavar="FILE.csv", help="true degrees, which the report compares with")
+    add("--truth", metavar="FILE.csv", help="true degrees, for comparison in the report")
     json_option(diagnose)
 
 
-def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
-    """Add the options of `watch`; `plant` is the name of its first argument."""
+def watch_options(watch: argparse.ArgumentParser, plant: str, about: str = RULESET) -> None:
+    """Add the options of `watch`; `plant` is its first argument, and `about` says what it is."""
     add = watch.add_argument
-    add("plant", metavar=plant)
+    add("plant", metavar=plant, help=about)
     add(
         "--source",
         metavar="SOURCE",
         required=True,
         help="a CSV file that grows, - for standard input, opc.tcp://HOST:PORT, mqtt://HOST",
     )
-    add("--map", metavar="MAP.yaml", help="which signal is which node or topic (OPC UA, MQTT)")
-    add("--state", metavar="FILE", help="what is remembered, to go on with after the process ended")
+    add("--map", metavar="MAP.yaml", help="node or topic of each signal (OPC UA, MQTT)")
+    add("--state", metavar="FILE", help="saved state, to resume from after a restart")
     add(
         "--journal",
         metavar="JOURNAL",
@@ -172,53 +183,53 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
     add(
         "--page",
         metavar="[HOST:]PORT",
-        help="show it as a web page; beyond this machine with a token, from RULEC_TOKEN",
+        help="serve a web page; other machines need the token in RULEC_TOKEN",
     )
-    add("--events", metavar="FILE.jsonl", help="put each event behind the others")
+    add("--events", metavar="FILE.jsonl", help="append each event as one line of JSON")
     add(
         "--mqtt",
         metavar="URL",
-        help="send events and status to a broker: mqtt://HOST or mqtts://HOST, with /TOPIC behind "
-        "it in place of /rulec; user and password from RULEC_MQTT_USER, RULEC_MQTT_PASSWORD",
+        help="send events and status to a broker: mqtt://HOST or mqtts://HOST, with /TOPIC to "
+        "replace /rulec; user and password from RULEC_MQTT_USER, RULEC_MQTT_PASSWORD",
     )
-    add("--mqtt-ca", metavar="FILE", help="whom to trust for mqtts://, in place of the system's")
+    add("--mqtt-ca", metavar="FILE", help="CA file for mqtts://, instead of the system's")
     add(
         "--device-health",
         metavar="[HOST:]PORT",
-        help="say by OPC UA how each module is (IDeviceHealthType); beyond this machine with "
+        help="publish the health of each module by OPC UA (IDeviceHealthType); other machines need "
         "certificates",
     )
     add(
         "--device-health-certificates",
         metavar="FOLDER",
-        help="holds own.der, own.pem and a folder trusted with the certificates of clients",
+        help="folder with own.der, own.pem, and the certificates of clients in trusted",
     )
     add(
         "--waiting",
         metavar="FOLDER",
-        help="where events wait while database or broker are gone or a disk is full (default: that "
-        "of the journal's, the state's or the events' file)",
+        help="where events wait while database or broker are unreachable or a disk is full "
+        "(default: the folder of the journal, the state or the events)",
     )
-    add("--until-end", action="store_true", help="end where a file ends, instead of waiting")
+    add("--until-end", action="store_true", help="stop at the end of a file instead of waiting")
     add(
         "--fail-on",
         metavar="LETTERS",
         default="",
-        help="exit code 3 if something of these letters of NE 107 is active at the end, as in F,C",
+        help="exit code 3 if one of these letters of NE 107 is active at the end, as in F,C",
     )
 
 
 def json_option(parser: argparse.ArgumentParser) -> None:
     """Add the option `--json`."""
-    parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
+    parser.add_argument("--json", metavar="FILE", help="result as JSON; - for standard output")
 
 
 def journal_options(journal: argparse.ArgumentParser) -> None:
     """Add the options of `journal`."""
     add = journal.add_argument
     add("journal", metavar="JOURNAL", help="file, or postgresql+psycopg://USER@HOST/DATABASE")
-    add("--plant", metavar="P", help="of one plant alone")
-    when = "seconds, or a date such as 2026-11-25T14:30 (UTC where it names no zone)"
+    add("--plant", metavar="P", help="one plant only")
+    when = "seconds, or a date such as 2026-11-25T14:30 (UTC unless it names a zone)"
     add("--since", metavar="T", type=_time, help=f"from then on: {when}")
     add("--until", metavar="T", type=_time, help="up to then")
     add(
@@ -230,11 +241,11 @@ def journal_options(journal: argparse.ArgumentParser) -> None:
     )
     letters = "letters of NE 107, such as F,C,S,M"
     add("--status", metavar="S", type=_choice(*"FCSM"), default=(), help=letters)
-    add("--active", action="store_true", help="what has not ended alone")
-    add("--csv", metavar="FILE", help="a table; - for standard output")
+    add("--active", action="store_true", help="active episodes only")
+    add("--csv", metavar="FILE", help="a table as CSV; - for standard output")
     json_option(journal)
-    add("--ack", metavar="EPISODE", help="take note of an episode; needs --by")
-    add("--by", metavar="NAME", help="who takes note")
+    add("--ack", metavar="EPISODE", help="acknowledge an episode; needs --by")
+    add("--by", metavar="NAME", help="who acknowledges")
     add(
         "--fail-on",
         metavar="S",

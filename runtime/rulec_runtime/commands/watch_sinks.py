@@ -28,7 +28,7 @@ def sinks_of(
     if options.mqtt:
         sinks.append(_mqtt(options, ruleset.plant, folder, stack))
     elif options.mqtt_ca:
-        raise JournalRefused("--mqtt-ca says whom to trust: name the broker with --mqtt")
+        raise JournalRefused("--mqtt-ca needs --mqtt URL")
     if options.device_health:
         sinks.append(_device_health(options, ruleset, stack))
     elif options.device_health_certificates:

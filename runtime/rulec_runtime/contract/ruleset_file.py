@@ -29,6 +29,8 @@ def read_ruleset(path: Path) -> Ruleset:
     """Read a ruleset file; raises `RulesetRefused` if it is none, or of another version."""
     try:
         data = read_json(path)
+    except IsADirectoryError:
+        raise RulesetRefused(f"{path}: a folder; give the file that rulec compile wrote") from None
     except OSError as error:
         raise RulesetRefused(f"{path}: cannot be read ({error.strerror})") from None
     except Damaged as error:

@@ -82,6 +82,8 @@ def _replacing(path: Path, through: bool = False) -> Iterator[Path]:
                 part.unlink()
         if isinstance(error, OSError) and error.filename in (None, str(part)):
             error.filename, error.filename2 = str(path), None  # the name that the user gave
+            if isinstance(error, FileNotFoundError):
+                error.strerror = f"there is no folder '{path.parent}'; make it first"
         raise
 
 

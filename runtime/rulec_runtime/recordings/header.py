@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import as_meant
+from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
@@ -97,8 +97,11 @@ def assign(
         expected = ruleset.time_column or "time [s]"
         hint = ""
         if header.strangers and header.targets and not ruleset.time_column:
-            first = header.strangers[0]
-            hint = f"; if it is '{first}', rename it, or say so in the column map (columns.yaml)"
+            names = " or ".join(f"'{name}'" for name in header.strangers[:SHOWN])
+            hint = (
+                f"; if it is {names}, rename it, or name it in the column map (columns.yaml) as "
+                "'time: {from: ...}'"
+            )
         raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'{hint}")
     return header
 
@@ -167,8 +170,8 @@ def _conversion(
     wanted = parse_unit(signal.unit, ruleset.units)
     if found is None:
         known = fitting(wanted, ruleset.units) or [signal.unit]
-        close = get_close_matches(unit, known, 1)
-        hint = f"did you mean '{close[0]}'? " if close else ""
+        near = nearest(unit, known)
+        hint = f"did you mean '{near}'? " if near else ""
         raise RecordingRefused(
             f"{path}: column '{title}': unknown unit '{unit[:40]}'; {hint}"
             f"for {signal.id} write {', '.join(known[:8])}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from itertools import pairwise
@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.blockwise import interval_of
 from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.header import foreign
+from rulec_runtime.recordings.header import foreign, parts_of
 from rulec_runtime.recordings.larger_than_memory import (
     array,
     blocks,
@@ -144,7 +145,7 @@ def recording_of(
     if calendar is not None:
         notes.append(calendar.zero())
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
-    notes += _strangers(list(strangers), ruleset)
+    notes += _strangers(list(strangers), ruleset, signals)
     absent = [np.broadcast_to(np.full(1, np.nan), len(part.time)) for part in parts]
     columns = {
         name: [part.values.get(name, none) for part, none in zip(parts, absent, strict=True)]
@@ -176,18 +177,25 @@ def _segments(lengths: Sequence[int]) -> NDArray[np.intp]:
     return found
 
 
-def _strangers(names: Sequence[str], ruleset: Ruleset) -> Iterator[str]:
-    """Remarks on columns that belong to no signal, as they may be of another plant."""
+def _strangers(names: Sequence[str], ruleset: Ruleset, found: Collection[str]) -> Iterator[str]:
+    """Remarks on columns that belong to no signal; they may be of one that was not `found`."""
     odd = [name for name in names if name.partition(".")[0] in ruleset.modules]
     if odd:
-        yield (
-            f"'{odd[0]}' is no signal of this plant's module {odd[0].partition('.')[0]}; "
-            "is this a recording of another plant?"
-        )
+        missing = [s.id for s in ruleset.signals if s.id not in found]
+        yield f"column '{odd[0]}' matches no signal of this plant; {_meant(odd[0], missing)}"
     if names:
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
         yield f"columns that belong to no signal of this plant: {shown}{more}"
+
+
+def _meant(title: str, missing: Sequence[str]) -> str:
+    """What the title of an unknown column may mean, given the signals that no column holds."""
+    name, _, unit = (part.strip(" )") for part in title.partition("("))
+    if name in missing:
+        return f"write the unit in square brackets: '{name} [{unit}]'"
+    near = nearest(parts_of(title)[0], missing)
+    return f"did you mean '{near}'?" if near else "is this a recording of another plant?"
 
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:

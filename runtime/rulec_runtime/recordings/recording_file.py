@@ -14,6 +14,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.nearest import near_file
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.blockwise import any_of
@@ -64,7 +65,9 @@ def files_of(path: Path) -> list[Path]:
         return [path]
     if not place.is_dir():
         if not place.exists():
-            raise RecordingRefused(f"{path}: there is no such file")
+            near = near_file(place)
+            hint = f"; did you mean '{near}'?" if near else ""
+            raise RecordingRefused(f"{path}: there is no such file{hint}")
         return [path]
     files = sorted(f for f in place.iterdir() if is_called_recording(f))
     csv = [f for f in files if f.name.lower().endswith(CSV.suffixes)]

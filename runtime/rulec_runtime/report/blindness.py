@@ -20,7 +20,7 @@ PARTLY = "Partly blind"
 
 
 def blindness(ruleset: Ruleset, blind: Blind, calendar: Calendar | None = None) -> str:
-    """Which faults cannot be seen, since when, why, and which readings bring them back."""
+    """Which faults cannot be detected, since when, why, and which readings they need."""
     return f"{unseen(ruleset, blind)} {since_when(blind, calendar)}: {why_and_how(blind)}"
 
 
@@ -32,27 +32,27 @@ def since_when(blind: Blind, calendar: Calendar | None) -> str:
 
 
 def why_and_how(blind: Blind) -> str:
-    """The reason, and the readings that bring the faults back."""
+    """The reason, and the readings that the faults need."""
     return f"{blind.because}; {brought_back(blind)}"
 
 
 def unseen(ruleset: Ruleset, blind: Blind) -> str:
-    """Faults that cannot be seen, as `named` groups them."""
-    return f"cannot see {listed(list(named(ruleset, blind.faults)))}"
+    """Faults that cannot be detected, as `named` groups them."""
+    return f"cannot detect {listed(list(named(ruleset, blind.faults)))}"
 
 
 def brought_back(blind: Blind) -> str:
-    """The readings that bring the faults back."""
-    brings = "brings" if len(blind.readings) == 1 else "together bring"
+    """The readings that are needed to detect the faults."""
+    are = "is" if len(blind.readings) == 1 else "are"
     them = "it" if len(blind.faults) == 1 else "them"
-    return f"{listed(blind.readings)} {brings} {them} back"
+    return f"{listed(blind.readings)} {are} needed to detect {them}"
 
 
 def hidden(diagnosis: Diagnosis) -> str:
-    """How many of the faults could not be seen."""
+    """How many of the faults could not be detected."""
     count = len({fault for one in diagnosis.blind for fault in one.faults})
     every = len(diagnosis.ruleset.faults)
-    return f"{count} of {plural(every, 'fault', 'faults')} could not be seen"
+    return f"{count} of {plural(every, 'fault', 'faults')} could not be detected"
 
 
 def told_else(diagnosis: Diagnosis) -> tuple[Period, ...]:

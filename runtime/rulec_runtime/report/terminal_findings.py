@@ -56,7 +56,9 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     verdict = f"{symbol} {diagnosis.status} {meaning}"
     out.print(styled("\n[bold {}]{}[/]  {}", colour, verdict, diagnosis.ruleset.title))
     settled = "" if diagnosis.ruleset.dynamics is not None else "settled and "
-    judged = f"{diagnosis.samples} samples, {share:.0f} % of them {settled}judged"
+    judged = (
+        f"{plural(diagnosis.samples, 'sample', 'samples')}, {share:.0f} % of them {settled}judged"
+    )
     out.print(styled("[dim]{}, mode {}[/]", judged, diagnosis.mode))
     for sensor in diagnosis.sensors:
         _sensor(out, diagnosis, sensor)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.blockwise import nearest
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import opened_sheet
@@ -114,9 +114,9 @@ def _columns(
                 raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
             chosen[name] = i
         elif unit == "1":
-            close = get_close_matches(name, ruleset.fault_by_id, 1)
-            hint = f"; did you mean '{close[0]}'?" if close else ""
-            notes.append(f"{path.name}: '{title}' is no fault of this plant and is left out{hint}")
+            hint = did_you_mean(name, ruleset.fault_by_id)
+            text = f"'{title}' is no fault of this plant and is left out; {hint}"
+            notes.append(f"{path.name}: {text}")
     if time is None:
         raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
     if not chosen:

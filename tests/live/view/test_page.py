@@ -58,7 +58,7 @@ def test_page_shows_the_finding_first_and_asks_for_nothing_else() -> None:
         "Degree 0.600 (95 %: 0.596 to 0.604), share of the pump",
         "Probability 100 % Why estimates",
         "311.1 l/h ±10.4 l/h 29.9 × beyond",
-        "Cannot be judged ▼ C cannot see errors of B.dp: B.dp: stuck",
+        "Cannot be judged ▼ C cannot detect errors of B.dp: B.dp: stuck",
         "2026-09-21 16:13:39 ended A.leakage 0.200",
     ):
         assert part in seen, part

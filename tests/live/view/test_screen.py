@@ -64,7 +64,7 @@ def test_finding_comes_first_with_all_that_an_operator_needs() -> None:
 def test_not_judged_nothing_found_and_nothing_known_are_told_apart() -> None:
     """Where nothing is wrong, each residual stands beside its threshold."""
     part = " ".join(text(failing(), size=(120, 40)).split())
-    assert "Cannot be judged now ▼ C NEW cannot see errors of B.dp" in part
+    assert "Cannot be judged now ▼ C NEW cannot detect errors of B.dp" in part
     assert "Past events 2026-09-21 16:14:11 ◆ M began A.leakage 0.600" in part
     sound, blind = text(healthy()), text(before())
     assert "✓ ok nothing found" in sound

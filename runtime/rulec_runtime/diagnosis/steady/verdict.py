@@ -100,7 +100,7 @@ def partly_blind(evaluated: EvaluatedPoints, point: int) -> str:
     if not because or not unseen:
         return ""
     names = ", ".join(unseen[:NAMED]) + (", ..." if len(unseen) > NAMED else "")
-    return f"in part: {because}; cannot see {names}"
+    return f"in part: {because}; cannot detect {names}"
 
 
 def shown_without(evaluated: Iterable[EvaluatedPoints]) -> Iterator[str]:

@@ -57,9 +57,13 @@ def _file(path: Path, make: bool) -> sa.Engine:
             raise JournalRefused(f"{path} is no journal, nor any database of SQLite")
     except (FileNotFoundError, NotADirectoryError):
         if not make:
-            raise JournalRefused(f"{path}: there is no journal") from None
+            raise JournalRefused(
+                f"{path}: there is no journal; rulec watch --journal FILE writes one"
+            ) from None
         if not path.parent.is_dir():
-            raise JournalRefused(f"{path}: there is no such folder") from None
+            raise JournalRefused(
+                f"{path}: there is no folder '{path.parent}'; make it first"
+            ) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JournalRefused(f"{path}: {reason}") from None

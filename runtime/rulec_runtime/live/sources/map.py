@@ -10,8 +10,9 @@ from urllib.parse import urlsplit
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map_access import ACCEPT, ACCESS, ANSWERS, Access, read_access
-from rulec_runtime.live.sources.map_entry import Entry, hint, read_entries
+from rulec_runtime.live.sources.map_entry import Entry, read_entries
 from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 
 
@@ -94,7 +95,8 @@ def read_map(path: Path, kind: Kind, ruleset: Ruleset, endpoint: str = "") -> So
     for name, entry in entries["signals"].items().items():
         if name not in ruleset.signal_by_id:
             known = [s.id for s in ruleset.signals if s.id in ruleset.read]
-            raise entry.refused(f"'{name[:40]}' is no signal of the plant{hint(name, known)}")
+            hint = did_you_mean(name, known)
+            raise entry.refused(f"'{name[:40]}' is no signal of the plant; {hint}")
         channels.append(_channel(kind, entry, ruleset, servers))
     if not ruleset.read.intersection(c.signal.id for c in channels):
         raise entries["signals"].refused("no signal of it stands in an equation of the plant")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.refused import SourceRefused, extra
+from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.open_file import begin_of
 
 
@@ -64,22 +64,9 @@ class Entry:
             if not name or name in found:
                 raise here.refused(f"'{name}' stands twice" if name else "a key must be a name")
             if known is not None and name not in known:
-                raise here.refused(f"unknown key '{name[:40]}'{hint(name, known)}")
+                raise here.refused(f"unknown key '{name[:40]}'; {did_you_mean(name, known)}")
             found[name] = Entry(self._path, value, name)
         return found
-
-
-def hint(name: str, known: Iterable[str]) -> str:
-    """A hint to the known name that was probably meant, or to all of them.
-
-    >>> hint("pollicy", ["policy", "mode"]), hint("x", ["policy", "mode"])
-    ("; did you mean 'policy'?", '; known are policy, mode')
-    """
-    names = list(known)
-    close = get_close_matches(name, names, 1)
-    if close:
-        return f"; did you mean '{close[0]}'?"
-    return f"; known are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
 
 
 def read_entries(path: Path, extra_of: str) -> Entry:
