@@ -123,7 +123,7 @@ def _page() -> str:
     lines = [
         "# Errors",
         "",
-        "What `rulec check` says, by code. Each message names file, line and column, shows the",
+        "The messages of `rulec check`, by code. Each names file, line and column, shows the",
         "line, and ends with a remedy. This page is made from the examples in `tests/errors/`",
         "(`RULEC_REMAKE=1 pytest tests/test_errors.py`); do not edit it.",
         "",
