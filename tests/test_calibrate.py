@@ -163,7 +163,7 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(
     found.tell(Console(width=200))
     told = capsys.readouterr().out
     assert "A.h1, A.h2, " in told
-    assert " as in the sheet: one operating point" in told
+    assert " kept at their data-sheet values: only one operating point" in told
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.prove)])

@@ -15,7 +15,7 @@ from rulec.mismatch.structure.hypotheses import CONNECTION
 VERDICTS = {
     "none": ("ok", "no mismatch"),
     "named": ("M", "physics left out of the model"),
-    "ambiguous": ("S", "a mismatch; several explanations fit about as well"),
+    "ambiguous": ("S", "a mismatch with several possible explanations"),
     "unnamed": ("S", "a mismatch that nothing known explains"),
     "unsure": ("S", "the model may be incomplete"),
     "fault": ("F", "a fault of the plant, not of the model"),
@@ -41,7 +41,7 @@ def symbol(mismatch: Mismatch) -> str:
 def meaning(mismatch: Mismatch) -> str:
     """The verdict in words."""
     if mismatch.verdict == "named" and [f.name for f in mismatch.findings[:1]] == [CONNECTION]:
-        return "The plant file says otherwise than the readings what feeds what"
+        return "The plant file and the readings disagree on what feeds what"
     words = VERDICTS[mismatch.verdict][1]
     return words[:1].upper() + words[1:]
 
