@@ -98,8 +98,8 @@ def _joined(model: Model, name: str) -> Candidate:
 
 
 def titled(ruleset: Ruleset, candidate: Candidate) -> str:
-    """An explanation and its place, in a few words; a reading in its title is a place."""
-    if "." in candidate.title.split()[0]:
+    """An explanation and its place, in a few words; a title that names a reading is enough."""
+    if f"{candidate.module}." in candidate.title:
         return candidate.title
     module = ruleset.modules.get(candidate.module, candidate.module)
     where = ", ".join(candidate.members) or f"{candidate.module}: {module}"

@@ -143,7 +143,9 @@ def onset(period: Period) -> str:
 
 
 def titled(finding: Finding) -> str:
-    """A finding and its module, as two may differ in the module alone."""
+    """A finding and its module, once, as two may differ in the module alone."""
+    if f"{finding.module}." in finding.title:
+        return finding.title
     return f"{finding.title} in {', '.join(finding.members) or finding.module}"
 
 
