@@ -100,7 +100,7 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
     branches = found.branches
     if branches is None:
         if found.driver == TIME:
-            return "cannot be told", "only its course over time is known"
+            return "cannot be told", "it was examined over time only"
         if not model.samples.timed:
             because = "the samples have no common time, so the direction of the driver is unknown"
             return "cannot be told", because

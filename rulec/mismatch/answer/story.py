@@ -13,6 +13,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import (
     VERDICTS,
     degree_words,
+    hysteresis,
     interval,
     is_repaired,
     periods_words,
@@ -157,8 +158,7 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
     drawn = brief and shape.driver != TIME
     rows = text_plot(shape.at, shape.value, shape.u, units) if drawn else []
     yield "shape", [f"over {shape.driver} {shape.text}", *rows]
-    answer = shape.memory.replace("cannot be told", "undecided")
-    yield "hysteresis", [f"{answer}: {shape.memory_text}"]
+    yield "hysteresis", [hysteresis(shape)]
     for beaten in shape.beaten[:MOST]:
         words = f"{beaten.title}: fits worse by {number(beaten.nats, 2)} in log likelihood"
         if beaten.region is not None:
