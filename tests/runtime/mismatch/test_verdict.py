@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from rulec.effects.candidate import CurveTerm, Missing
 from rulec.knowledge.parameter_belief import Strain
+from rulec.mismatch.answer.findings import sentence
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.written_plant import refusal
 from rulec.mismatch.candidate_sets import CandidateSet
-from rulec.mismatch.result import Alternative, Check, Errors, Finding, Fit, Location
+from rulec.mismatch.result import Alternative, Check, Errors, Estimate, Finding, Fit, Location
 from tests.runtime.mismatches import UNNAMED, WARM
 
 SURE = replace(WARM, probability=0.95)
@@ -214,3 +216,13 @@ def test_what_is_worse_than_recalibration_is_not_written() -> None:
     curve = CurveTerm("definition:A.x", "A.n", ((0.0, 0.0), (1.0, 1.0)))
     assert "" == refusal("ambiguous", better, [curve.id], "", curves=[curve])
     assert "it cannot be written: why" == refusal("named", [], effect, "why")
+
+
+def test_a_sentence_states_shares_in_per_cent() -> None:
+    """A fixed number has its title."""
+    unknowns = [SimpleNamespace(name=n, title="median", fixed=n == "T0") for n in ("b", "T0")]
+    text = "the slip changes by {b:%} ({b}) with A.T from its {T0}"
+    candidate: Any = SimpleNamespace(unknowns=unknowns, place="Q_gap", text=text)
+    told = sentence(candidate, {"b": Estimate("rise", 0.0304, 0.0009, 0.029, 0.032, "1/K")}, ())
+    rise = "3.040 ± 0.090 %/K (0.03040 ± 0.00090 1/K)"
+    assert told == f"the slip changes by {rise} with A.T from its median"
