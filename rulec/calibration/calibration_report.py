@@ -21,12 +21,8 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
     for fit in found.fits:
         if untold := found.untold_of(fit):
             unvaried = fit.valid and all(reading.unvaried for reading in fit.valid.values())
-            why = "only one operating point"
-            if not unvaried:
-                it = "it" if len(untold) == 1 else "them"
-                why = f"this recording cannot determine {it}"
-            its = "its data-sheet value" if len(untold) == 1 else "their data-sheet values"
-            out.print(f"{', '.join(untold)} kept at {its}: {why}", soft_wrap=True)
+            why = "only one operating point" if unvaried else "not determined by this recording"
+            out.print(f"data-sheet value kept: {', '.join(untold)} ({why})", soft_wrap=True)
     for strain in found.strain:
         out.print(str(strain), markup=False, soft_wrap=True)
     if found.left_out:
