@@ -162,8 +162,8 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(
     assert "A.h0" in form["moved"]
     found.tell(Console(width=200))
     told = capsys.readouterr().out
-    assert "A.h1, A.h2, " in told
-    assert " as in the sheet: one operating point" in told
+    assert "data-sheet value kept: A.h1, A.h2, " in told
+    assert " (only one operating point)" in told
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.prove)])

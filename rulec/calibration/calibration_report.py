@@ -21,13 +21,13 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
     for fit in found.fits:
         if untold := found.untold_of(fit):
             unvaried = fit.valid and all(reading.unvaried for reading in fit.valid.values())
-            why = "one operating point" if unvaried else "the recording does not tell them"
-            out.print(f"{', '.join(untold)} as in the sheet: {why}", soft_wrap=True)
+            why = "only one operating point" if unvaried else "not determined by this recording"
+            out.print(f"data-sheet value kept: {', '.join(untold)} ({why})", soft_wrap=True)
     for strain in found.strain:
         out.print(str(strain), markup=False, soft_wrap=True)
     if found.left_out:
         left = ", ".join(found.left_out)
-        out.print(f"no true flow in this recording, left as they were: {left}")
+        out.print(f"no true flow in this recording, left unchanged: {left}")
     for note in found.notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
     made = f"from {found.points} {'operating points' if found.table else 'settled stretches'}"
@@ -65,6 +65,9 @@ def _table(found: Calibrated) -> Table:
                 f"{o.r2:.4f}",
                 str(o.points),
                 str(o.set_aside),
-                ", ".join(f"{n} {units[n].from_si(values[n]):.4g} {units[n].text}" for n in used),
+                ", ".join(
+                    f"{n} {units[n].from_si(values[n]):.4g} {units[n].text}".removesuffix(" 1")
+                    for n in used
+                ),
             )
     return table

@@ -69,14 +69,16 @@ def _lines(facts: Facts) -> Iterator[Text]:
     for note in facts.notes:
         yield styled("[dim]note: {}[/]", note)
     if facts.settled is None:
-        yield Text("the plant stores: it is judged while it moves, not only where it is settled")
+        yield Text(
+            "the plant has storage: it is judged while it moves, not only where it is settled"
+        )
     else:
         stretches = plural(facts.stretches, "stretch", "stretches")
         yield styled("settled: {} % of the rows, in {}", f"{100 * facts.settled:.0f}", stretches)
     for what, (count, every) in (
-        ("estimates of a flow that can run", facts.estimates),
-        ("comparisons of them", facts.comparisons),
-        ("faults that leave a trace", facts.faults),
+        ("flow estimates available", facts.estimates),
+        ("comparisons between them", facts.comparisons),
+        ("detectable faults", facts.faults),
     ):
         template = _WHOLE if count == every else _PART
         yield styled(template, what, count, every)
@@ -84,9 +86,12 @@ def _lines(facts: Facts) -> Iterator[Text]:
         yield styled("  undetectable: {}", _some(facts.blind))
     for lack in facts.lacks:
         yield styled("  without {} ({}): {}", lack.signal, lack.why, _without(lack))
-    yield styled("rulec mismatch could find {} of {} effects, each at its place", *facts.effects)
+    yield styled(
+        "this recording could reveal {} of {} known effects (`rulec show effects PLANT`)",
+        *facts.effects,
+    )
     for quantity, names in facts.unread.items():
-        yield styled("  with a sensor for {} also {}", quantity, _some(names))
+        yield styled("  with a sensor for {} also: {}", quantity, _some(names))
 
 
 def _without(lack: Lack) -> str:

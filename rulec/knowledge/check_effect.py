@@ -21,7 +21,7 @@ from rulec.language.units import NONE, SECOND, UNKNOWN, Dimension, Unit
 SLOTS = ("module", "place")
 """Slots that the text of every effect may use."""
 
-_SLOT = re.compile(r"\{([^{}]*)\}")
+_SLOT = re.compile(r"\{([^{}:]*)(:%)?\}")
 _OF_FREE = ("unit", "null", "starts", "driver", "range")
 _OF_PLACE = re.compile(rf"{PLAIN}(?=$|[*/])")
 
@@ -263,6 +263,11 @@ class EffectReader(Reader):
                 some = name in effect.drivers or name in effect.parameters
                 message = f"{'not every join has' if some else 'there is no'} '{name}'"
                 hint = did_you_mean(name, {*known, *SLOTS})
+                self.report_word(("text",), slot.start(1), name, "KB107", message, hint)
+            elif slot[2] and not (
+                name in effect.parameters and effect.parameters[name].unit.text.startswith("1")
+            ):
+                message, hint = f"'{name}' is not a fraction", "':%' needs a unit such as 1 or 1/K"
                 self.report_word(("text",), slot.start(1), name, "KB107", message, hint)
 
     def _check_null(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:

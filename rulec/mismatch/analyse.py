@@ -108,9 +108,10 @@ def analyse(
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
+    beyond = [s for s in standing if frozenset(s.names) not in found.posterior.within]
     answer = with_misread(
         verdict,
-        headline_of(verdict, findings, locations, doubt, fits, standing)
+        headline_of(verdict, findings, locations, doubt, fits, beyond)
         + remainder_of(verdict, fits),
         next_step(
             verdict,

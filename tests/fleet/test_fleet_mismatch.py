@@ -27,7 +27,7 @@ ABC = ROOT / "plants/abc"
 
 FORM = {
     "verdict": "named",
-    "headline": "The model leaves out slip.",
+    "headline": "The model lacks slip.",
     "effects": [{"effect": "slip", "title": "Slip", "probability": 0.97}],
     "locations": [{"module": "A", "place": "Q_geo"}],
     "fit": {

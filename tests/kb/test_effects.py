@@ -205,7 +205,7 @@ def test_entry_is_sound(name: str) -> None:
         assert p.null not in p.starts
         assert bool(p.starts) != bool(p.quantiles)
     strength = {n for n, p in effect.parameters.items() if p.null is not None}
-    slots = set(re.findall(r"\{(\w+)\}", effect.text))
+    slots = set(re.findall(r"\{(\w+)(?::%)?\}", effect.text))
     known = set.intersection(*(effect.needed_by(join) for join in effect.joins))
     assert "module" in slots
     assert slots & strength

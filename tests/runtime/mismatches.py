@@ -141,8 +141,8 @@ NAMED = Mismatch(
     curves=curves(),
     seconds=4.31,
     evidence=(
-        Evidence(300, True, "searched and fitted"),
-        Evidence(100, True, "held out for the proof"),
+        Evidence(300, True, "for search and fit"),
+        Evidence(100, True, "held out"),
         Evidence(19, False, "A.n is below 60 rpm"),
         Evidence(8, False, "not settled"),
     ),

@@ -52,7 +52,7 @@ def in_order(text: str, *parts: str) -> bool:
 
 MEANINGS = {
     "named": "◆ Physics left out of the model",
-    "ambiguous": "▲ A mismatch; several explanations fit about as well",
+    "ambiguous": "▲ A mismatch with several possible explanations",
     "fault": "✖ A fault of the plant, not of the model",
     "sensor": "✖ An error of a sensor, not of the model",
     "unnamed": "▲ A mismatch that nothing known explains",
@@ -84,14 +84,14 @@ def test_rows_are_counted() -> None:
     """What was used and what was not, and why, in the terminal, the machine form and the report;
     many reasons are told in a few lines, whose counts still sum to all of them."""
     told = words(NAMED)
-    assert "400 of 427 rows were used: 300 searched and fitted; 100 held out for the proof" in told
+    assert "400 of 427 rows used: 300 for search and fit; 100 held out" in told
     assert "not used 19: A.n is below 60 rpm" in told
     form = mismatch_form(NAMED, "plant.yaml")
     assert {"rows": 8, "used": False, "because": "not settled"} in form["evidence"]
     assert "A.n is below 60 rpm" in page(NAMED)
     many = tuple(Evidence(20 - i, False, f"reason {i}") for i in range(10))
     told = words(NAMED, evidence=many)
-    assert "20: reason 0 19: reason 1 18: reason 2 98: other reasons" in told
+    assert "20: reason 0 19: reason 1 18: reason 2 98: others" in told
 
 
 def test_what_speaks_against_a_repair_is_told() -> None:
@@ -99,7 +99,7 @@ def test_what_speaks_against_a_repair_is_told() -> None:
     strain = (Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"),)
     doubted = dataclasses.replace(NAMED, refused="it may be chance", strain=strain)
     for text in (words(doubted), page(doubted)):
-        assert "Not proven: rulec adopt refuses, because it may be chance. On 100 held-out" in text
+        assert "Not proven: it may be chance, so rulec adopt will refuse. On 100 held-out" in text
         assert "Proof" not in text
         assert "V.Kv 6.8 m3/h, sheet 33 ± 6: 4.4 u" in text
     (form,) = mismatch_form(doubted, "plant.yaml")["strain"]
@@ -112,7 +112,7 @@ def test_named_effect_is_told_in_words_and_numbers() -> None:
     text = words(NAMED)
     for expected in (
         "the gap flow grows by 0.0231 1/K with A.T",
-        "probability 93 %, physics that the model leaves out",
+        "probability 93 %, physics missing from the model",
         "could also be Gap flow that grows with time (5 %)",
         "gap flow of the dosing pump (A.Q_gap): 83 % of the mismatch",
         "A.T above 45 degC (97 % of it)",
@@ -122,7 +122,7 @@ def test_named_effect_is_told_in_words_and_numbers() -> None:
         "untested A.T above 55 degC",
         "On 100 held-out points the error falls by 79 % against recalibration "
         "(95 %: 71 % to 85 %); 97 % of the explainable mismatch is closed.",
-        "also A.dp 0.08 as shipped, 0.06 recalibrated, 0.022 repaired, 0.02 noise alone bar",
+        "also A.dp 0.08 as shipped, 0.06 recalibrated, 0.022 repaired, 0.02 estimated noise bar",
     ):
         assert expected in text
     assert "Nothing of importance" not in text
@@ -255,7 +255,7 @@ def test_several_recordings_are_told_with_what_each_changed() -> None:
     )
     told = words(several)
     assert (
-        "one.csv 133 of 144 rows used; alone: a mismatch; several explanations fit about as well "
+        "one.csv 133 of 144 rows used; alone: a mismatch with several possible explanations "
         "(slip by temperature 68 %; slip by speed 29 %)"
     ) in told
     assert "two.csv 131 of 144 rows used; alone: no mismatch" in told

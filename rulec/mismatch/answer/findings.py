@@ -98,7 +98,9 @@ def _joined(model: Model, name: str) -> Candidate:
 
 
 def titled(ruleset: Ruleset, candidate: Candidate) -> str:
-    """An explanation and its place, in a few words."""
+    """An explanation and its place, in a few words; a title that names a reading is enough."""
+    if f"{candidate.module}." in candidate.title:
+        return candidate.title
     module = ruleset.modules.get(candidate.module, candidate.module)
     where = ", ".join(candidate.members) or f"{candidate.module}: {module}"
     return f"{candidate.title} ({where}, {candidate.place})"
@@ -115,14 +117,15 @@ def _estimate(model: Model, unknown: Unknown) -> Estimate:
 def sentence(
     candidate: Candidate, parameters: Mapping[str, Estimate], periods: tuple[Period, ...]
 ) -> str:
-    """The sentence for the operator with its slots filled."""
-    slots = {
-        name: quantity(estimate.value, estimate.u, estimate.unit)
-        for name, estimate in parameters.items()
-    }
+    """The sentence for the operator with its slots filled; ``{k:%}`` gives a share in per cent."""
+    slots: dict[str, str] = {}
     for unknown in candidate.unknowns:
         changing = periods and not unknown.fixed
-        slots.setdefault(unknown.name, _of_periods(periods) if changing else unknown.title)
+        shown = shown_percent = _of_periods(periods) if changing else unknown.title
+        if (e := parameters.get(unknown.name)) is not None:
+            shown = quantity(e.value, e.u, e.unit)
+            shown_percent = quantity(100.0 * e.value, 100.0 * e.u, f"%{e.unit[1:]}")
+        slots |= {unknown.name: shown, f"{unknown.name}:%": shown_percent}
     slots |= {"degree": slots.get("x", ""), "where": candidate.place}
     text = candidate.text
     for name, value in slots.items():

@@ -17,7 +17,7 @@ from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
 from rulec_runtime.report.time_axis import over, time_plot
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer.wording import is_repaired
+from rulec.mismatch.answer.wording import hysteresis, is_repaired
 from rulec.mismatch.inference.prove import rms
 from rulec.mismatch.result import Curves, HiddenDriver, Location, Mismatch, Shape
 
@@ -164,18 +164,16 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
         panel.curve(at, shape.value, "s0"),
     ]
     place = f"{location.module}.{location.place}"
-    title = f"What is left out at {place} over {shape.driver}"
+    title = f"What is missing at {place} over {shape.driver}"
     marks = [panel.marks(z, v, "disc", "s1")]
     svg = panel.drawn(title, f"missing in {place}{_bracketed(shape.unit)}", lines, marks, True)
-    matters = {"yes": "It matters", "no": "It does not matter"}
-    memory = f"{matters.get(shape.memory, 'It is not known whether it matters')} from which side"
     return Figure(
         name=f"shape{index}",
         title=title,
         key="blue: what the law would have to add, with its 95 % band; orange: means of "
         "operating states, with their 95 % bars",
         body=plot(svg, True, f"{shape.driver}{_bracketed(shape.driver_unit)}"),
-        caption=f"Over {shape.driver} {shape.text}. {memory} the driver came: {shape.memory_text}.",
+        caption=f"Over {shape.driver} {shape.text}. Hysteresis: {hysteresis(shape)}.",
         narrow=True,
     )
 

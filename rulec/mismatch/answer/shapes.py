@@ -100,11 +100,9 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
     branches = found.branches
     if branches is None:
         if found.driver == TIME:
-            return "cannot be told", "it was looked at over time alone"
+            return "cannot be told", "it was examined over time only"
         if not model.samples.timed:
-            because = (
-                "the samples have no common time, so it is not known which way the driver came"
-            )
+            because = "the samples have no common time, so the direction of the driver is unknown"
             return "cannot be told", because
         return "cannot be told", "its driver was not approached from both sides often enough"
     gap, u = (abs(v / found.place.factor) for v in (branches.gap, branches.u))

@@ -13,6 +13,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import (
     VERDICTS,
     degree_words,
+    hysteresis,
     interval,
     is_repaired,
     periods_words,
@@ -36,13 +37,13 @@ from rulec.mismatch.result import (
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 SORTS = {
-    "physics": "physics that the model leaves out",
+    "physics": "physics missing from the model",
     "ageing": "a change with time or age",
     "fault": "a fault of the plant",
     "sensor": "an error of a sensor",
     "structure": "an error of the table, neither of the plant nor of a sensor",
     CONNECTION: "an error of the plant file, neither of the plant nor of a sensor",
-    "free": "a dependence for which the catalogue has no name",
+    "free": "a dependence without a name in the catalogue",
 }
 
 MOST = 3
@@ -80,7 +81,7 @@ def story(mismatch: Mismatch, brief: bool) -> list[Part]:
     parts.append(Part(title="Next", texts=[mismatch.next] if mismatch.next else [], first=True))
     if mismatch.power is not None:
         texts = list(power_words(mismatch.power))
-        parts.append(Part(title="What this recording can tell", texts=texts))
+        parts.append(Part(title="What this recording can show", texts=texts))
     return [part for part in parts if part.rows or part.texts or part.facts]
 
 
@@ -126,7 +127,7 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
     ]
     if finding.inexact >= limits.PLAUSIBLE:
         # First, as it is the reason why the finding is uncertain.
-        others.insert(0, f"what laws and sensors may be off by ({share(finding.inexact)})")
+        others.insert(0, f"inaccuracy of the laws and sensors ({share(finding.inexact)})")
     if others:
         yield "could also be", [listed(_some(others, brief, "explanation"))]
     if finding.periods:
@@ -147,7 +148,7 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
     if location.periods:
         lines.append(periods_words(location.periods))
     if location.also:
-        lines.append(f"not told apart from {listed(location.also)}")
+        lines.append(f"indistinguishable here from {listed(location.also)}")
     yield "where", lines
     shape = location.shape
     if shape is None:
@@ -157,7 +158,7 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
     drawn = brief and shape.driver != TIME
     rows = text_plot(shape.at, shape.value, shape.u, units) if drawn else []
     yield "shape", [f"over {shape.driver} {shape.text}", *rows]
-    yield "memory", [f"{shape.memory}: {shape.memory_text}"]
+    yield "hysteresis", [hysteresis(shape)]
     for beaten in shape.beaten[:MOST]:
         words = f"{beaten.title}: fits worse by {number(beaten.nats, 2)} in log likelihood"
         if beaten.region is not None:
@@ -182,7 +183,7 @@ def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
 def _recordings(mismatch: Mismatch) -> Iterator[Fact]:
     for part in mismatch.recordings:
         likely = "; ".join(f"{likely.title} {percent(likely.probability)}" for likely in part.alone)
-        used = f"{part.used} of {counted(part.rows, 'row')} used"
+        used = f"{fixed(part.used, 0)} of {counted(part.rows, 'row')} used"
         alone = VERDICTS[part.verdict][1] + (f" ({likely})" if likely else "")
         yield part.name, [f"{used}; alone: {alone}"]
     if mismatch.changed:
@@ -195,10 +196,11 @@ def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
     others = [f for f in mismatch.fits if f != fit]
     facts = [("also", [_fit_words(other, repaired)]) for other in others[: MOST if brief else None]]
     rivals = [_rivals_words(f) for f in mismatch.findings[: MOST if brief else None] if f.rivals]
-    refused = f"Not proven: rulec adopt refuses, because {why}. " if why else ""
+    refused = f"Not proven: {why}, so rulec adopt will refuse. " if why else ""
     texts = [refused + _heldout_words(fit, repaired), explained_words(mismatch)]
     return Part(
-        title=f"{'Not proven' if why else 'Proof'}: error of {fit.signal} ({fit.unit}, rms)",
+        title=f"{'Error' if why else 'Proof: error'} of {fit.signal} ({fit.unit}, rms)"
+        f"{', not yet proven' if why else ''}",
         titles=("", ".fitted", ".held out"),
         rows=[(name, number(fitted), number(kept)) for name, fitted, kept in rows],
         texts=[text for text in texts if text],
@@ -211,7 +213,7 @@ def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
     names = {"shipped": "as shipped", "recalibrated": "recalibrated", "repaired": "repaired"}
     return [
         (words, getattr(fit.estimation, name), getattr(fit.heldout, name))
-        for name, words in {**names, "noise": "noise alone"}.items()
+        for name, words in {**names, "noise": "estimated noise"}.items()
         if repaired or name != "repaired"
     ]
 
@@ -238,13 +240,19 @@ def _heldout_words(fit: Fit, repaired: bool) -> str:
         words += f" (95\u00a0%: {share(low)} to {share(high)})"
     if np.isfinite(fit.closed):
         words += f"; {share(fit.closed)} of the explainable mismatch is closed"
+    if kept.repaired < kept.noise:
+        words += "; what remains is within the noise"
     return words + "."
 
 
 def explained_words(mismatch: Mismatch) -> str:
-    """The error with the whole explanation, if a model cannot hold all of it; else empty."""
+    """The error with the whole explanation, if a model cannot hold all of it and it is smaller;
+    else empty."""
     fit, left = mismatch.fit, {name for name, _ in mismatch.left_out}
-    if fit is None or not left or not np.isfinite(fit.heldout.explained):
+    if fit is None or not left:
+        return ""
+    kept = fit.heldout
+    if not kept.explained < (kept.repaired if is_repaired(mismatch) else kept.recalibrated):
         return ""
     titles = [titled(f) for f in mismatch.findings if f.id in left]
     what = f" ({listed(titles)})" if titles else ""
@@ -259,14 +267,14 @@ def _rivals_words(finding: Finding) -> str:
     known = [r for r in finding.rivals if np.isfinite(r.gain)]
     free = finding.sort == "free"
     title = "What has no name" if free else titled(finding)
-    words = f"{title}: gain in log likelihood {number(finding.gain)}"
+    words = f"{title}: gains {number(finding.gain)} in log likelihood"
     if not known:
         return f"{words}."
     best = max(known, key=lambda r: r.gain)
     if free:
-        return f"{words}; the best name gains {number(best.gain)} ({best.title})."
-    rivals = counted(len(finding.rivals), "rival")
-    return f"{words}; strongest of {rivals} {number(best.gain, 2)} ({best.title})."
+        return f"{words}; the best known effect gains {number(best.gain)} ({best.title})."
+    rivals = f"of {len(known)} rivals" if len(known) > 1 else "rival"
+    return f"{words}; strongest {rivals}: {best.title} ({number(best.gain, 2)})."
 
 
 def _numbers(mismatch: Mismatch, brief: bool) -> Part:
@@ -294,8 +302,7 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
     }
     if every := mismatch.evidence:
         used, of = [e for e in every if e.used], sum(e.rows for e in every)
-        rows_used = f"{fixed(sum(e.rows for e in used), 0)} of {counted(of, 'row')} "
-        rows_used += "was used" if of == 1 else "were used"
+        rows_used = f"{fixed(sum(e.rows for e in used), 0)} of {counted(of, 'row')} used"
         why = f": {'; '.join(_counts(used, brief, ' '))}" if used else ""
         doubts["rows"] = [rows_used + why]
         doubts["not used"] = _counts([e for e in every if not e.used], brief, ": ")
@@ -312,7 +319,7 @@ def _counts(parts: Sequence[Evidence], brief: bool, between: str) -> list[str]:
     shown = parts[:MOST] if brief else parts
     lines = [f"{fixed(e.rows, 0)}{between}{e.because}" for e in shown]
     rest = sum(e.rows for e in parts[len(shown) :])
-    return [*lines, f"{fixed(rest, 0)}{between}other reasons (--json has all)"] if rest else lines
+    return [*lines, f"{fixed(rest, 0)}{between}others (see --json)"] if rest else lines
 
 
 def _origin(mismatch: Mismatch, brief: bool) -> Iterator[Fact]:
@@ -328,7 +335,7 @@ def _origin(mismatch: Mismatch, brief: bool) -> Iterator[Fact]:
 def power_words(power: SelfProof) -> Iterator[str]:
     """A sentence on replays with nothing missing, then one per concealed effect."""
     yield (
-        f"With nothing missing, something would be called missing in {power.called_missing} of "
+        f"With nothing missing, something would be reported missing in {power.called_missing} of "
         f"{power.replays} replays of this recording."
     )
     for effect in power.effects:
@@ -341,9 +348,9 @@ def _replayed(effect: Detectability, replays: int) -> str:
     >>> own = Detectability(id="a", title="A", size=0.12, unit="bar", told=187, found=True,
     ...     usual=0.05, told_usual=40, seen_from=0.08, other={"B": 3})
     >>> _replayed(own, 200)[:84]
-    'told in 187 of 200 at the size found (0.12 bar), in 40 at its usual size (0.05 bar);'
-    >>> _replayed(own, 200)[85:]
-    'seen from about 0.08 bar on; instead of it B was told in 3'
+    'identified in 187 of 200 at the size found (0.12 bar), in 40 at its usual size (0.05'
+    >>> _replayed(own, 200)[91:]
+    'visible above about 0.08 bar; B was named instead in 3'
     """
     if not effect.size > 0.0:
         return "no reading of this recording shows it"
@@ -352,14 +359,19 @@ def _replayed(effect: Detectability, replays: int) -> str:
         return number(value, digits) + suffix(effect.unit)
 
     usual = f"at its usual size ({amount(effect.usual)})"
-    parts = [f"told in {effect.told_usual} of {replays} {usual}"]
+    parts = [f"identified in {effect.told_usual} of {replays} {usual}"]
     if effect.found:
-        found = f"told in {effect.told} of {replays} at the size found ({amount(effect.size)})"
+        found = (
+            f"identified in {effect.told} of {replays} at the size found ({amount(effect.size)})"
+        )
         parts = [f"{found}, in {effect.told_usual} {usual}"]
     if effect.seen_from is None:
-        parts.append("at no size that it may have it is told in half of them")
+        parts.append("at no credible size identified in half of them")
     else:
         # The number of replays allows one digit.
-        parts.append(f"seen from about {amount(effect.seen_from, 1)} on")
-    other = [f"{title} was told in {count}" for title, count in list(effect.other.items())[:MOST]]
-    return "; ".join([*parts, *([f"instead of it {listed(other)}"] if other else [])])
+        parts.append(f"visible above about {amount(effect.seen_from, 1)}")
+    other = [
+        f"{title} was named instead in {count}"
+        for title, count in list(effect.other.items())[:MOST]
+    ]
+    return "; ".join([*parts, *([listed(other)] if other else [])])

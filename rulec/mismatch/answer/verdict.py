@@ -19,7 +19,7 @@ TO_RECORD = "Record settled operation with all readings that the observers need.
 
 NOT_YET = "Do not adopt this as it is"
 
-EXPERIMENT = "Plan a recording that tells them apart: `rulec experiment` reads what `--json` wrote."
+EXPERIMENT = "Plan a recording that separates them: `rulec experiment` reads the file of `--json`."
 
 MEANWHILE = " Until then, `rulec adopt` writes it as a curve."
 
@@ -105,7 +105,8 @@ def headline_of(
     fits: Sequence[Fit] = (),
     standing: Sequence[CandidateSet] = (),
 ) -> str:
-    """The answer in one sentence; `standing` are the possible sets, most probable first."""
+    """The answer in one sentence; `standing` are the possible sets, most probable first, but for
+    those that the probability of nothing includes."""
     named = [f for f in findings if f.sort != "free"]
     if verdict == "none":
         return _nothing(fits)
@@ -117,10 +118,10 @@ def headline_of(
     if verdict == "ambiguous":
         # Physics decides before faults and sensors.
         first = next((f for f in named if f.sort in OF_THE_MODEL), named[0])
-        text = f"Not sure enough to be named: {_named(first)} ({percent(first.probability)})."
-        if any(a.probability >= limits.MENTIONED for a in first.alternatives):
-            text = f"Several explanations fit about equally: {_named(first)}."
-        return text + (f" Sure beside that: {listed(list(map(_named, sure)))}." if sure else "")
+        several = any(a.probability >= limits.MENTIONED for a in first.alternatives)
+        lead = "Not decided" if several else "Not sure enough to be named"
+        text = f"{lead}: {_named(first, odds=True)}."
+        return text + (f" Certain: {listed(list(map(_named, sure)))}." if sure else "")
     parts = [
         f"{lead} {listed(own)}"
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
@@ -138,7 +139,7 @@ OF_THE_MODEL = ("physics", "ageing")
 """Sorts of effects that a model may leave out; these decide before faults and sensors."""
 
 LEADS = {
-    OF_THE_MODEL: "The model leaves out",
+    OF_THE_MODEL: "The model lacks",
     ("fault",): "The plant has a fault:",
     ("sensor",): "A sensor is wrong:",
 }
@@ -151,23 +152,27 @@ def _unnamed(named: Sequence[Finding], locations: Sequence[Location]) -> str:
     most = max(nameless or locations, key=lambda place: place.share, default=None)
     where = f"{most.module}.{most.place}" if most else "the plant"
     shape = most.shape if most else None
-    follows = f" It follows {shape.driver}." if shape and shape.driver != TIME else ""
+    follows = f" It depends on {shape.driver}." if shape and shape.driver != TIME else ""
     return (
         f"Something is missing at {where} that no known effect, fault or sensor error explains."
         f"{follows}"
     )
 
 
-def _named(finding: Finding) -> str:
-    """A finding with its module, and all alternatives of similar probability."""
+def _named(finding: Finding, odds: bool = False) -> str:
+    """A finding with its module, and all alternatives of similar probability, each once."""
     name = _inside(titled(finding))
     grown = next((p for p in finding.periods if p.growth), None)
     if grown is not None:
         name += f" that grows since {onset(grown)}"
-    likely = (a for a in finding.alternatives if a.same or a.probability >= limits.MENTIONED)
-    others = [_inside(a.title) for a in likely]
-    shapeless = ["a curve like it"] if finding.shapeless >= limits.MENTIONED else []
-    return " or ".join([name, *others, *shapeless])
+    every = {name: finding.probability}
+    for other in finding.alternatives:
+        if other.same or other.probability >= limits.MENTIONED:
+            title = _inside(other.title)
+            every[title] = every.get(title, 0.0) + other.probability
+    if finding.shapeless >= limits.MENTIONED:
+        every["a curve like it"] = finding.shapeless
+    return " or ".join(f"{n} ({percent(p)})" if odds else n for n, p in every.items())
 
 
 def _inside(text: str) -> str:
@@ -207,10 +212,10 @@ def _nothing(fits: Sequence[Fit]) -> str:
     """No explanation is probable; an inexact law may nevertheless be far off."""
     most, signal = _farthest(fits)
     if most < limits.FAR_OFF:
-        return "Nothing is missing: what recalibration leaves is noise."
+        return "The model is complete: after recalibration only noise remains."
     return (
-        f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, no more "
-        "than the form of its law may err."
+        f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, which is "
+        "within the accuracy of its law."
     )
 
 
@@ -249,7 +254,7 @@ def next_step(
         return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)
     if verdict == "ambiguous":
-        apart = "Record a part in which the drivers of these explanations move apart, or"
+        apart = "Record a part in which the drivers of these explanations vary independently, or"
         plan = f"{EXPERIMENT} Or" if len(standing) > 1 else apart
         return f"{plan} add a sensor that only one of them depends on."
     if verdict == "named":
@@ -276,8 +281,8 @@ def _look_at(location: Location) -> str:
             when = when.replace(shape.driver, f"{shape.driver} is", 1)
             look = f"Look at what happens at {place} while {when}."
     run = (
-        f" Run {shape.driver} slowly up and down through its range: that tells whether it matters "
-        "which way it came."
+        f" Run {shape.driver} slowly up and down through its range: that shows whether there is "
+        "hysteresis."
     )
-    law = " Where you know the law, write it as an effect and run again."
+    law = " If you know the law, write it as an effect and run again."
     return look + (run if shape.memory != "no" else "") + law

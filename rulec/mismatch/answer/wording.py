@@ -9,13 +9,13 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
 from rulec_runtime.report.wording import STATUS
 
-from rulec.mismatch.result import Estimate, Finding, Mismatch, Period, Region
+from rulec.mismatch.result import Estimate, Finding, Mismatch, Period, Region, Shape
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 VERDICTS = {
     "none": ("ok", "no mismatch"),
     "named": ("M", "physics left out of the model"),
-    "ambiguous": ("S", "a mismatch; several explanations fit about as well"),
+    "ambiguous": ("S", "a mismatch with several possible explanations"),
     "unnamed": ("S", "a mismatch that nothing known explains"),
     "unsure": ("S", "the model may be incomplete"),
     "fault": ("F", "a fault of the plant, not of the model"),
@@ -41,7 +41,7 @@ def symbol(mismatch: Mismatch) -> str:
 def meaning(mismatch: Mismatch) -> str:
     """The verdict in words."""
     if mismatch.verdict == "named" and [f.name for f in mismatch.findings[:1]] == [CONNECTION]:
-        return "The plant file says otherwise than the readings what feeds what"
+        return "The plant file and the readings disagree on what feeds what"
     words = VERDICTS[mismatch.verdict][1]
     return words[:1].upper() + words[1:]
 
@@ -100,6 +100,11 @@ def region_words(region: Region) -> str:
     return f"{region.variable} {words}{whole}"
 
 
+def hysteresis(shape: Shape) -> str:
+    """Whether it matters from which side the driver came, and why."""
+    return f"{shape.memory.replace('cannot be told', 'undecided')}: {shape.memory_text}"
+
+
 def periods_words(periods: Sequence[tuple[float, float]]) -> str:
     """Periods in a sentence; of many the first ones."""
     spans = [f"{moment(a)} to {moment(b)}\u00a0s" for a, b in periods[:SPANS]]
@@ -143,7 +148,9 @@ def onset(period: Period) -> str:
 
 
 def titled(finding: Finding) -> str:
-    """A finding and its module, as two may differ in the module alone."""
+    """A finding and its module, once, as two may differ in the module alone."""
+    if f"{finding.module}." in finding.title:
+        return finding.title
     return f"{finding.title} in {', '.join(finding.members) or finding.module}"
 
 

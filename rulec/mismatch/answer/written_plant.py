@@ -185,7 +185,7 @@ def refusal(
     significantly.
     """
     if verdict == "ambiguous" and set(joined).difference(c.id for c in curves):
-        return "the recording does not tell which of several explanations is right"
+        return "the recording cannot decide between several explanations"
     if unwritten:
         return f"it cannot be written: {unwritten}"
     for i, fit in enumerate(fits if joined else ()):
@@ -200,7 +200,7 @@ def refusal(
             low, high = (number(100.0 * share) for share in fit.gain_interval)
             return (
                 f"simulated with it, the error of {fit.signal} on held-out samples falls by {low} "
-                f"to {high} % (95 %) beside recalibrated values alone, which may be chance"
+                f"to {high} % (95 %) compared with recalibrated values only, which may be chance"
             )
     for check in checks if joined and instead else ():
         if check.signal == fits[0].signal and check.error > check.plain * (1.0 + limits.SAME_ERROR):

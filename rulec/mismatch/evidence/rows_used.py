@@ -12,8 +12,8 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.result import Evidence
 
-SEARCHED = "searched and fitted"
-HELD_OUT = "held out for the proof"
+SEARCHED = "for search and fit"
+HELD_OUT = "held out"
 
 
 def counted_rows(used: Iterable[str], unused: Iterable[str]) -> tuple[Evidence, ...]:

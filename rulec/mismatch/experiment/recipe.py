@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
 
 import numpy as np
 from rich.console import Console
@@ -37,9 +38,12 @@ def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
         shown = Table(box=None, pad_edge=False, header_style="dim")
         for title in titles:
             justify = "right" if title.startswith(".") else "left"
-            shown.add_column(title.removeprefix("."), justify=justify)  # type: ignore[arg-type]
+            whole = title in ("step", "time", "hold") or title.startswith(".")
+            shown.add_column(title.removeprefix("."), justify=justify, no_wrap=whole)  # type: ignore[arg-type]
         for row in rows:
-            shown.add_row(*("\n".join(lines) for lines in row))
+            # One row per line, so that values stay beside their readings where a cell wraps.
+            for lines in zip_longest(*row, fillvalue=""):
+                shown.add_row(*lines)
         out.print("", shown, "", sep="\n")
     for line in remarks(found, ruleset):
         out.print(styled("{}", line))
@@ -92,7 +96,7 @@ def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[li
         cells = [
             [str(place)],
             [f"way {duration(math.ceil(step.ramp))}", f"hold {hold}"] if slowly else [hold],
-            [f"{signal.id} {number(signal.shown(v))} {signal.unit}" for signal, v in inputs],
+            [f"{signal.id} {number(signal.shown(v))}\u00a0{signal.unit}" for signal, v in inputs],
             [f"{signal.id} [{signal.unit}]" for signal, _ in readings],
             *([_read(signal, r, own) for signal, r in readings] for own in every),
         ]
@@ -114,21 +118,22 @@ def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:
 def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     """The meaning of the probabilities, what remains open, and which limits are active."""
     if found.telling:
-        unlisted = f" The case that none of these is true ({percent(found.unlisted)}) counts as "
+        none = f" The chance that none of these is true ({percent(found.unlisted)}) is counted "
         yield (
             "Sure: the expected probability of the true explanation after the step."
-            f"{unlisted + 'not sure.' if found.unlisted >= limits.PLAUSIBLE else ''} It relies on "
-            "the probabilities above: if the truth has too little there, less is gained."
+            f"{none + 'against it.' if found.unlisted >= limits.PLAUSIBLE else ''} It assumes the "
+            "probabilities above; if they understate the truth, the gain is smaller."
         )
     covers = [i for i, step in enumerate(found.steps, start=1) if step.covers]
     if covers and len(found.standing) > 1:
         yield (
-            f"{_steps_of(covers).capitalize()} explore the range that may be set: they show if "
-            "none of these explanations is true. No probability is predicted for them."
+            f"{_steps_of(covers).capitalize()} {'covers' if len(covers) == 1 else 'cover'} the "
+            "permitted range, in case none of these explanations is true. No probability is "
+            "predicted for them."
         )
     for pair in found.alike:
         if found.telling:
-            yield f"No set points within these ranges tell {pair[0] + 1} and {pair[1] + 1} apart."
+            yield f"No set points within these ranges separate {pair[0] + 1} from {pair[1] + 1}."
         yield _sensor(found, pair)
     ranges = [
         f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
@@ -138,27 +143,29 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     ]
     within = "the limits" if found.limited else "what was recorded"
     yield f"Set points were chosen within {within}: {', '.join(ranges)}."
+    if found.steps and not found.limited:
+        yield "Rates of change are unknown: state them in a file of limits (--limits)."
     for one in found.left_out:
         yield (
-            f"{in_words(one)} ({percent(one.probability)}) remains possible, too. Its effect at "
+            f"{in_words(one)} ({percent(one.probability)}) also remains possible. Its effect at "
             "other set points is unknown, so nothing is predicted for it."
         )
     yield from _limits(found)
 
 
 def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
-    which = f"{pair[0] + 1} and {pair[1] + 1}"
+    which = f"{pair[0] + 1} from {pair[1] + 1}"
     advised = next((one for one in found.sensors if one.pair == pair), None)
     if advised is None:
         return (
-            f"A second reading of any signal, or a flow meter, would not tell {which} apart either."
+            f"A second reading of any signal, or a flow meter, would not separate {which} either."
         )
     sensor, (first, second) = advised.sensor, advised.values
-    cost = f" (it costs {number(sensor.cost)}, a pressure transmitter 1)" if sensor.cost else ""
+    cost = f" (relative cost {number(sensor.cost)})" if sensor.cost else ""
     return (
-        f"To tell {which} apart, add: {sensor.title}{cost}, "
-        f"{number(abs((first - second) / sensor.factor))} {sensor.unit} apart, where the sensor is "
-        f"exact to {number(advised.u / sensor.factor)} {sensor.unit}."
+        f"To separate {which}, add {sensor.title}{cost}: the two differ there by "
+        f"{number(abs((first - second) / sensor.factor))} {sensor.unit}, and the sensor resolves "
+        f"{number(advised.u / sensor.factor)} {sensor.unit}."
     )
 
 
@@ -166,14 +173,14 @@ def _limits(found: Experiment) -> Iterator[str]:
     steps: dict[str, list[int]] = {}
     for place, step in enumerate(found.telling if found.limited else (), start=1):
         costs = [f"Product is lost in {{}} (by {' and '.join(step.costs)})."] if step.costs else []
-        binds = [f"The {end} value that is allowed of {n} binds in {{}}." for n, end in step.at_end]
+        binds = [f"{n} is at its {end} permitted value in {{}}." for n, end in step.at_end]
         for text in (*costs, *binds):
             steps.setdefault(text, []).append(place)
     yield from (text.format(_steps_of(places)) for text, places in steps.items())
     for name in found.hindering:
-        yield f"The limits of {name} forbid steps that would tell more."
+        yield f"The limits of {name} forbid steps that would gain more."
     if found.time_is_short:
-        yield "There is no time for steps that would tell more: --hours ends the experiment."
+        yield "There is no time for steps that would gain more: --hours ends the experiment."
     for name in found.unwatched:
         yield f"No explanation predicts {name}, which has limits: watch it while you run this."
 
@@ -221,10 +228,10 @@ def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
     return Figure(
         name=f"step{index}",
         title=title,
-        key="numbers: explanations; bars: 95 % bands, with noise and the doubt of all values",
+        key="numbers: explanations; bars: 95 % bands, with noise and the uncertainty of all values",
         body=plot(panel.drawn(title, axis_title, bars, marks, True), True, "step"),
-        caption=f"What {signal.id} reads in each step tells which explanation is true. A band has "
-        "all that an explanation leaves open; much of that is the same in all steps, so these tell "
-        "more together than one by one.",
+        caption=f"The readings of {signal.id} show which explanation is true. A band has all that "
+        "an explanation leaves open; much of that is the same in all steps, so these show more "
+        "together than one by one.",
         narrow=True,
     )

@@ -98,20 +98,20 @@ class Experiment:
                 return "One explanation is left, and no input may be changed to test it."
             return (
                 f"One explanation is left. {steps} in {duration(self.steps[-1].until)} test "
-                "it: they explore the range that may be set, and show what it does not predict."
+                "it: they cover the permitted range, and show what it does not predict."
             )
         if not self.telling:
             within, wider = "what was recorded", "Record wider ranges"
             if self.limited:
                 within, wider = "the limits", "Allow wider ranges"
             return (
-                f"No set points within {within} tell these explanations apart. {wider}, or read "
+                f"No set points within {within} separate these explanations. {wider}, or record "
                 "another quantity."
             )
         before, after = percent(self.certainty[0]), percent(self.certainty[-1])
         return (
-            f"With {steps} in {duration(self.steps[-1].until)} the expected probability of the "
-            f"true explanation rises from {before} to {after}, if it is one of these."
+            f"On average, the true explanation, if it is one of these, will have a probability of "
+            f"{after} after {steps} ({duration(self.steps[-1].until)}); now it is {before}."
         )
 
     @property
@@ -135,8 +135,10 @@ def in_words(one: CandidateSet) -> str:
 def duration(seconds: float) -> str:
     """A time in the most suitable unit."""
     if seconds < 120.0:
-        return f"{seconds:.3g} s"
-    return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
+        return f"{seconds:.3g}\u00a0s"
+    if seconds < 7200.0:
+        return f"{number(seconds / 60.0)}\u00a0min"
+    return f"{number(seconds / 3600.0)}\u00a0h"
 
 
 def possible_sets(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ...]:
@@ -146,7 +148,7 @@ def possible_sets(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ..
         found = tuple(_one(one) for one in data["standing"])
     except (LookupError, TypeError, ValueError, AttributeError):
         raise ExperimentRefused(
-            f"{file}: it does not say which explanations stand; {AGAIN}"
+            f"{file}: it does not say which explanations remain possible; {AGAIN}"
         ) from None
     if not found:
         raise ExperimentRefused(

@@ -195,7 +195,7 @@ def test_limits_are_kept_and_told(
 @pytest.mark.parametrize(
     ("change", "more", "words"),
     [
-        (lambda form: form.pop("standing"), (), "does not say which explanations stand"),
+        (lambda form: form.pop("standing"), (), "does not say which explanations remain possible"),
         (lambda form: form.update(standing=[]), (), "no sets of explanations were weighed"),
         (lambda form: form["standing"][0].update(probability="much"), (), "does not say which"),
         (lambda form: form["standing"][0].update(joined=["A.no-such@n"]), (), "A.no-such@n"),

@@ -148,8 +148,8 @@ def test_command_tells_it_behind_the_report(
     assert (SLIP, None, 0) == (slip["id"], slip["size"], slip["told"])
     story = " ".join(capsys.readouterr().out.split())
     count = power["nothing"]["called_missing"]
-    assert f"something would be called missing in {count} of 200 replays" in story
-    assert f"told in {leakage['told']} of 200 at its usual size" in story
+    assert f"something would be reported missing in {count} of 200 replays" in story
+    assert f"identified in {leakage['told']} of 200 at its usual size" in story
     assert "no reading of this recording shows it" in story
 
 

@@ -86,7 +86,7 @@ def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.Monke
     assert shape.beaten
     assert all(beaten.nats > 0.0 for beaten in shape.beaten)
     assert found.next.startswith(f"Look at what happens at A.{location.place} while A.n is from")
-    assert "It follows A.n." in found.headline
+    assert "It depends on A.n." in found.headline
     form = next(f for f in mismatch_form(found, "plant.yaml")["locations"] if "shape" in f)
     keys = {"driver", "driver_unit", "unit", "points", "means", "text", "monotone"}
     assert keys == set(form["shape"])

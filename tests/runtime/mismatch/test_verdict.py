@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from rulec.effects.candidate import CurveTerm, Missing
 from rulec.knowledge.parameter_belief import Strain
+from rulec.mismatch.answer.findings import sentence
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.written_plant import refusal
 from rulec.mismatch.candidate_sets import CandidateSet
-from rulec.mismatch.result import Alternative, Check, Errors, Finding, Fit, Location
+from rulec.mismatch.result import Alternative, Check, Errors, Estimate, Finding, Fit, Location
 from tests.runtime.mismatches import UNNAMED, WARM
 
 SURE = replace(WARM, probability=0.95)
@@ -38,11 +40,11 @@ def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **mor
 @pytest.mark.parametrize(
     ("findings", "left", "verdict", "headline"),
     [
-        ((), False, "none", "Nothing is missing: what recalibration leaves is noise."),
+        ((), False, "none", "The model is complete: after recalibration only noise"),
         ((), True, "unnamed", "Something is missing at the plant that no known effect"),
-        ((SURE,), True, "named", "The model leaves out gap flow that follows the temperature in A"),
-        ((AGEING,), False, "named", "The model leaves out wear in A."),
-        ((UNSURE,), False, "ambiguous", "Several explanations fit about equally: gap flow"),
+        ((SURE,), True, "named", "The model lacks gap flow that follows the temperature in A"),
+        ((AGEING,), False, "named", "The model lacks wear in A."),
+        ((UNSURE,), False, "ambiguous", "Not decided: gap flow"),
         (
             (FAULT, SENSOR),
             False,
@@ -50,8 +52,8 @@ def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **mor
             "The model is right; the plant has a fault: flow lost in",
         ),
         ((SENSOR, FAULT), False, "sensor", "The model is right; a sensor is not: reading shifted"),
-        ((FAULT, SURE), False, "named", "The model leaves out gap flow"),
-        ((replace(FAULT, probability=0.5), SURE), False, "named", "The model leaves out"),
+        ((FAULT, SURE), False, "named", "The model lacks gap flow"),
+        ((replace(FAULT, probability=0.5), SURE), False, "named", "The model lacks"),
         ((FREE,), False, "unnamed", "Something is missing at the plant"),
         ((FREE, SENSOR), False, "sensor", "The model is right; a sensor is not: reading shifted"),
     ],
@@ -64,7 +66,7 @@ def test_verdict_and_headline(
     assert verdict == verdict_of(findings, left, SOUND)
     told = headline_of(verdict, findings, (), SOUND)
     assert told.startswith(headline)
-    assert "leaves out flow lost" not in told
+    assert "lacks flow lost" not in told
 
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
@@ -79,10 +81,10 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
 def test_what_is_left_is_called_noise_only_where_it_is() -> None:
     """Else it may be an error of the law's form, or the name is not all: how large it is, is said.
     Where something without a name is missing, that says enough."""
-    assert "leaves is noise" in headline_of("none", (), (), SOUND, [fit_of(noise=0.3)])
+    assert "only noise remains" in headline_of("none", (), (), SOUND, [fit_of(noise=0.3)])
     far = headline_of("none", (), (), SOUND, [fit_of()])
     assert "A.Q is off by 4 times its noise" in far
-    assert "leaves is noise" not in far
+    assert "only noise remains" not in far
     off = " However, A.Q is still off by 4 times its noise."
     told = (("named", 0.1), ("named", 0.2), ("named", 0.0), ("unnamed", 0.1))
     assert [off, "", "", ""] == [remainder_of(v, [fit_of(noise=noise)]) for v, noise in told]
@@ -94,7 +96,7 @@ def test_what_is_not_sure_is_told_apart_from_what_is() -> None:
     assert told.endswith("; not sure: flow lost in A.")
     told = headline_of("ambiguous", (SENSOR, replace(SURE, probability=0.7)), (), SOUND)
     assert told.startswith("Not sure enough to be named: gap flow")
-    assert told.endswith("Sure beside that: reading shifted in A.")
+    assert told.endswith("Certain: reading shifted in A.")
 
 
 def test_what_is_about_as_likely_stands_in_the_headline() -> None:
@@ -109,6 +111,14 @@ def test_what_is_about_as_likely_stands_in_the_headline() -> None:
     assert "ambiguous" == verdict_of((finding,), False, SOUND)
     headline = headline_of("ambiguous", (finding,), (), SOUND)
     assert all(f"law {i}" in headline for i in range(3))
+
+
+def test_alternatives_of_one_title_are_one() -> None:
+    """Zero and gain of one reading have one title; it appears once, with the sum."""
+    others = tuple(Alternative(f"x{i}", "x", "A.dp reads high", 0.25) for i in range(2))
+    finding = replace(WARM, title="Gap flow", probability=0.5, alternatives=others)
+    headline = headline_of("ambiguous", (finding,), (), SOUND)
+    assert headline == "Not decided: gap flow in A (50\u00a0%) or A.dp reads high (50\u00a0%)."
 
 
 def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
@@ -196,13 +206,23 @@ def test_what_is_worse_than_recalibration_is_not_written() -> None:
     assert "" == refusal("named", [worse], [], "")
     perhaps = fit_of(0.9, gain_interval=(-0.004, 0.2))
     chance = refusal("named", [perhaps], effect, "")
-    assert "0.4 to 20 % (95 %) beside recalibrated values alone" in chance
+    assert "0.4 to 20 % (95 %) compared with recalibrated values only" in chance
     better = [fit_of(0.9, gain_interval=(0.02, 0.2))]
     whole = Check(signal="A.Q", rows=100, error=1.4, plain=1.3)
     assert "" == refusal("named", better, effect, "", [replace(whole, error=1.2)])
     said = refusal("named", better, effect, "", [whole])
     assert "off by 1.4 l/min over all held-out rows" in said
-    assert "does not tell which" in refusal("ambiguous", better, effect, "")
+    assert "cannot decide between" in refusal("ambiguous", better, effect, "")
     curve = CurveTerm("definition:A.x", "A.n", ((0.0, 0.0), (1.0, 1.0)))
     assert "" == refusal("ambiguous", better, [curve.id], "", curves=[curve])
     assert "it cannot be written: why" == refusal("named", [], effect, "why")
+
+
+def test_a_sentence_states_shares_in_per_cent() -> None:
+    """A fixed number has its title."""
+    unknowns = [SimpleNamespace(name=n, title="median", fixed=n == "T0") for n in ("b", "T0")]
+    text = "the slip changes by {b:%} ({b}) with A.T from its {T0}"
+    candidate: Any = SimpleNamespace(unknowns=unknowns, place="Q_gap", text=text)
+    told = sentence(candidate, {"b": Estimate("rise", 0.0304, 0.0009, 0.029, 0.032, "1/K")}, ())
+    rise = "3.040 ± 0.090 %/K (0.03040 ± 0.00090 1/K)"
+    assert told == f"the slip changes by {rise} with A.T from its median"

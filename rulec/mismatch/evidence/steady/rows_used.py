@@ -61,10 +61,10 @@ def _points(
             continue
         what = HELD_OUT if data.part[point] == HELDOUT else SEARCHED
         if faulty is not None and faulty[point]:
-            what += "; in a period of a fault, so not in the errors"
+            what += ", in a period of a fault, so not in the errors"
         elif judged is not None and not judged[point]:
-            what += "; not in the errors, as no reading is predicted there"
-        texts.append(f"{what}; but {why}" if why else what)
+            what += ", not in the errors, as no reading is predicted there"
+        texts.append(f"{what} ({why})" if why else what)
     return compared, texts
 
 

@@ -317,7 +317,7 @@ def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
     }
     if there:
         names = max(there, key=lambda n: there[n])
-        title = "a term without a name in its place"
+        title = "an unnamed term at the same place"
         if term:
             known = candidates_of(posterior)
             title = " and ".join(sorted(titled_with_module(known[n]) for n in names - rest))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from rulec_runtime.report.text import counted
 
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits as common
@@ -80,15 +81,23 @@ class Posterior:
         return Tolerance(self.geometry, self.models[names])
 
     @property
+    def _likely(self) -> dict[Names, float]:
+        return {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
+
+    @cached_property
+    def within(self) -> tuple[Names, ...]:
+        """Likely sets of terms that are within the errors of laws and sensors."""
+        return tuple(n for n in self._likely if n == self._tolerance(n).within)
+
+    @property
     def unseen(self) -> float:
         """Probability that no missing effect shows.
 
         It includes sets of terms within the errors of laws and sensors and, unless another set is
         likely enough to be mentioned, those that move no reading by more than these errors.
         """
-        others = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
-        within = [n for n in others if n == self._tolerance(n).within]
-        nothing = self.nothing + sum(others.pop(names) for names in within)
+        others = {n: p for n, p in self._likely.items() if n not in self.within}
+        nothing = self.nothing + sum(self._likely[names] for names in self.within)
         if max(others.values(), default=0.0) >= common.MENTIONED:
             return nothing
         shown = (self._tolerance(n).shows for n in others)
@@ -233,7 +242,8 @@ def grown(
             break
         for names in todo:
             done.add(names)
-            progress(f"round {number}: {len(search.odds)} sets of explanations refitted")
+            tried = counted(len(search.odds), "combination")
+            progress(f"round {number}: {tried} tested")
             for step in steps:
                 step(search, names)
 

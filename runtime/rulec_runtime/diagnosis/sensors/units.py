@@ -39,7 +39,9 @@ def mixups(
     known = _spellings(own, units, "/" in signal.unit)
     written = _name(signal, scale, known)
     found: dict[tuple[float, float], Mixup] = {}
-    for name, unit in sorted(known.items(), key=lambda item: (len(item[0]), item[0])):
+    # Relatives of the stated unit first: mbar for bar, not hPa.
+    for name in sorted(known, key=lambda n: (signal.unit not in n, len(n), n)):
+        unit = known[name]
         ratio = unit.factor / factor
         shift = unit.offset - ratio * offset
         far = max(ratio, 1.0 / ratio) > limits.NEAR_UNITS or (ratio == 1.0 and shift != 0.0)

@@ -133,7 +133,7 @@ def test_the_whole_answer(thin: Path) -> None:
     recording = flapping(thin, 2)
     found = analyse(recording, *tanks())
     assert "unnamed" == found.verdict
-    assert "It follows lower.y." in found.headline
+    assert "It depends on lower.y." in found.headline
     assert found.next.startswith("Look at what ")
     assert "lower.y" in found.next
     at = max((at for at in found.locations if at.shape), key=lambda at: at.share)
