@@ -128,7 +128,7 @@ INPUTS = str(STORES / "examples" / "inputs.csv")
         (("abc.ruleset.json", str(RECORDING)), 2, "abc.ruleset.json: give the plant's folder"),
         ((str(PLANT), str(RECORDING), "--series", "no/m.x"), 2, "no/m.x: there is no such folder"),
         ((str(PLANT), str(RECORDING), str(RECORDING)), 1, "same file, given twice"),
-        ((str(STORES), INPUTS, INPUTS), 1, "this plant stores"),
+        ((str(STORES), INPUTS, INPUTS), 1, "this plant has storage"),
     ],
 )
 def test_what_cannot_be_analysed_is_refused_before_any_work(
