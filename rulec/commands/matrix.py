@@ -70,7 +70,7 @@ def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
 
     if ruleset.dynamics is not None:
         raise SimulationRefused(
-            f"{ruleset.plant} has storage: set points can be compared only in plants without"
+            f"{ruleset.plant} has storage; set points can be compared only without storage"
         )
     given = None
     if limits is not None:

@@ -123,7 +123,7 @@ def test_matrix_tells_the_step_of_each_pair(
     for words, code, said in (
         ([str(PLANT), "--separate", "--limits", "none.yaml"], 1, "KB001"),
         ([str(PLANT), "--limits", "none.yaml"], 2, "--separate"),
-        ([str(ROOT / "plants" / "cascaded-tanks"), "--separate"], 1, "stores"),
+        ([str(ROOT / "plants" / "cascaded-tanks"), "--separate"], 1, "storage"),
     ):
         assert main(["matrix", *words]) == code
         assert said in capsys.readouterr().err
