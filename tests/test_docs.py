@@ -256,7 +256,9 @@ def test_page_and_notebook_of_python_run(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(hasattr(part, "_repr_html_") for part in shown)
     pages = [str(part._repr_html_()) for part in shown]
     assert 7 == len(pages)
-    assert any("A: the pump delivers 20 % less than its law says" in page for page in pages)
+    assert any(
+        "A: the pump delivers 20 % less than its characteristic predicts" in page for page in pages
+    )
     assert "The columns B.dp and C.dp are swapped" in pages[-2]
 
 

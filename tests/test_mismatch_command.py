@@ -132,7 +132,7 @@ INPUTS = str(STORES / "examples" / "inputs.csv")
             "no/m.x: there is no folder 'no'; make it first",
         ),
         ((str(PLANT), str(RECORDING), str(RECORDING)), 1, "same file, given twice"),
-        ((str(STORES), INPUTS, INPUTS), 1, "this plant stores"),
+        ((str(STORES), INPUTS, INPUTS), 1, "this plant has storage"),
     ],
 )
 def test_what_cannot_be_analysed_is_refused_before_any_work(

@@ -148,12 +148,12 @@ def test_summary_says_what_the_counts_mean() -> None:
     assert (leak.error, leak.bias) == pytest.approx((0.02, -0.01))
     text = "\n".join(sentences(counted()))
     for part in (
-        "Found and named (or among the named) from 20 % on: Internal leakage of dosing-pcp.",
+        "Detected and identified (first or as an alternative) from 20 % on: Internal leakage of ",
         "Cannot be seen: P_el reads low of dosing-pcp.",
-        "Found without a name: Clogging of static-mixer in 1 of 1 recordings",
+        "Detected but not identified: Clogging of static-mixer in 1 of 1 recordings",
         "Internal leakage of dosing-pcp is taken for Widening of the same module in 1 of 4",
         "Internal leakage of dosing-pcp is taken for Widening of another module (static-mixer)",
-        "off by 0.020 on average (bias -0.010); its bounds hold the true one in 50 % of 2",
+        "off by 0.020 on average (bias -0.010); its bounds hold the true one in 1 of 2",
         "False alarms: 1 of 2 healthy recordings (40 samples)",
         "Left out: 1 recordings",
     ):

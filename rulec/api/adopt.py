@@ -76,13 +76,12 @@ class AdoptResult(Result):
         for part in self.proven.reported:
             if part.points and math.isfinite(part.own):
                 unit = "" if part.unit == "1" else f" {part.unit}"
-                than = f", recalibrated alone by {number(part.recalibrated)}{unit}"
+                than = f" ({number(part.recalibrated)}{unit} with recalibration only)"
                 out.print(
-                    f"simulated on {part.points} held-out samples, {part.signal} is off by "
-                    f"{number(part.own)}{unit}{than * bool(self.adoption.taken)}",
-                    soft_wrap=True,
+                    f"on {part.points} held-out samples {part.signal} is off by "
+                    f"{number(part.own)}{unit}{than * bool(self.adoption.taken)}"
                 )
-        out.print(styled("[green]✓[/] {}: a plant like any other", self.plant))
+        out.print(styled("[green]✓[/] {}: ready to use as PLANT", self.plant))
 
     def _reported(self) -> Columns:
         names = ("signal", "unit", "recalibrated", "own", "points")
@@ -119,14 +118,14 @@ def adopt(
     source = reread(mismatch, recalibrated)
     repair, proven = source.repair, source.proven
     if why := why_refused(proven.edits, proven.refused):
-        beside = ". The plant with recalibrated values alone can be written with --recalibrated"
-        raise AdoptRefused(f"nothing is written: {why}{'' if proven.edits else beside}")
+        beside = ". --recalibrated writes the plant with recalibrated values only"
+        raise AdoptRefused(f"nothing written: {why}{'' if proven.edits else beside}")
     source.check_basis(AdoptRefused)
     if not repair.joined and not recalibrated:
         reasons = "; ".join(f"{name}: {why}" for name, why in proven.left_out)
         raise AdoptRefused(
             f"nothing was found that a model may hold{f' ({reasons})' * bool(reasons)}; "
-            "recalibrated values alone can be written with --recalibrated"
+            "--recalibrated writes the plant with recalibrated values only"
         )
     source.check_unchanged()
     builder = source.builder  # loads the compiler, as do these
@@ -171,7 +170,6 @@ def _try_out(plant: Path, source: Reread) -> None:
         if not abs(off - reported) <= ADOPTED_AGREEMENT * max(abs(reported), 1e-12):
             unit = ruleset.signal_by_id[name].unit if name in ruleset.signal_by_id else ""
             raise AdoptRefused(
-                f"nothing is written: simulated over the held-out parts of the recording, {name} "
-                f"is off by {number(off)} {unit}, and {number(reported)} {unit} was found in the "
-                f"analysis; {AGAIN}"
+                f"nothing written: over the held-out parts of the recording {name} is off by "
+                f"{number(off)} {unit}, but by {number(reported)} {unit} in the analysis; {AGAIN}"
             )

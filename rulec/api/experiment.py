@@ -119,7 +119,7 @@ def experiment(
     explanations = possible_sets(source.data, source.file)
     source.check_basis(ExperimentRefused)
     if why := why_refused(source.proven.edits, ""):
-        raise ExperimentRefused(f"nothing is written: {why}")
+        raise ExperimentRefused(f"nothing written: {why}")
     source.check_unchanged()
     ruleset = source.opened.ruleset
     recording = mended(source.recording(ruleset), source.proven.misread)

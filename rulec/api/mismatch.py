@@ -148,8 +148,8 @@ def mismatch(
     RecordingRefused
         One is no recording of the plant, or they cannot be judged together.
     MismatchRefused
-        Spans hold no sample or all of them, the plant stores and several are given, or no effect
-        has an id.
+        Spans hold no sample or all of them, the plant has storage and several are given, or no
+        effect has an id.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def mismatch(
     ruleset = plant_now.ruleset
     if len(given) > 1 and ruleset.dynamics is not None:
         raise MismatchRefused(
-            "this plant stores: what a recording began with belongs to it alone, and several "
+            "this plant has storage: what a recording began with belongs to it alone, and several "
             "cannot be judged together. Judge each recording alone, or record the experiment as one"
         )
     names = names_given(given)

@@ -140,7 +140,7 @@ class SimulateResult(Result):
     def tell(self, out: Console) -> None:
         """Print what was predicted, and remarks."""
         for note in self.notes:
-            out.print(styled("[dim]note: {}[/]", note), soft_wrap=True)
+            out.print(styled("[dim]note: {}[/]", note))
         out.print(self.headline(self.ruleset.plant), soft_wrap=True)
 
     _tables: ClassVar = {"recording": columns}

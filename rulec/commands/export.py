@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
         note = "[dim]note: without estimates of their flow, and so without code: {}[/]"
         out.print(styled(note, others))
     if ruleset.dynamics is not None:
-        note = "this plant stores: rulec diagnose judges its recordings, not results of modules"
+        note = "this plant has storage: rulec diagnose judges its recordings, not module results"
         out.print(styled("[dim]note: {}[/]", note))
     if recording is not None:
         columns = played(recording, ruleset, codes)

@@ -60,7 +60,7 @@ def _tell(out: Console, fitted: FittedCurve, target: str, written: bool) -> None
         table.add_row(*row, f"{100 * one.tolerance.share:g} %")
     out.print(table)
     for note in fitted.points.notes:
-        out.print(styled("[dim]note: {}[/]", note), soft_wrap=True)
+        out.print(styled("[dim]note: {}[/]", note))
     if fitted.untold:
         names = ", ".join(fitted.untold)
         out.print(styled("[dim]as in the type, the sheet says nothing of it: {}[/]", names))
@@ -68,7 +68,7 @@ def _tell(out: Console, fitted: FittedCurve, target: str, written: bool) -> None
         far = ", ".join(one.law.name for one in fitted.laws if not one.holds)
         text = f"{target} not written: {far} leaves the tolerance. Are two columns swapped, or the "
         text += "unit another one? Else the law is not that of this device; --force writes it"
-        out.print(styled("[red]✗[/] {}", text), soft_wrap=True)
+        out.print(styled("[red]✗[/] {}", text))
         return
     out.print(styled("[green]✓[/] {}", target), soft_wrap=True)
     out.print(styled("next: rulec check {}", target), soft_wrap=True)

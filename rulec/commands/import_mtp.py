@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 from rulec_runtime.commands.destinations import console, write_json
@@ -47,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         out.print(styled("[green]✓[/] {}", where), soft_wrap=True)
         out.print("What to do next:")
         for number, step in enumerate(_steps(modules, target), 1):
-            out.print(one_line(f"  {number}. {step}"), soft_wrap=True)
+            out.print(Padding(one_line(f"{number}. {step}"), (0, 0, 0, 2)))
     write_json(options, machine_form(modules, refused))
     return 1 if refused else 0
 
@@ -97,6 +98,6 @@ def _steps(modules: Sequence[Imported], target: Path) -> Iterator[str]:
         )
     yield f"confirm what is marked 'proposal' in {target}/modules: quantities and sensor classes"
     left = f"{plural(lacking, 'signal lacks', 'signals lack')} something; " if lacking else ""
-    yield f"fill in what is marked 'TODO': {left}parameters, observers and faults stand in no MTP"
+    yield f"fill in what is marked 'TODO': {left}an MTP holds no parameters, observers or faults"
     yield f"rulec check {target}"
-    yield "write a plant.yaml that says what feeds what: pipes between modules stand in no MTP"
+    yield "write a plant.yaml that says what feeds what: an MTP does not describe pipes"

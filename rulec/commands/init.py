@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     for file in shown:
         out.print(styled("[green]✓[/] {}", file), soft_wrap=True)
     if len(shown) < len(files):
-        out.print(styled("[dim]and schemas, by which an editor completes and checks them[/]"))
+        out.print(styled("[dim]and schemas for completion and checking in an editor[/]"))
     out.print(styled("next: rulec check {}", folder), soft_wrap=True)
     return 0
 

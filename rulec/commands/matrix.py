@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 from rulec_runtime import limits
@@ -75,7 +76,7 @@ def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
 
     if ruleset.dynamics is not None:
         raise SimulationRefused(
-            f"{ruleset.plant} stores; only plants that settle at once have points to compare"
+            f"{ruleset.plant} has storage; set points can be compared only without storage"
         )
     given = None
     if limits is not None:
@@ -178,7 +179,7 @@ def _show_stores(out: Console, stores: Mapping[str, Any]) -> None:
     for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
         table.add_row(fault, *(marks[s] for s in signs))
     out.print(table)
-    legend = "+ the reading stands higher than the balances predict, - lower, · as they do"
+    legend = "+ the reading is higher than the balances predict, - lower, · as they do"
     out.print(styled("[dim]{}[/]", legend))
     for group in stores["alike"]:
         out.print(f"  {', '.join(group)}: act alike on all readings")
@@ -198,8 +199,8 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
     for start in range(0, len(residuals), fitting):
         out.print(_table(ruleset, residuals[start : start + fitting]))
     legend = (
-        "+ residual rises, - residual falls, · no effect; below the sign the smallest degree "
-        "that leaves the residual's threshold at the reference point"
+        "+ residual rises, - residual falls, · no effect; the number below a sign is "
+        "the smallest degree that exceeds the threshold at the reference point"
     )
     if ruleset.unlisted:
         legend += f"; ± {ANY_ERROR}"
@@ -251,7 +252,7 @@ def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
         if groups:
             out.print(styled("\n[bold]{}[/] ({})", title, why))
         for group in groups:
-            out.print(f"  {between.join(group.faults)}: {group.advice}")
+            out.print(Padding(f"{between.join(group.faults)}: {group.advice}", (0, 0, 0, 2)))
     costs = {(s.module, s.signal): s.cost for g in ruleset.ambiguous for s in g.sensors}
     if costs:
         each = ", ".join(f"{m}.{s} {cost:g}" for (m, s), cost in costs.items())

@@ -29,7 +29,7 @@ def tell(out: Console, name: str, facts: Facts) -> None:
     )
     out.print(_columns(facts.readings))
     for line in _lines(facts):
-        out.print(line, soft_wrap=True)
+        out.print(line)
 
 
 def json_form(facts: Facts) -> dict[str, Any]:
@@ -69,9 +69,7 @@ def _lines(facts: Facts) -> Iterator[Text]:
     for note in facts.notes:
         yield styled("[dim]note: {}[/]", note)
     if facts.settled is None:
-        yield Text(
-            "the plant has storage: it is judged while it moves, not only where it is settled"
-        )
+        yield Text("the plant has storage: it is judged while it moves, not only when settled")
     else:
         stretches = plural(facts.stretches, "stretch", "stretches")
         yield styled("settled: {} % of the rows, in {}", f"{100 * facts.settled:.0f}", stretches)

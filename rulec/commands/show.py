@@ -50,7 +50,7 @@ def _printer(asked: str, plant: Path | None) -> Callable[[], Iterable[str]]:
     if step == "passes":
         return lambda: (
             "passes in order: " + ", ".join(STEPS),
-            f"besides: {KNOWLEDGE}, all that is known of equipment, and where it stands",
+            f"also: {KNOWLEDGE}, all known equipment and where it is defined",
         )
     if step not in STEPS:
         hint = did_you_mean(step, [*STEPS, KNOWLEDGE])

@@ -89,7 +89,7 @@ def _signatures(known: Compilation) -> Iterator[str]:
         sign = "+" if cell.sign > 0 else "-"
         yield (
             f"{cell.fault} {sign} {cell.residual}: dR/dg = {cell.gain:.4g}, "
-            f"dR/dx = {cell.sensitivity:.4g} m3/s, seen from x = {cell.detectable:.3g}"
+            f"dR/dx = {cell.sensitivity:.4g} m3/s, visible above x = {cell.detectable:.3g}"
         )
 
 

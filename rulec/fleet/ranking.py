@@ -89,4 +89,6 @@ def verdict(plants: Sequence[Ranked]) -> str:
     if not bad:
         return f"Nothing was found in {count}{blind}"
     need = "needs" if len(bad) == 1 else "need"
-    return f"{len(bad)} of {count} {need} attention: {bad[0].plant} first{blind}"
+    return (
+        f"{len(bad)} of {count} {need} attention: {bad[0].plant}{' first' * (len(bad) > 1)}{blind}"
+    )

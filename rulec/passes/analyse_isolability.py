@@ -129,21 +129,21 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
     advice = None if far else adviser.advise(names)
     parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
     if any(np.isfinite(degrees)) and not (far and parts):
-        each = " and ".join(_from(adviser, n, x) for n, x in zip(names, degrees, strict=True))
-        parts.append(f"{'' if parts else 'told apart '}safely, by all residuals, from {each} on")
+        each = " and ".join(_above(adviser, n, x) for n, x in zip(names, degrees, strict=True))
+        parts.append(f"reliably{'' if parts else ' distinguishable'} {each}")
     if advice is not None:
         more = " and ".join(s.title for s in advice.sensors)
-        does = "would do so from" if parts else "would tell them apart from a degree of"
-        parts.append(f"{more} {does} {adviser.sizes(names, advice.degree)} on")
+        does = "with" if parts else "distinguishable with"
+        parts.append(f"{does} {more} above {adviser.sizes(names, advice.degree)}")
     elif not far:
-        parts.append("no further reading there would; compare several operating points")
+        parts.append("no further reading there would help; compare several operating points")
     sensors = advice.sensors if advice is not None else ()
     shown_degrees = tuple(adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
     return Group(names, kind, "; ".join(parts), shown_degrees, sensors)
 
 
-def _from(adviser: Adviser, fault: str, degree: float) -> str:
-    size = adviser.size(fault, degree) if np.isfinite(degree) else "no degree"
+def _above(adviser: Adviser, fault: str, degree: float) -> str:
+    size = f"above {adviser.size(fault, degree)}" if np.isfinite(degree) else "at no degree"
     return f"{size} ({fault})"
 
 
@@ -158,4 +158,4 @@ def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> str:
     """The residual that only the outer fault moves, and the smallest degree that it detects."""
     common = {residual for _, residual in shown[inner]}
     degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
-    return f"{residual} tells them apart from a degree of {degree:.2g}{adviser.unit(outer)} on"
+    return f"distinguishable by {residual} above {degree:.2g}{adviser.unit(outer)}"

@@ -23,9 +23,9 @@ def step_in_words(
     if not proposal.changes:
         which = f"{fault} from {' or '.join(others)}"
         if not allowed.inputs:
-            return f"no set point may be changed, so nothing tells {which}"
-        most = ", ".join(f"{v:.1f}" for v in proposal.apart)
-        return f"no change of set points within the limits tells {which} better ({most} sigma)"
+            return f"no set point may be changed, so nothing separates {which}"
+        most = f"at most {max(proposal.apart, default=0.0):.1f} sigma"
+        return f"no change of set points within the permitted range separates {which} ({most})"
     parts = []
     for other, here, there in zip(others, proposal.here, proposal.apart, strict=True):
         enough = "" if there >= SEPARATED else f"; it takes {SEPARATED:g} to be sure"

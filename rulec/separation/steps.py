@@ -20,14 +20,14 @@ from rulec.simulation.equations import Equations, SimulationRefused, equations_o
 def add_steps(diagnosis: Diagnosis, allowed: Allowed) -> Diagnosis:
     """The same diagnosis with steps, for the largest finding of each fault.
 
-    Findings of two faults at once and plants that store get none. If the plant cannot be simulated,
-    a note says so.
+    Findings of two faults at once and plants with storage get none. If the plant cannot be
+    simulated, a note says so.
     """
     unclear = [f for f in worst_first(diagnosis.findings) if f.alternatives and not f.together]
     if not unclear:
         return diagnosis
     if diagnosis.ruleset.dynamics is not None:
-        note = "no step is proposed that tells faults apart: this plant stores"
+        note = "no step is proposed that tells faults apart: this plant has storage"
         return replace(diagnosis, notes=(*diagnosis.notes, note))
     try:
         equations = equations_of(diagnosis.ruleset)

@@ -20,24 +20,24 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
     """Print what one step achieves, then a row per pair."""
     close = [p for p in pairs if not p.is_apart]
     split = sum(p.is_split for p in close)
-    degrees = " and ".join(f"{d:g}" for d in STEP_DEGREES)
-    out.print(styled("\n[bold]One change of set points[/] at degrees {}\n", degrees))
+    out.print(styled("\n[bold]One change of set points[/]\n"))
     out.print(
-        f"{len(pairs)} pairs of faults are alike; {len(pairs) - len(close)} of them are told apart "
-        f"at the reference point ({SEPARATED:g} sigma), and of the other {len(close)} one step "
-        f"tells {split} apart",
-        soft_wrap=True,
+        f"{len(pairs)} pairs of faults look alike; {len(pairs) - len(close)} can be separated "
+        f"at the reference point ({SEPARATED:g} sigma), and one change of set points separates "
+        f"{'all' if split == len(close) else split} of the other {len(close)}"
     )
     if not close:
         return
     table = Table(box=None, padding=(0, 1), pad_edge=False)
-    for title in ("faults", "sigma now", "then", "step from the reference point"):
-        table.add_column(title, no_wrap=title != "step from the reference point")
+    degrees = " / ".join(f"{d:g}" for d in STEP_DEGREES)
+    for title in ("faults", f"sigma now\nat degree\n{degrees}", f"then\nat degree\n{degrees}"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("step from the reference point")
     reference = {s.id: s.shown(s.reference) for s in ruleset.signals}
     for pair in close:
         now, then = pair.proposal.here, pair.proposal.apart if pair.proposal.changes else ()
         sigma = (" / ".join(f"{v:.1f}" for v in part) or "–" for part in (now, then))
-        step = "none within the limits does"
+        step = "none in the permitted range"
         if pair.proposal.changes:
             step = set_points(ruleset, reference, pair.proposal) + costs_in_words(pair.proposal)
             step += "" if pair.is_split else "; not enough at every degree"

@@ -48,7 +48,7 @@ def starts_of(ruleset: Ruleset, recording: RecordingFile) -> Starts:
     dynamics = ruleset.dynamics
     if dynamics is None:
         raise SimulationRefused(
-            f"{ruleset.plant} stores nothing, so no first reading tells a start; leave out --start"
+            f"{ruleset.plant} has no storage, so no first reading gives a start; leave out --start"
         )
     first, notes = _first_readings(ruleset, dynamics, recording)
     if not first:

@@ -39,7 +39,7 @@ def predict(
         if not equations.predicted:
             raise SimulationRefused(
                 f"{ruleset.plant}: no equation determines a reading, so there is nothing to "
-                "predict; a second estimate of a flow, or a module that stores, would"
+                "predict; add a second estimate of a flow, or a module with storage"
             )
         exact = predict_settled(equations, files, injected)
     else:
@@ -62,4 +62,4 @@ def _as_recorded(ruleset: Ruleset, files: Sequence[RecordingFile]) -> Iterator[s
     names = [s.id for s in ruleset.signals if s.id in there and s.id not in ruleset.read]
     if names:
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-        yield f"no equation reads {', '.join(names[:SHOWN])}{more}: passed on as recorded"
+        yield f"not used by any equation, copied unchanged: {', '.join(names[:SHOWN])}{more}"

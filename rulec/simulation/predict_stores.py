@@ -80,7 +80,7 @@ def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injec
         read = {s for o in fault.affects for s in ruleset.observer_by_id[o].signals}
         if read.intersection(dynamics.inputs) and name not in dynamics.faults:
             raise SimulationRefused(
-                f"{name} changes what flows into what stores; balances with it are not known"
+                f"{name} changes a flow into a module with storage; balances with it are not known"
             )
 
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from rulec_runtime.report.text import counted
 
 from rulec.study.judge import Kind
-from rulec.study.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
+from rulec.study.limits import BLIND, CONFUSED, FEW, MOST_CONFUSIONS, RELIABLE
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
 
 TITLES = ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds")
 """Titles of the columns of a table, after the fault."""
 
 LEGEND = (
-    "found: something is said to be wrong. named: the true fault comes first; listed: it comes "
+    "found: an alarm is raised. named: the true fault comes first; listed: it comes "
     "first or is an alternative. Degree where named: mean absolute error, mean error, and how "
     "often the bounds hold the true one."
 )
@@ -54,7 +54,7 @@ def verdict(tally: Tally) -> str:
     reliable = sum(reliable_from(cells) is not None for cells in rows)
     healthy = tally.healthy
     return (
-        f"Found and named: {reliable} of {counted(len(rows), 'kind')} of fault; "
+        f"Detected and identified: {reliable} of {counted(len(rows), 'kind')} of fault; "
         f"{counted(healthy.alarms, 'false alarm')} in {healthy.recordings} healthy recordings"
     )
 
@@ -81,13 +81,16 @@ def _reliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
         if degree is not None:
             by_degree.setdefault(degree, []).append(kind)
     for degree, kinds in sorted(by_degree.items()):
-        yield f"Found and named (or among the named) from {percent(degree)} on: {_names(kinds)}."
+        yield (
+            f"Detected and identified (first or as an alternative) from {percent(degree)} on: "
+            f"{_names(kinds)}."
+        )
 
 
 def _unreliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
     """Faults that are not reliable at any studied degree, by what is missing."""
-    unnamed = "Found, but not always with the true fault among the named"
-    missed = "Not always found, even at the largest degree"
+    unnamed = "Detected, but not always identified"
+    missed = "Not always detected, even at the largest degree"
     invisible = "Cannot be seen"
     groups: dict[str, list[FaultKind]] = {unnamed: [], missed: [], invisible: []}
     for kind, cells in rows.items():
@@ -116,8 +119,8 @@ def _unexplained(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
         count, of = sum(c.kinds[Kind.UNKNOWN] for c in cells), sum(c.recordings for c in cells)
         if of and count >= CONFUSED * of:
             yield (
-                f"Found without a name: {kind.title} of {kind.type} in {count} of {of} recordings "
-                "(no law fits, or readings leave the calibrated range)."
+                f"Detected but not identified: {kind.title} of {kind.type} in {count} of {of} "
+                "recordings (no law fits, or readings leave the calibrated range)."
             )
 
 
@@ -127,10 +130,11 @@ def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
     if named:
         error = sum(c.error * c.named for c in cells) / named
         bias = sum(c.bias * c.named for c in cells) / named
+        covered = sum(c.covered for c in cells)
         yield (
             f"Degree, where the true fault is named first: off by {error:.3f} on average (bias "
-            f"{bias:+.3f}); its bounds hold the true one in "
-            f"{percent(sum(c.covered for c in cells) / named)} of {named} recordings."
+            f"{bias:+.3f}); its bounds hold the true one in {covered} of {named} "
+            "recordings."
         )
 
 
@@ -146,7 +150,7 @@ def _alarmed(tally: Tally) -> str:
     healthy, early = tally.healthy, tally.lead_in
     text = (
         f"False alarms: {healthy.alarms} of {healthy.recordings} healthy recordings "
-        f"({healthy.samples} samples); with 95 % confidence fewer than {percent(healthy.bound)}."
+        f"({healthy.samples} samples); with 95 % confidence less than {percent(healthy.bound)}."
     )
     if early.recordings:
         text += f" Before the fault set in: {early.alarms} of {early.recordings}."
@@ -158,13 +162,18 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
 
 
+def share_of(count: int, of: int) -> str:
+    """A share in percent; of a few, the count itself."""
+    return percent(count / of) if of >= FEW else f"{count} of {of}"
+
+
 def figures_of(cell: Cell) -> tuple[str, ...]:
     """Cells of a table after degree and number of recordings."""
     if not cell.recordings:
         return ("-",) * 6
-    shares = [n / cell.recordings for n in (cell.found, cell.named, cell.named + cell.shared)]
+    counts = (cell.found, cell.named, cell.named + cell.shared)
     errors = ("-", "-", "-")
     if cell.named:
-        covered = percent(cell.covered / cell.named)
+        covered = share_of(cell.covered, cell.named)
         errors = (f"{cell.error:.3f}", f"{cell.bias:+.3f}", covered)
-    return (*(percent(s) for s in shares), *errors)
+    return (*(share_of(n, cell.recordings) for n in counts), *errors)

@@ -56,7 +56,7 @@ def test_data_are_those_of_the_command(capsys: pytest.CaptureFixture[str], tmp_p
     asked = ("calibrate", str(ABC), str(file), "-o", str(written))
     assert fitted.to_dict() == of_command(capsys, *asked)
     assert fitted.text == written.read_text(encoding="utf-8")
-    assert "A: the pump delivers 60 % less than its law says" in str(found())
+    assert "A: the pump delivers 60 % less than its characteristic predicts" in str(found())
 
 
 def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,12 +93,12 @@ def test_what_is_simulated_is_a_recording(tmp_path: Path) -> None:
 def test_a_repair_in_memory_is_adopted(tmp_path: Path) -> None:
     """Nothing was found, so values alone; from its file it cannot be, as the readings are gone."""
     result = explained()
-    with pytest.raises(rulec.AdoptRefused, match="recalibrated values alone can be written with"):
+    with pytest.raises(rulec.AdoptRefused, match="--recalibrated writes the plant with"):
         rulec.adopt(result, tmp_path / "repaired")
     adopted = rulec.adopt(result, tmp_path / "repaired", recalibrated=True)
     assert "abc" == rulec.compile(adopted.plant).ruleset.plant
     assert adopted.to_frame(backend="pyarrow").num_rows == len(result.found.fits)
-    assert "a plant like any other" in " ".join(str(adopted).split())
+    assert "ready to use as PLANT" in " ".join(str(adopted).split())
     with pytest.raises(rulec.AdoptRefused, match="is not empty"):
         rulec.adopt(result, tmp_path / "repaired", recalibrated=True)
     file = tmp_path / "found.json"

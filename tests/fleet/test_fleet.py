@@ -83,7 +83,7 @@ def test_every_plant_day_has_a_row(here: dict[Task, Row]) -> None:
     assert {"ok", "A.leakage"} <= {run["verdict"] for run in leak["trace"]}
     assert sum(run["samples"] for run in leak["trace"]) == leak["samples"]
     assert (1.0, "ok") == (told["P1", "2026-01-01"]["health"], told["P1", "2026-01-01"]["status"])
-    assert "is not in the recording" in told["P4", "2026-01-01"]["reason"]
+    assert " not recorded" in told["P4", "2026-01-01"]["reason"]
     assert told["P4", "2026-01-01"]["health"] is None
     assert told["P4", "2026-01-02"]["status"] == "unread"
     assert "broken.parquet" in told["P4", "2026-01-02"]["reason"]

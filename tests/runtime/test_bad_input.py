@@ -104,7 +104,7 @@ NOTHING = {
     "one sample": Case(Sheet(SHEET.header, SHEET.rows[:1]), "", f"has 1 sample; {FEW}"),
     "one time": Case(SHEET.filled("time", "5"), "time.jump", f"has 1 sample; {FEW}"),
     "no readings": Case(Sheet(SHEET.header, NO_READINGS), "", "A.dp: no reading"),
-    "one column": Case(ALONE, "", "A.n is not in the recording"),
+    "one column": Case(ALONE, "", "A.n, C.dp, B.n, B.dp not recorded"),
     "standstill": Case(STANDSTILL, "", "is below"),
 }
 """Nothing at all can be judged."""
@@ -115,7 +115,7 @@ CASES = {
     "column without readings": Case(SHEET.filled("A.dp", ""), "", "A.dp: no reading"),
     "readings lost in turn": Case(SHEET.mapped("A.dp", lambda k, c: "" if k % 3 == 0 else c)),
     "words between readings": Case(SHEET.mapped("A.dp", lambda k, c: c if k % 5 else "Bad")),
-    "column missing": Case(SHEET.without("A.dp"), "", "A.dp is not in the recording"),
+    "column missing": Case(SHEET.without("A.dp"), "", "A.dp not recorded"),
     "stuck after a while": Case(
         SHEET.filled("A.dp", SHEET.rows[30][2], 30), "A.dp.stuck", "A.dp: stuck at one value"
     ),

@@ -102,11 +102,11 @@ def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
     leak, low = rules.fault_by_id[LEAK], rules.fault_by_id[LOW]
     (why,) = why_first(rules, finding)
     assert why == (
-        "both fit; main.Q.low is more usual, so it is named first "
-        "(main.Q.low is common, main.leakage is usual)"
+        "both fit the readings; main.Q.low comes first because it occurs more often "
+        "(main.Q.low: common, main.leakage: usual)"
     )
     assert actions(rules, finding) == (
-        f"{low.action} (main.Q reads low); or {leak.action} (internal leakage in main)"
+        f"{low.action} (main.Q); or {leak.action} (internal leakage in main)"
     )
     assert "or" not in headline(rules, finding).split()
     (form,) = diagnosis_form(diagnosis)["findings"]

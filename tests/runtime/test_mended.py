@@ -70,7 +70,7 @@ def test_what_is_in_the_mended_reading_is_told(case: str) -> None:
     bent, signals, mended = CASES[case]
     found = diagnose(bent(leaking()), ruleset("abc"))
     assert signals == tuple(s.signal for s in found.sensors)
-    assert {f"judged as if mended: {mended}"} == {kept_of(s) for s in found.sensors}
+    assert {f"judged with this corrected: {mended}"} == {kept_of(s) for s in found.sensors}
     assert found.status == "C"
     leakage_of(found)
     form = diagnosis_form(found)["findings"]

@@ -67,7 +67,7 @@ def test_both_are_named_where_no_reading_tells(signal: str, size: float) -> None
     assert f"{signal}.high" == finding.fault.id
     assert f"{signal}.offset.high" in dict(finding.alternatives)
     said = " ".join(why_first(compiled("abc"), finding))
-    assert f"{signal}.offset.high is listed by no module" in said
+    assert f"{signal}.offset.high: not listed by its module" in said
 
 
 def test_a_speed_too_high_is_no_leakage_alone() -> None:

@@ -110,7 +110,9 @@ def test_matrix_tells_the_step_of_each_pair(
     refused."""
     told = tmp_path / "matrix.json"
     assert main(["matrix", str(PLANT), "--separate", "--json", str(told)]) == 0
-    assert "of the other 10 one step tells 10 apart" in " ".join(capsys.readouterr().out.split())
+    assert "one change of set points separates all of the other 10" in " ".join(
+        capsys.readouterr().out.split()
+    )
     pairs = json.loads(told.read_text(encoding="utf-8"))["separate"]
     assert len(pairs) == 16
     for pair in (p for p in pairs if not p["apart_already"]):
@@ -121,7 +123,7 @@ def test_matrix_tells_the_step_of_each_pair(
     for words, code, said in (
         ([str(PLANT), "--separate", "--limits", "none.yaml"], 1, "KB001"),
         ([str(PLANT), "--limits", "none.yaml"], 2, "--separate"),
-        ([str(ROOT / "plants" / "cascaded-tanks"), "--separate"], 1, "stores"),
+        ([str(ROOT / "plants" / "cascaded-tanks"), "--separate"], 1, "storage"),
     ):
         assert main(["matrix", *words]) == code
         assert said in capsys.readouterr().err

@@ -37,8 +37,8 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
     """Judge results of modules; raises `RecordingRefused` where they do not suffice."""
     if ruleset.dynamics is not None:
         raise RecordingRefused(
-            "this plant stores: its balances are judged by readings, not by results of modules; "
-            "diagnose a recording"
+            "this plant has storage: its balances are judged by readings, not by results of "
+            "modules; diagnose a recording"
         )
     notes = [*results.notes, *_unfit(results, ruleset)]
     points = points_of(results, ruleset)

@@ -188,13 +188,13 @@ def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
     degree, low, high = (degree_in_figures(fault, x) for x in (now.degree, now.lower, now.upper))
     size = f"{now.subject} {degree} ({low} to {high})"
     if what == "withdrawn":
-        return f"{now.subject}: later readings do not bear it out"
+        return f"{now.subject}: later readings do not confirm it"
     if what == "ended":
-        return f"{size} is over"
+        return size
     if what == "changed" and not now.active:
-        return f"{size} is over, and was there earlier than was told"
+        return f"{size} has ended, and began earlier than reported"
     rivals = ", ".join(sorted(_rivals(now)))
     also = f"; also possible: {rivals}" if rivals else ""
     if what == "changed" and now.subject != old.subject:
-        return f"{size}, told as {old.subject} before{also}"
+        return f"{size}, reported as {old.subject} before{also}"
     return f"{size}{also}" + (f"; {now.grows}" if now.grows else "")

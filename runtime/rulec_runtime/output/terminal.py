@@ -31,6 +31,10 @@ Assumed: a screen of 80 by 25."""
 
 _OTHER = re.compile(r"[^ -~\n]")
 
+_PERCENT, _HELD = re.compile(r"[ \u00a0](?=%)"), "\u2800"
+"""The blank before a percent sign, and what replaces it until lines are broken: rich breaks at
+no-break spaces too, but not at this blank Braille cell."""
+
 
 class Terminal(Console):
     """A console for untrusted text: no markup unless `styled`, no control characters at all."""
@@ -42,10 +46,16 @@ class Terminal(Console):
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
         """Segments to show; only rich's own control segments control the terminal."""
+        if isinstance(renderable, str | Text) and _PERCENT.search(str(renderable)):
+            renderable = (
+                self.render_str(renderable) if isinstance(renderable, str) else renderable.copy()
+            )
+            renderable.plain = _PERCENT.sub(_HELD, renderable.plain)
         for segment in super().render(renderable, options):
             # A nested table passes here once per table around it: most segments stay unchanged.
             is_plain = segment.control or _OTHER.search(segment.text) is None
-            yield segment if is_plain else segment._replace(text=shown(segment.text))
+            text = segment.text if is_plain else shown(segment.text).replace(_HELD, " ")
+            yield segment if is_plain else segment._replace(text=text)
 
 
 def terminal(aside: bool = False, quiet: bool = False) -> Terminal:

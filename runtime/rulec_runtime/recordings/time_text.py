@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rulec_runtime.recordings.plant_calendar import Calendar, duration
+from rulec_runtime.recordings.plant_calendar import HOUR, Calendar, duration
 
 ENDED, TO_THE_END, UNSETTLED, UNJUDGED = None, "", "not settled", "not judged"
 BRIEFLY_GONE = "not seen, too briefly to be over"
@@ -36,15 +36,26 @@ def course(
     """A period and what follows it.
 
     >>> course(None, 11.0, 19.0, ENDED), course(None, 11.0, 19.0, UNSETTLED)
-    ('11-19 s (8 s)', 'since 11 s, still active at 19 s (8 s); from 19 s on not settled')
+    ('11-19 s (8 s)', 'since 11 s, still active after 8 s at 19 s; from 19 s on not settled')
     """
     if behind is ENDED and since == until:
-        return f"at {moment(calendar, since)}"
+        return f"at {_in_hours(calendar, since)}"
     if behind is ENDED:
         text = span(calendar, since, until)
         return text if short else f"{text} ({duration(until - since)})"
     if short:
         return f"since {moment(calendar, since)}, still active"
-    last = moment(calendar, until, since)
-    lasts = f"since {moment(calendar, since)}, still active at {last} ({duration(until - since)})"
+    last = _in_hours(calendar, until, since)
+    lasts = f"since {_in_hours(calendar, since)}, still active after {duration(until - since)}"
+    lasts = f"{lasts} at {last}"
     return f"{lasts}; from {last} on {behind}" if behind else f"{lasts}, the end of the recording"
+
+
+def _in_hours(calendar: Calendar | None, time: float, before: float | None = None) -> str:
+    """A moment; many seconds also as hours.
+
+    >>> _in_hours(None, 50520.0)
+    '50520 s (14 h 2 min)'
+    """
+    text = moment(calendar, time, before)
+    return text if calendar is not None or time < HOUR else f"{text} ({duration(time)})"

@@ -143,7 +143,7 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
             rows.append(("Next step", safe(finding.step.text)))
         rows.append(("To tell them apart", safe(apart or "no single reading is known to do so")))
     if finding.remote:
-        rows.append(("Less likely", safe(causes(finding.remote))))
+        rows.append(("Fits less well", safe(causes(finding.remote))))
     rows += [("Note", safe(text)) for text in context(ruleset, finding)]
     return _card(fault.status, safe(headline(ruleset, finding)), rows)
 

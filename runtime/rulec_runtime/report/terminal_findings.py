@@ -19,6 +19,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.time_text import course
 from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
 from rulec_runtime.report.growth import grown, sparkline
+from rulec_runtime.report.text import percent
 from rulec_runtime.report.wording import (
     LISTED,
     SHOWN,
@@ -36,7 +37,9 @@ from rulec_runtime.report.wording import (
     kept_of,
     readings_of,
     remarks_of,
+    rounded,
     rows_of,
+    status_in_words,
     told_residual,
     why_first,
     worst_first,
@@ -53,13 +56,14 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     symbol, meaning = STATUS[diagnosis.status]
     colour = COLOURS[diagnosis.status]
     share = 100 * diagnosis.judged / max(diagnosis.samples, 1)
-    verdict = f"{symbol} {diagnosis.status} {meaning}"
+    verdict = status_in_words(symbol, diagnosis.status, meaning)
     out.print(styled("\n[bold {}]{}[/]  {}", colour, verdict, diagnosis.ruleset.title))
     settled = "" if diagnosis.ruleset.dynamics is not None else "settled and "
     judged = (
         f"{plural(diagnosis.samples, 'sample', 'samples')}, {share:.0f} % of them {settled}judged"
     )
-    out.print(styled("[dim]{}, mode {}[/]", judged, diagnosis.mode))
+    mode = "" if diagnosis.mode == "default" else f", mode {diagnosis.mode}"
+    out.print(styled("[dim]{}{}[/]", judged, mode))
     for sensor in diagnosis.sensors:
         _sensor(out, diagnosis, sensor)
     for regime in diagnosis.regimes[:SHOWN]:
@@ -97,7 +101,7 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
             degree_in_figures(row.fault, low, None if row.alike else high),
             degree_in_figures(row.fault, *row.bounds),
             row.when,
-            f"{100 * row.probability:.0f} %",
+            percent(row.probability),
         )
     out.print(table)
 
@@ -147,7 +151,7 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     if finding.step is not None:
         tree.add(f"to tell them apart: {finding.step.text}")
     unit = flow_unit(ruleset)
-    because = f"these estimates of the same flow disagree ({unit.name})"
+    because = f"of these differences between estimates of the same flow ({unit.name})"
     rows = "estimates and the readings behind them"
     if ruleset.dynamics is not None:
         because = "these readings are not what the balances predict"
@@ -156,9 +160,9 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     why.add(_residual_table(ruleset, finding))
     flows = why.add(rows)
     for e in estimates(ruleset, finding):
-        value, half = f"{unit.factor * e.flow:.1f}", f"±{unit.factor * e.half:.1f} {unit.name}"
-        line = "{} = [bold]{}[/] {}  [dim]{}[/]"
-        flows.add(styled(line, e.equation, value, half, ", ".join(e.readings)))
+        value, half = rounded(unit.factor * e.flow, unit.factor * e.half)
+        line = "{} = [bold]{}[/] ±{} {}  [dim]{}[/]"
+        flows.add(styled(line, e.equation, value, half, unit.name, ", ".join(e.readings)))
     for text in context(ruleset, finding):
         why.add(text)
     _doubt(diagnosis, finding, tree)
@@ -176,7 +180,8 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("residual", "value", "threshold", "fired", "expected", ""):
         justify = "right" if title in ("value", "threshold") else "left"
-        table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+        # On a narrow terminal only the words in the last column wrap.
+        table.add_column(title, justify=justify, no_wrap=bool(title))  # type: ignore[arg-type]
     flow = flow_unit(ruleset)
     for e in evidence_first(finding)[:LISTED]:
         kind, words = agreement(ruleset, finding, e)
@@ -191,17 +196,21 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
 
 
 def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
+    probability = f"probability {percent(finding.probability)}"
     if finding.alternatives:
-        doubt = tree.add(styled("[yellow]also possible:[/] {}", causes(finding.alternatives)))
+        also = causes(finding.alternatives)
+        doubt = tree.add(styled("{}; [yellow]also possible:[/] {}", probability, also))
         ruleset = diagnosis.ruleset
         for text in (*why_first(ruleset, finding), *advice(ruleset, finding)):
             doubt.add(text)
     elif diagnosis.mode == "paper":
         tree.add("paper mode names the fault with the largest degree and weighs no other")
-    elif not finding.remote:
-        tree.add(f"no other known fault fits; probability {100 * finding.probability:.0f} %")
+    elif finding.remote:
+        tree.add(probability)
+    else:
+        tree.add(f"no other known fault fits; {probability}")
     if finding.remote:
-        tree.add(f"less likely: {causes(finding.remote)}")
+        tree.add(f"fits less well: {causes(finding.remote)}")
 
 
 def _blind(out: Console, diagnosis: Diagnosis) -> None:

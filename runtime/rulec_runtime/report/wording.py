@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.recordings.time_text import course, span
+from rulec_runtime.report.text import percent
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
     from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
@@ -22,9 +24,15 @@ STATUS = {
     "C": ("▼", "check function: check what was recorded first"),
     "S": ("▲", "out of specification"),
     "M": ("◆", "maintenance required"),
-    "ok": ("✓", "nothing found"),
+    "ok": ("✓", "no fault found"),
 }
 """Letter of NE 107 to symbol and meaning; each symbol has its own shape."""
+
+
+def status_in_words(symbol: str, letter: str, meaning: str) -> str:
+    """An overall status, as ``◆ M maintenance required`` or ``✓ OK, no fault found``."""
+    return " ".join(filter(None, (symbol, "OK," if letter == "ok" else letter, meaning)))
+
 
 LARGE = 5e-3
 """Typical flow, m3/s, above which l/h would have too many digits."""
@@ -42,7 +50,7 @@ SPANS = 4
 def kept_of(found: SensorFinding) -> str:
     """How an invalid reading or clock is treated."""
     if found.mended:
-        return f"judged as if mended: {found.mended}"
+        return f"judged with this corrected: {found.mended}"
     if found.signal:
         return "its readings there are left out; the rest is judged without them"
     return "rows keep their order; later times are shifted"
@@ -76,9 +84,22 @@ def told_residual(
     signal = ruleset.signal_by_id.get(evidence.residual)
     if signal is None:
         value, threshold = flow.factor * evidence.value, flow.factor * evidence.threshold
-        return f"{value:z.1f}", f"±{threshold:.1f}"
+        value_text, threshold_text = rounded(value, threshold, digits=3)
+        return value_text, f"±{threshold_text}"
     value, threshold = evidence.value / signal.factor, evidence.threshold / signal.factor
     return f"{value:.3g} {signal.unit}", f"±{threshold:.2g} {signal.unit}"
+
+
+def rounded(value: float, half: float, digits: int = 2) -> tuple[str, str]:
+    """A value and its half width, to `digits` of the latter, but at most one decimal.
+
+    >>> rounded(16297.4, 1021.2), rounded(110.94, 10.41), rounded(520.3, 6.8)
+    (('16300', '1000'), ('111', '10'), ('520.3', '6.8'))
+    """
+    place = digits - 1 - math.floor(math.log10(half)) if 0.0 < half < math.inf else 1
+    decimals = min(place, 1)
+    shown = (f"{round(v, decimals):z.{max(decimals, 0)}f}" for v in (value, half))
+    return next(shown), next(shown)
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
@@ -176,16 +197,19 @@ def headline(ruleset: Ruleset, finding: Finding) -> str:
 def actions(ruleset: Ruleset, finding: Finding) -> str:
     """Actions for the fault and its alternatives, the most probable first."""
     if finding.from_sheet:
-        first = "calibrate, or run `rulec mismatch`: it is so from the first sample"
+        first = (
+            "calibrate, or run `rulec mismatch`, as the deviation is there from the first sample"
+        )
         return f"{first}; or {actions(ruleset, replace(finding, from_sheet=False))}"
     if not finding.alternatives:
         return finding.fault.action
-    found = [(finding.fault.id, finding.probability), *finding.alternatives]
-    causes_of: dict[str, list[str]] = {}
+    found = [(finding.fault.id, finding.probability), *finding.alternatives[:SHOWN]]
+    causes_of: dict[str, dict[str, None]] = {}
     for name, _ in sorted(found, key=lambda one: -one[1]):
         fault = ruleset.fault_by_id[name]
-        causes_of.setdefault(fault.action, []).append(titled(fault))
-    return "; or ".join(f"{action} ({' or '.join(c)})" for action, c in causes_of.items())
+        where = fault.scales[0] if fault.in_sensor and fault.scales else titled(fault)
+        causes_of.setdefault(fault.action, {})[where] = None
+    return "; or ".join(f"{action} ({', '.join(c)})" for action, c in causes_of.items())
 
 
 def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
@@ -196,15 +220,15 @@ def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
     if rarer:
         both = "both fit" if len(others) == 1 else "all of them fit"
         words = ", ".join(map(_how_often, (fault, *rarer)))
-        yield f"{both}; {fault.id} is more usual, so it is named first ({words})"
+        yield f"{both} the readings; {fault.id} comes first because it occurs more often ({words})"
     for other in others:
         if other.odds > fault.odds:
             words = f"{_how_often(other)}, {_how_often(fault)}"
-            yield f"{other.id} is more usual, but the readings favour {fault.id} ({words})"
+            yield f"{other.id} occurs more often, but the readings favour {fault.id} ({words})"
 
 
 def _how_often(fault: FaultSpec) -> str:
-    return f"{fault.id} is {'listed by no module' if fault.unlisted else fault.frequency}"
+    return f"{fault.id}: {'not listed by its module' if fault.unlisted else fault.frequency}"
 
 
 def titled(fault: FaultSpec) -> str:
@@ -225,17 +249,17 @@ def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[s
     if evidence.verdict == "invalid":
         return "absent", "not available"
     if evidence.verdict == evidence.expected:
-        return "agrees", "✓ agrees"
+        return "agrees", "✓ as predicted"
     for other in finding.together:
         if any(c.residual == evidence.residual for c in ruleset.cells_of_fault[other]):
             return "shared", f"moved by {other} too"
     cells = {c.residual: c for c in ruleset.cells_of_fault[finding.fault.id]}
     cell = cells.get(evidence.residual)
     if evidence.verdict == "0" and cell is not None and cell.detectable > finding.degree:
-        return "hidden", f"seen from {cell.detectable:.2g} on"
+        return "hidden", f"visible above {cell.detectable:.2g}"
     if evidence.verdict == "0":
         return "weaker", "~ weaker than expected"
-    return "contradicts", "✗ contradicts"
+    return "contradicts", "✗ not as predicted"
 
 
 @dataclass(frozen=True)
@@ -283,8 +307,8 @@ def context(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
         plural = ("s" if stored else "es") * (finding.baseline > 1)
         part = "window" if stored else "stretch"
         yield (
-            f"compared with {finding.baseline} fault-free {part}{plural} of this recording: what "
-            "was off there as well counts as an error of sensors or calibration"
+            f"reference: {finding.baseline} fault-free {part}{plural} of this recording; what "
+            "already deviated there counts as an error of sensors or calibration"
         )
     elif finding.evidence and all(e.verdict == "0" for e in finding.evidence if e.expected != "0"):
         yield (
@@ -292,12 +316,12 @@ def context(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
             "sensors' bounds would be the same at each"
         )
     for name in finding.together:
-        yield f"only together with {name} does this explain the readings"
+        yield f"explains the readings only together with {name}"
 
 
 def causes(found: Iterable[tuple[str, float]]) -> str:
     """Some causes with their probabilities."""
-    return ", ".join(f"{name} ({100 * p:.0f} %)" for name, p in list(found)[:SHOWN])
+    return ", ".join(f"{name} ({percent(p)})" for name, p in list(found)[:SHOWN])
 
 
 def advice(ruleset: Ruleset, finding: Finding) -> Iterator[str]:

@@ -42,7 +42,7 @@ def test_finding_first(file: str, capsys: pytest.CaptureFixture[str]) -> None:
             "     do: check the wear ring",
             "     also possible: A.clogging (10 %)",
         ]
-        assert "  22:13:24  ▼ C  ended    B.p healthy again" in lines
+        assert "  22:13:24  ✓ ok  ended    B.p healthy again" in lines
         assert max(map(len, lines)) <= 80
 
 
@@ -68,7 +68,7 @@ def test_filters(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "somebody had acknowledged it before" in told(0, "--ack", LEAKAGE.id, "--by", "Ben")
     said = " ".join(told(0).split())
     assert re.search(r"acknowledged by Ann, 20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC", said)
-    assert re.search(r"Acknowledged newest .* Ann, .* UTC: A.leakage since 2023-11-14 22:1", said)
+    assert re.search(r"Acknowledged, newest .* Ann, .* UTC: A.leakage since 2023-11-14 22:1", said)
     assert [record["acknowledged_by"] for record in events()] == ["Ann", None, "Ann", None]
 
 

@@ -57,7 +57,7 @@ def test_page_shows_the_finding_first_and_asks_for_nothing_else() -> None:
         "What to do check the bypass valve",
         "Degree 0.600 (95 %: 0.596 to 0.604), share of the pump",
         "Probability 100 % Why estimates",
-        "311.1 l/h ±10.4 l/h 29.9 × beyond",
+        "311.1 l/h ±10.4 l/h 29.9 × threshold",
         "Cannot be judged ▼ C cannot detect errors of B.dp: B.dp: stuck",
         "2026-09-21 16:13:39 ended A.leakage 0.200",
     ):
@@ -74,8 +74,8 @@ def test_page_shows_the_finding_first_and_asks_for_nothing_else() -> None:
     blind = text_of(replace(before(), status="ok"))
     assert "Nothing could be judged yet" in blind
     assert "NOT CONNECTED" in blind
-    assert "Nothing found" not in blind
-    assert "Nothing found" in text_of(healthy())
+    assert "No fault found" not in blind
+    assert "No fault found" in text_of(healthy())
 
 
 def test_data_says_the_same() -> None:

@@ -124,7 +124,7 @@ def test_what_is_refused_is_not_written_but_recalibrated_values_are(
 ) -> None:
     """The reason is said, and the way out; that plant, too, is as was told."""
     said = refused(folder, capsys, lambda form: form["repair"].update(refused="worse than before"))
-    assert "nothing is written: worse than before" in said
+    assert "nothing written: worse than before" in said
     assert "--recalibrated" in said
     assert 0 == adopt(folder, "--recalibrated")
     assert "no equation was changed" in capsys.readouterr().out

@@ -42,7 +42,7 @@ def dead_readings(
             continue  # a reading that comes back again and again works: the plant causes it
         for first, last in runs:
             part = slice(first, last)
-            yield dead_finding(signal, recording, part, "others say that liquid flows"), part
+            yield dead_finding(signal, recording, part, "other readings show flow"), part
 
 
 def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
@@ -65,7 +65,7 @@ def dead_finding(
     """A dead reading, as a finding."""
     usual = median_of(lambda: parts_of(recording.values[signal.id][part]))
     shown = signal.shown(usual)
-    text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} while {because}"
+    text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} although {because}"
     time = recording.time
     return SensorFinding(
         condition=DEAD,

@@ -257,7 +257,7 @@ def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> 
     yield from _all_in_other_units(raw, ruleset, plain, used)
     for one, other in _swapped(near, plain, used):
         a, b = plain.points.values[one], plain.points.values[other]
-        text = f"{one} and {other} are swapped: each shows what the other one should"
+        text = f"{one} and {other} are swapped: each shows the other's values"
         yield Misread(
             condition=SWAPPED,
             signals=(one, other),

@@ -50,10 +50,10 @@ def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) ->
     ends = signal.ends
     usual = median_of(lambda: parts_of(recording.values[signal.id][first:last]))
     shown, low, high = (signal.shown(v) for v in (usual, *ends))
-    side = "below its live zero" if usual < ends[0] else "above the end of its range"
+    side = "below its live zero" if usual < ends[0] else "above its range"
     text = (
         f"{signal.id} reads {shown:.4g} {signal.unit}, {side} "
-        f"({low:.4g} to {high:.4g} {signal.unit}): that is no measurement"
+        f"({low:.4g} to {high:.4g} {signal.unit}), so it is not a valid reading"
     )
     time = recording.time
     return SensorFinding(

@@ -45,7 +45,7 @@ def silent_readings(
         if at_zero(signal, values[np.isfinite(values)]).all():
             end = signal.offset if low is None else low
             if np.median(course) > end + limits.LEVEL_THERE * span:
-                because = "the balances say that it is not empty"
+                because = "the balances show that it is not empty"
                 every = slice(0, len(recording))
                 yield signal, dead_finding(signal, recording, every, because)
             continue

@@ -16,6 +16,9 @@ from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.larger_than_memory import let_go
 
+NOT_RECORDED = " not recorded"
+"""Follows the name of a reading that the recording does not have."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
@@ -311,7 +314,7 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
         if values is None and name in observed.points.bad:
             return f"{spec.id}: its module says that it may not be used"
         if values is None:
-            return f"{name} is not in the recording"
+            return name + NOT_RECORDED
         if not np.isfinite(values[point]):
             return f"{name}: {observed.points.why.get(name) or 'no reading'}"
         if signal.minimum is not None and values[point] < signal.minimum:

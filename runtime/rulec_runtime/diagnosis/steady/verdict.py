@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
-from rulec_runtime.diagnosis.steady.observe import reason
+from rulec_runtime.diagnosis.steady.observe import NOT_RECORDED, reason
 
 Off = tuple[str, float, float]
 """A residual with its size and its threshold, as shares of a flow."""
@@ -71,7 +71,10 @@ def why_blind(evaluated: EvaluatedPoints, point: int) -> str:
     points = evaluated.observed.points
     taken_out = (name for name, flags in points.stood_in.items() if flags[point])
     reasons += [f"{name}: {points.why[name]}" for name in taken_out]
-    return "; ".join(dict.fromkeys(reasons))
+    lost = dict.fromkeys(one for one in reasons if one.endswith(NOT_RECORDED))
+    names = ", ".join(one.removesuffix(NOT_RECORDED) for one in lost)
+    others = dict.fromkeys(one for one in reasons if one not in lost)
+    return "; ".join([*[names + NOT_RECORDED] * bool(lost), *others])
 
 
 def only_lost(evaluated: EvaluatedPoints, point: int) -> bool:

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
+from rulec_runtime.live.event_forms import QUIET
 from rulec_runtime.live.journal.event_records import Entry, iso
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.text import degree
@@ -23,7 +24,7 @@ def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: 
         count = f"{len(active)} active" if len(active) > 1 else "one active"
         out.print(styled("[bold]{} {} {}[/]: {}", symbol, worst, meaning, count))
     else:
-        out.print(styled("[bold]{} nothing is active[/]", symbol))
+        out.print(styled("[bold]{} no active findings[/]", symbol))
     for entry in sorted(active, key=_rank):
         _active(out, entry, several)
     if past:
@@ -35,7 +36,7 @@ def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: 
 
 def _events(out: Console, past: Sequence[Entry], several: bool) -> None:
     zone = "times in UTC" if past[-1].iso is not None else "times in s"
-    out.print(styled("\n[bold]Told[/] [dim]newest first, {}[/]", zone))
+    out.print(styled("\n[bold]Events[/], newest first [dim]({})[/]", zone))
     table = Table.grid(padding=(0, 2))
     table.add_column(no_wrap=True, justify="right")
     table.add_column(no_wrap=True)
@@ -53,7 +54,7 @@ def _events(out: Console, past: Sequence[Entry], several: bool) -> None:
 
 
 def _acknowledged(out: Console, noted: Sequence[Entry], several: bool) -> None:
-    out.print(styled("\n[bold]Acknowledged[/] [dim]newest first, times in UTC[/]"))
+    out.print(styled("\n[bold]Acknowledged[/], newest first [dim](times in UTC)[/]"))
     for entry in sorted(noted, key=lambda e: -(e.at or 0.0)):
         one = entry.event.episode
         since = " ".join(filter(None, _moment(entry, one.since)))
@@ -95,7 +96,8 @@ def _active(out: Console, entry: Entry, several: bool) -> None:
 
 
 def _letter(entry: Entry) -> str:
-    status = one_line(entry.event.episode.status)
+    event = entry.event
+    status = "ok" if event.what in QUIET else one_line(event.episode.status)
     return f"{STATUS[status][0]} {status}" if status in STATUS else f"? {status}"
 
 

@@ -30,7 +30,7 @@ class Bar:
     @property
     def words(self) -> str:
         """The text of the bar."""
-        return f"{self.share:.1f} × {'BEYOND' if self.beyond else 'within'}"
+        return f"{self.share:.1f} × threshold"
 
     @property
     def filled(self) -> float:

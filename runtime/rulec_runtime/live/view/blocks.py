@@ -28,7 +28,7 @@ from rulec_runtime.live.view.words import (
 )
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.terminal_findings import COLOURS, explanation
-from rulec_runtime.report.wording import SHOWN
+from rulec_runtime.report.wording import SHOWN, status_in_words
 
 BAR_CELLS = 18
 """Length of the bar of a residual, in cells."""
@@ -38,7 +38,7 @@ HELP = """\
 ▼ C check function: readings are no measure of the plant just now
 ▲ S out of specification: the plant runs as it should not
 ◆ M maintenance required: something wears or is blocked
-✓ ok nothing found (letters of NAMUR NE 107)
+✓ OK, no fault found (letters of NAMUR NE 107)
 
 > marks what is selected; NEW has not been acknowledged.
 Enter opens and closes the explanation of what is selected.
@@ -48,8 +48,7 @@ Degrees stand with their 95 % bounds."""
 
 def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
     """Status of the plant and of each module, and the connection."""
-    symbol, letter, meaning = overall(now)
-    status = " ".join(part for part in (symbol, letter, meaning) if part)
+    letter, status = overall(now)[1], status_in_words(*overall(now))
     yield _short(styled("[bold {}]{}[/]  {}", _colour(letter), status, now.title), width)
     mark, words = link(now)
     style, row = "dim" if now.connected else "bold red", latest(now, age)

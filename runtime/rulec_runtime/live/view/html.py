@@ -196,7 +196,7 @@ def _residuals(now: Now) -> str:
 
 def _residual(bar: Bar) -> str:
     kind = "beyond" if bar.beyond else "within"
-    value, words = bar.value.replace("-", "−"), bar.words.replace("BEYOND", "beyond")
+    value, words = bar.value.replace("-", "−"), bar.words
     return (
         f'<li class="{kind}"><span>{safe(bar.name)}</span>'
         f'<svg class="gauge" aria-hidden="true"><rect class="all" width="100%" height="100%"/>'

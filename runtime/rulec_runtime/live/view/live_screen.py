@@ -20,6 +20,7 @@ from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
 from rulec_runtime.live.view.terminal_keys import Keys
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
 from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.wording import status_in_words
 
 
 def who() -> str:
@@ -160,6 +161,5 @@ def event_lines(now: Now, last: int) -> Iterator[Text]:
 
 def closing_line(now: Now) -> Text:
     """The state at the end of the display."""
-    symbol, letter, meaning = overall(now)
-    status = " ".join(part for part in (symbol, letter, meaning) if part)
-    return styled("{}: {}; {}", status, lead(now), link(now)[1])
+    first = f": {lead(now)}" if now.active else ""
+    return styled("{}{}; {}", status_in_words(*overall(now)), first, link(now)[1])
