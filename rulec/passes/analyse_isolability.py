@@ -158,4 +158,5 @@ def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> str:
     """The residual that only the outer fault moves, and the smallest degree that it detects."""
     common = {residual for _, residual in shown[inner]}
     degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
-    return f"distinguishable by {residual} above {degree:.2g}{adviser.unit(outer)}"
+    size = f"above {degree:.2g}{adviser.unit(outer)}"
+    return f"distinguishable by {residual} {size if adviser.has(outer, degree) else 'at no degree'}"

@@ -50,12 +50,15 @@ class Adviser:
         self._candidates: dict[str, tuple[Sensor, ...]] = {}
 
     def degrees(self, faults: Sequence[str]) -> tuple[float, ...]:
-        """Smallest degree, as a share, that isolates each fault from all others; inf if none does.
+        """Smallest degree, as a share, that isolates each fault from all others; inf if none of its
+        range does.
 
         Empty if no junction joins the modules of the group.
         """
         hood = self._hood(faults)
-        return () if hood is None else degrees_at(apart(hood.gram(faults)))
+        each = () if hood is None else degrees_at(apart(hood.gram(faults)))
+        highest = (self._variants[f].highest / self._variants[f].scale for f in faults)
+        return tuple(x if x <= most else np.inf for x, most in zip(each, highest, strict=False))
 
     def close_pairs(self) -> Iterable[tuple[str, str]]:
         """Pairs within or beside a module that a small degree detects but does not isolate."""
@@ -74,6 +77,10 @@ class Adviser:
         """The unit of a degree, to follow its number; empty for a share."""
         unit = self._variants[fault].unit
         return f" {unit}" if unit else ""
+
+    def has(self, fault: str, degree: float) -> bool:
+        """Whether a degree, in its unit, lies within the range of a fault."""
+        return degree <= self._variants[fault].highest
 
     def in_unit(self, fault: str, share: float) -> float:
         """The degree of a fault that corresponds to a share."""

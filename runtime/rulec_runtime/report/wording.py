@@ -259,6 +259,11 @@ def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[s
         return "hidden", f"visible above {cell.detectable:.2g}"
     if evidence.verdict == "0":
         return "weaker", "~ weaker than expected"
+    # What a fault does to two estimates need not be quite the same.
+    touched, fault = {*finding.fault.affects}, finding.fault
+    terms = next(r.terms for r in ruleset.residuals if r.id == evidence.residual)
+    if cell is None and fault.tolerance and all(t.observer in touched for t in terms):
+        return "weaker", "~ within tolerance"
     return "contradicts", "✗ not as predicted"
 
 
