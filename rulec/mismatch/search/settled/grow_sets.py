@@ -296,9 +296,11 @@ def _grow(search: Search, names: Names) -> None:
     geometry, model = search.settled, search.models[names]
     every = columns(geometry, model, search.alike)
     every = [c for c in every if not holds(model.terms, c.rows)]
-    for one in scan(geometry, model, every, search.alike, limits.SETS_REFITTED):
-        if names | one.names not in search.odds:
-            _join(search, names, one)
+    found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
+    # Each from all shapes that were found best in some view of the recording.
+    new = {one.shapes: one for one in found if names | one.names not in search.odds}
+    for one in new.values():
+        _join(search, names, one)
     # A fault that begins may also come and go: the likelier model is kept.
     for one in _intermittent(search, model):
         _join(search, names, one)

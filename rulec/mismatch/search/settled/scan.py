@@ -88,6 +88,11 @@ class Found:
         """Names of the columns."""
         return frozenset(column.name for column, _ in self.starts)
 
+    @property
+    def shapes(self) -> frozenset[tuple[str, frozenset[tuple[str, float]]]]:
+        """Names of the columns, each with the values at which it was made."""
+        return frozenset((c.name, frozenset(c.values.items())) for c, _ in self.starts)
+
 
 def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
     """A column for each amplitude of each candidate, at several shapes and onsets."""
