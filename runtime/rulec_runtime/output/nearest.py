@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
@@ -35,5 +36,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def near_file(path: Path) -> str | None:
     """The name of a neighbour that was probably meant by a path that does not exist, if any."""
-    folder = path.parent
-    return nearest(path.name, (one.name for one in folder.iterdir())) if folder.is_dir() else None
+    with contextlib.suppress(OSError):
+        return nearest(path.name, (one.name for one in path.parent.iterdir()))
+    return None
