@@ -210,5 +210,5 @@ def test_a_module_that_stood_keeps_its_values(
     target = tmp_path / "found.json"
     arguments = ["calibrate", str(tmp_path), str(file), "--force"]
     assert 0 == main([*arguments, "-o", str(tmp_path / "f.yaml"), "--json", str(target)])
-    assert "left as they were: C\n" in capsys.readouterr().out
+    assert "left unchanged: C\n" in capsys.readouterr().out
     assert {"A", "B"} == set(json.loads(target.read_text(encoding="utf-8"))["modules"])

@@ -170,7 +170,7 @@ def test_summary_says_what_the_counts_mean() -> None:
         (("--degrees", "ten"), "--degrees ten: give numbers with commas between"),
         (("--degrees", "nan"), "--degrees nan: a degree is a number above 0"),
         (("--degrees", "50"), "--degrees 50: no fault of abc has such a degree"),
-        (("--json", "nowhere/file.json"), "--json nowhere/file.json: there is no such folder"),
+        (("--json", "nowhere/file.json"), "--json nowhere/file.json: there is no folder"),
         (("--points", "0"), "--points 0: give 1 or more"),
         (("--lead-in", "-5"), "--lead-in -5: give 0 or more"),
     ],

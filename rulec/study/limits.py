@@ -25,7 +25,8 @@ CONFUSED = 0.02
 """Share of recordings below which a confusion is not mentioned. Origin: assumed."""
 
 FEW = 10
-"""Recordings below which counts are shown, not shares. Origin: a percent of them means nothing."""
+"""Recordings below which counts are shown, not percentages, which would mean nothing. Origin:
+assumed."""
 
 MOST_CONFUSIONS = 6
 """Confusions that are mentioned. Origin: assumed."""

@@ -20,10 +20,11 @@ ORIGIN = re.compile(r"Origin: (distribution|source|standard|measured by `|numeri
 
 LAYOUT = {
     "how many names, rows and columns a page, a screen or a remark shows": "report output.terminal "
+    "output.nearest "
     "live.view.blocks contract.degree diagnosis.steady.verdict recordings.header "
     "recordings.recording recordings.formats recordings.recording_file",
     "version of a format": "contract.ruleset fleet.plant_day",
-    "units of time": "recordings.wall_clock diagnosis.sensors.units recordings.long_table "
+    "units of time": "recordings.plant_calendar diagnosis.sensors.units recordings.long_table "
     "recordings.zone",
     "rows or bytes at a time: speed and memory alone": "contract.plan recordings.text_parts "
     "recordings.readers diagnosis.steady.evaluated_points machine_code.code",

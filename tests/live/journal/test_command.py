@@ -87,7 +87,7 @@ def test_mistakes_are_told(file: str, tmp_path: Path, capsys: pytest.CaptureFixt
         (1, [file, "--ack", "\0\udcff", "--by", "\udcff"], "holds no episode"),
         (1, [file, "--plant", "\udcff"], "holds nothing of"),
         (1, [file, "--ack", "x"], "give both --ack EPISODE and --by NAME"),
-        (2, [file, "--csv", "no/such/file.csv"], "there is no such folder"),
+        (2, [file, "--csv", "no/such/file.csv"], "there is no folder"),
         (2, [file, "--csv", "-", "--json", "-"], "only one of"),
     ):
         assert main(["journal", *arguments]) == code, arguments

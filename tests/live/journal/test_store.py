@@ -123,7 +123,7 @@ def test_what_is_no_journal(tmp_path: Path) -> None:
         (f"sqlite:///{foreign}", r"it holds tables of something else \(customers\)"),
         (str(later), "version 99, this rulec reads 1"),
         (str(tmp_path), "is no file"),
-        (str(tmp_path / "no" / "j.db"), "there is no such folder"),
+        (str(tmp_path / "no" / "j.db"), "there is no folder"),
         ("a\0b", "null"),
         ("mysql://root:secret@host/x", r"not mysql://$"),
         ("sqlite://", "needs a file"),
