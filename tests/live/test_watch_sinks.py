@@ -171,7 +171,7 @@ def test_mistakes_are_told(rules: Path, tmp_path: Path, capsys: pytest.CaptureFi
         (("--source", str(tmp_path / "none.csv")), "there is no such file"),
         (("--source", "opc.tcp://localhost:1"), "--map"),
         (("--events", str(other)), "no event; name another file"),
-        (("--events", "no/such/events.jsonl"), "there is no folder"),
+        (("--events", "no/such/events.jsonl"), "there is no such folder"),
         (("--state", str(other)), "no state of a watch"),
         (("--mqtt", "mqtt://x/a/#"), "cannot be the beginning"),
         (("--mqtt-ca", "x.pem"), "needs --mqtt URL"),

@@ -151,6 +151,6 @@ def test_what_cannot_be_tried_is_not_written(folder: Path, capsys: Told) -> None
         place = form["repair"]["parameters"].index("A.C2")
         form["repair"]["values"][place] *= 1.2
 
-    assert "was found in the analysis" in refused(folder, capsys, spoil)
+    assert "in the analysis; run rulec mismatch again" in refused(folder, capsys, spoil)
     said = refused(folder, capsys, lambda form: form["repair"].pop("made_from"))
     assert "does not say which files" in said

@@ -144,7 +144,7 @@ def test_what_laws_may_be_off_by_gives_no_sure_name() -> None:
     assert ("ambiguous", SLIP) == (found.verdict, finding.id)
     assert finding.probability == pytest.approx(1.0 - finding.inexact, abs=0.02)
     said = [line for _, lines in finding_facts(finding) for line in lines]
-    assert any("what laws and sensors may be off by" in line for line in said)
+    assert any("inaccuracy of the laws and sensors" in line for line in said)
 
 
 @pytest.mark.prove

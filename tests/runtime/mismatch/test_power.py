@@ -156,7 +156,7 @@ def test_command_tells_it_behind_the_report(
 def test_ids_that_nothing_has_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """Before the search, with what may be meant."""
     assert 1 == main(["mismatch", *HEALTHY, "--power", "A.leak"])
-    said = "--power A.leak: no effect of this plant has that id; did you mean A.leakage?"
+    said = "--power A.leak: no effect of this plant has that id; did you mean 'A.leakage'?"
     assert said in capsys.readouterr().err
 
 
