@@ -180,7 +180,7 @@ def test_mistakes_are_told(rules: Path, tmp_path: Path, capsys: pytest.CaptureFi
         ((health, "0.0.0.0:4840"), "beyond this computer it needs a certificate"),
         ((certificates, "x"), "needs --device-health"),
         ((health, "4840", certificates, str(tmp_path)), "own.der: there is no such file"),
-        (("--waiting", "no/such"), "there is no folder"),
+        (("--waiting", "no/such"), "there is no such folder"),
         (("--journal", str(tmp_path / "j"), "--state", "x"), "leave out --state"),
     ):
         assert 1 == main(["watch", str(rules), "--source", str(LEAKAGE), "--until-end", *options])
