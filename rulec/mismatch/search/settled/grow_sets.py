@@ -297,8 +297,8 @@ def _grow(search: Search, names: Names) -> None:
     every = columns(geometry, model, search.alike)
     every = [c for c in every if not holds(model.terms, c.rows)]
     found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
-    # Each from all shapes that were found best in some view of the recording.
-    new = {one.shapes: one for one in found if names | one.names not in search.odds}
+    # Each from all shapes that some view of the recording found best, by its largest gain.
+    new = {one.shapes: one for one in reversed(found) if names | one.names not in search.odds}
     for one in new.values():
         _join(search, names, one)
     # A fault that begins may also come and go: the likelier model is kept.
