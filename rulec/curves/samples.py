@@ -9,6 +9,7 @@ import numpy as np
 import sympy
 from rulec_runtime.contract.plan import Array, Plan
 
+from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
 from rulec.calibration.fit import CalibrationRefused
@@ -68,7 +69,7 @@ def samples_of(
     uncertain = [n for n, p in module.parameters.items() if p.u]
     read = [*_readings(whole[0], model), *uncertain]
     by = {CURVE: symbol, **{n: model.symbols[n] for n in read}}
-    outputs = {"Q": whole[0], **{f"d:{n}": sympy.diff(whole[0], s) for n, s in by.items()}}
+    outputs = {"Q": whole[0], **{f"d:{n}": derivative(whole[0], s) for n, s in by.items()}}
     outputs |= {DRIVER: table[over], BEFORE: table[definition]}
     for name, expression in outputs.items():
         graph.outputs[name] = lower(graph, expression, nodes)

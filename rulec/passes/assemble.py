@@ -15,6 +15,7 @@ from functools import cached_property, lru_cache
 import sympy
 from rulec_runtime.contract.ruleset import MISFIT
 
+from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower, lower_all
 from rulec.knowledge.plant import Module
@@ -335,7 +336,7 @@ def _derivatives(
 ) -> tuple[tuple[str, sympy.Expr], ...]:
     """Non-zero derivatives by name, calculated once per module type."""
     free = expression.free_symbols
-    return tuple((n, sympy.diff(expression, s)) for n, s in symbols if s in free)
+    return tuple((n, derivative(expression, s)) for n, s in symbols if s in free)
 
 
 def _readers(parts: Iterable[_Instance]) -> Readers:

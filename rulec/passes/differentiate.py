@@ -13,6 +13,7 @@ from functools import partial
 
 import sympy
 
+from rulec.algebra.derivative import derivative
 from rulec.knowledge.degree_unit import adds, for_signal, has_no_zero, scales_from_zero
 from rulec.knowledge.fluid import closed_forms
 from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
@@ -241,7 +242,7 @@ def _translated(
 def _gradient(expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]) -> dict[str, sympy.Expr]:
     """Non-zero derivatives by local variable."""
     free = expression.free_symbols
-    return {n: sympy.diff(expression, s) for n, s in symbols.items() if s in free}
+    return {n: derivative(expression, s) for n, s in symbols.items() if s in free}
 
 
 def _guards(
@@ -285,9 +286,9 @@ def _target(
     for observer, expression in over.items():
         if own not in expression.free_symbols:
             continue
-        slope = sympy.diff(expression, own)
+        slope = derivative(expression, own)
         slopes[observer] = slope.xreplace(back)
-        curvatures[observer] = sympy.diff(slope, own).xreplace(back)
+        curvatures[observer] = derivative(slope, own).xreplace(back)
         solved = invert(expression, own, flow)
         if solved is not None:
             inverse[observer] = solved
@@ -397,15 +398,15 @@ def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
     other fault distorts what the observer reads.
     """
     g, D, x = G, EXCESS, _symbol("x")
-    onset = sympy.diff(law_of(variant, g, x), x).subs(x, 0)
+    onset = derivative(law_of(variant, g, x), x).subs(x, 0)
     if fault.acts_on == "flow":
         solved, onset = invert(law_of(variant, g, x), x, g - D), -onset
     else:
         solved = invert(law_of(variant, g - D, x), x, g)
     assert solved is not None, "checked when the fault was read"
     degree = sympy.cancel(solved)
-    by_excess = sympy.cancel(sympy.diff(degree, D))
-    ratio = sympy.cancel(sympy.diff(degree, g) / by_excess)
+    by_excess = sympy.cancel(derivative(degree, D))
+    ratio = sympy.cancel(derivative(degree, g) / by_excess)
     return DegreeRule(degree, by_excess, ratio, onset, sympy.sstr(degree, order="rev-lex"))
 
 
@@ -443,7 +444,7 @@ def _undone(
         readings,
         _slopes(readings, {f.id: degree_symbol(f.id) for f in unlisted}),
         _slopes(undone, of_readings),
-        {name: sympy.diff(signals[name], symbol) for name, symbol in of_readings.items()},
+        {name: derivative(signals[name], symbol) for name, symbol in of_readings.items()},
         in_liquid,
         _slopes(in_liquid, of_liquid),
     )
@@ -511,7 +512,7 @@ def _slopes(
     expressions: Mapping[str, sympy.Expr], variables: Mapping[str, sympy.Symbol]
 ) -> dict[tuple[str, str], sympy.Expr]:
     return {
-        (name, variable): sympy.diff(expression, symbol)
+        (name, variable): derivative(expression, symbol)
         for name, expression in expressions.items()
         for variable, symbol in variables.items()
         if symbol in expression.free_symbols

@@ -12,6 +12,7 @@ import rulec_runtime.contract.ruleset as contract
 import sympy
 from rulec_runtime.contract.threshold import threshold_of
 
+from rulec.algebra.derivative import derivative
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
@@ -354,7 +355,7 @@ def _liquid_cells(
 @functools.cache
 def _sign_of(variant: Variant) -> int:
     x = sympy.Symbol("x", real=True)
-    change = sympy.diff(law_of(variant, sympy.S.One, x), x).subs(x, 0)
+    change = derivative(law_of(variant, sympy.S.One, x), x).subs(x, 0)
     return 1 if change > 0 else -1
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import sympy
 
+from rulec.algebra.derivative import derivative
 from rulec.knowledge.dimensions_of import dimensions_of
 from rulec.knowledge.effect import PLAIN
 from rulec.knowledge.fluid import factor_name
@@ -114,7 +115,7 @@ def _is_estimate(move: Move, kind: ModuleType, symbols: Symbols, opened: Opened,
     over = [e for e in observers.values() if own in e.free_symbols]
     if move.gives != VOLUME_FLOW:
         return bool(over)
-    slopes = (_number(sympy.diff(e, own).xreplace({own: TRIED}), kind, symbols) for e in over)
+    slopes = (_number(derivative(e, own).xreplace({own: TRIED}), kind, symbols) for e in over)
     return bool(over) and all(slope >= 0.0 for slope in slopes)
 
 
@@ -125,7 +126,7 @@ def _by(
     for signal in kind.signals.values():
         if signal.quantity != move.quantity or signal.name not in read:
             continue
-        slope = _number(sympy.diff(value, symbols[signal.name]), kind, symbols)
+        slope = _number(derivative(value, symbols[signal.name]), kind, symbols)
         if not move.sign * slope > 0.0:
             continue
         size, reading = _number(value, kind, symbols), _number(symbols[signal.name], kind, symbols)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 from rulec_runtime.contract.plan import UNARY, Plan
 
+from rulec.algebra.derivative import derivative
 from rulec.algebra.tangent import run_with_slopes
+from rulec.language.functions import FUNCTIONS, Function
 from tests.conftest import compiled
 
 PLANTS = ("abc", "esp-pump", "zema-hydraulic")
@@ -85,3 +88,15 @@ def test_what_has_a_slope() -> None:
     assert {"y": 1.0} == {k: float(v) for k, v in slopes["y"].items()}
     values, _ = run_with_slopes(one("add"), {"x": 1.0}, ("x",))
     assert np.isnan(values["out"])
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_the_compiler_derives_as_sympy_does(function: Function) -> None:
+    """In the same form, so that rulesets stay the same; also by what it does not depend on."""
+    x, y, z = sympy.symbols("x y z", positive=True)
+    inner = function.symbolic(*(x * y**x / (x + 2), x - y)[: function.arity])
+    for expression in (inner, x * inner / y - inner**2, inner ** (x / y), y**3 / inner):
+        for symbol in (x, y, z):
+            first = derivative(expression, symbol)
+            assert first == sympy.diff(expression, symbol)
+            assert derivative(first, x) == sympy.diff(first, x)
