@@ -25,8 +25,7 @@ from rulec.api.arguments import (
     recording_given,
     ruleset_of,
 )
-from rulec.api.frames import Columns
-from rulec.api.result import PageResult
+from rulec.api.result import Columns, PageResult
 
 _COLUMNS = (
     "kind",

@@ -19,8 +19,7 @@ from rulec.export.program import (
     without_unused,
 )
 from rulec.export.readings import Reading, checked, reading_of
-from rulec.export.specialised import is_output_of, put_into
-from rulec.export.value_names import named_constants
+from rulec.export.value_names import is_output_of, named_constants, put_into
 from rulec.export.writer import Writer
 
 

@@ -14,7 +14,7 @@ from rulec.export.correction_routine import undo_routine
 from rulec.export.identifiers import Identifiers
 from rulec.export.observe import observe_routine
 from rulec.export.program import ModuleCode
-from rulec.export.specialised import listed_undo
+from rulec.export.value_names import listed_undo
 
 
 def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:

@@ -11,8 +11,16 @@ from typing import Any
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.check_join import TIME, JoinReader
-from rulec.knowledge.effect import PLAIN, Driver, Effect, EffectParameter, EffectState, Join
-from rulec.knowledge.shape import USUAL_HINT, usual_of
+from rulec.knowledge.effect import (
+    PLAIN,
+    USUAL_HINT,
+    Driver,
+    Effect,
+    EffectParameter,
+    EffectState,
+    Join,
+    usual_of,
+)
 from rulec.knowledge.try_effect import fails_at_null, is_neutral
 from rulec.language.document import Path_
 from rulec.language.reader import Reader

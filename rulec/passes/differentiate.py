@@ -13,14 +13,20 @@ from functools import partial
 
 import sympy
 
-from rulec.knowledge.degree_unit import adds, for_signal, has_no_zero, scales_from_zero
 from rulec.knowledge.fluid import closed_forms
-from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
+from rulec.knowledge.knowledge import (
+    FaultType,
+    Knowledge,
+    Variant,
+    adds,
+    for_signal,
+    has_no_zero,
+    scales_from_zero,
+)
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
 from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
-from rulec.language.invert import invert
-from rulec.language.symbolic import to_sympy
+from rulec.language.symbolic import invert, to_sympy
 from rulec.passes.liquid import liquid_id, moved_by
 
 GATHERED = "downstream."
