@@ -27,22 +27,6 @@ from rulec.api.arguments import (
 )
 from rulec.api.result import Columns, PageResult
 
-_COLUMNS = (
-    "kind",
-    "fault",
-    "module",
-    "status",
-    "degree",
-    "lower",
-    "upper",
-    "probability",
-    "since",
-    "until",
-    "active",
-    "text",
-    "action",
-)
-
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnoseResult(PageResult):
@@ -92,7 +76,9 @@ class DiagnoseResult(PageResult):
 
     def _findings(self) -> Columns:
         rows = self.to_dict()["findings"]
-        return {name: [row[name] for row in rows] for name in _COLUMNS}
+        names = ("kind", "fault", "module", "status", "degree", "lower", "upper", "probability")
+        more = ("since", "until", "active", "text", "action")
+        return {name: [row[name] for row in rows] for name in (*names, *more)}
 
     def _samples(self) -> Columns:
         trace = self.judged.trace

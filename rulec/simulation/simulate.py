@@ -3,7 +3,7 @@
 The ruleset's `undo` plan gives every estimate of a flow with faults undone. At the readings of a
 plant all estimates of a module agree on one flow, and the flows balance at the junctions, so the
 equations that diagnose also simulate. They are solved step by step, in the order that the compiler
-found. `sensing.py` adds the errors of sensors.
+found. `prediction.py` adds the errors of sensors.
 
 Source: own derivation; Newton's method with continuation (`newton.py`).
 """
