@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from rulec.api.compile import CompileResult, compile
     from rulec.api.diagnose import DiagnoseResult, diagnose
     from rulec.api.experiment import ExperimentResult, experiment
-    from rulec.api.frames import FrameRefused
     from rulec.api.learn import LearnResult, learn
     from rulec.api.mismatch import MismatchResult, mismatch
+    from rulec.api.result import FrameRefused
     from rulec.api.simulate import SimulateResult, simulate
     from rulec.api.study import StudyResult, study
     from rulec.calibration.fit import CalibrationRefused
@@ -78,7 +78,7 @@ _PLACES = {
     "AdoptRefused": "rulec.effects.repair",
     "CalibrationRefused": "rulec.calibration.fit",
     "ExperimentRefused": "rulec.mismatch.refused",
-    "FrameRefused": "rulec.api.frames",
+    "FrameRefused": "rulec.api.result",
     "MismatchRefused": "rulec.mismatch.refused",
     "Misused": "rulec_runtime.output.refusal",
     "RecordingRefused": "rulec_runtime.recordings.csv_table",

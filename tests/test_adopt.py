@@ -16,12 +16,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.cli import main
 from rulec.effects.adopt import adoption_of
-from rulec.effects.adopted_plant import put_in_place, write_plant
 from rulec.effects.candidate import CurveTerm
 from rulec.effects.free_form import curve_through
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
 from rulec.effects.repair import AdoptRefused, read_form, repair_of
+from rulec.effects.write_plant import put_in_place, write_plant
 from rulec.language.document import parse_document, read_document
 from rulec.language.yaml_text import flow, lines
 from rulec.passes.lower import Lowering, lower_module

@@ -12,12 +12,10 @@ from rulec_runtime import limits
 from rulec_runtime.output import private_folder
 from rulec_runtime.output.private_folder import keep, kept
 
-from rulec.knowledge import fingerprint
 from rulec.knowledge.read import read_plant
 from rulec.language.diagnostics import Refused
-from rulec.passes import pipeline
-from rulec.passes.compile_cache import ruleset_of_plant
-from rulec.passes.deferred_compilation import sources_of_plant
+from rulec.passes import compile_cache, pipeline
+from rulec.passes.compile_cache import ruleset_of_plant, sources_of_plant
 from tests.conftest import ROOT, compiled
 from tests.test_imports import HEAVY, loaded
 
@@ -94,7 +92,7 @@ def test_changed_source_is_compiled(
     assert compiled_anew()
     monkeypatch.setenv("RULEC_KB", str(ROOT / "kb"))
     assert compiled_anew()
-    monkeypatch.setattr(fingerprint, "_tool", lambda: "another")
+    monkeypatch.setattr(compile_cache, "_tool", lambda: "another")
     assert compiled_anew()
     shutil.rmtree(folder)
     monkeypatch.setenv("RULEC_CACHE", "off")

@@ -20,7 +20,7 @@ from rulec.passes.perturb import perturbed, true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
-from rulec.study.judge import Kind, Outcome
+from rulec.study.campaign import Kind, Outcome
 from rulec.study.points import operating_points, range_of
 from rulec.study.summary import percent, reliable_from, rows_of, sentences
 from rulec.study.tally import Tally, tally, upper_bound

@@ -13,12 +13,10 @@ from rulec_runtime.recordings.header_correction import mended
 from rulec_runtime.report.text import number
 
 from rulec.api.arguments import AnyPath
-from rulec.api.frames import Columns, parts_of
 from rulec.api.mismatch import MismatchResult
-from rulec.api.result import Result
+from rulec.api.result import Columns, Result, parts_of
 from rulec.api.saved_findings import Reread, reread
-from rulec.effects.analysis_sources import AGAIN
-from rulec.effects.repair import AdoptRefused, Proven, why_refused
+from rulec.effects.repair import AGAIN, AdoptRefused, Proven, why_refused
 from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
 from rulec.simulation.equations import SimulationRefused
@@ -130,7 +128,7 @@ def adopt(
     source.check_unchanged()
     builder = source.builder  # loads the compiler, as do these
     from rulec.effects.adopt import adoption_of
-    from rulec.effects.adopted_plant import put_in_place, write_plant
+    from rulec.effects.write_plant import put_in_place, write_plant
 
     adoption = adoption_of(builder, repair)
     with put_in_place(target) as made:

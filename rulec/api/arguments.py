@@ -15,7 +15,7 @@ from rulec_runtime.recordings.join_recordings import read_recordings, together
 from rulec_runtime.recordings.recording import Recording, recording_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
-from rulec.api.frames import columns_of
+from rulec.api.result import columns_of
 
 if TYPE_CHECKING:
     from narwhals.typing import IntoFrame

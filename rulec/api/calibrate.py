@@ -11,9 +11,8 @@ from rich.console import Console
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.arguments import Plant, Recorded, folder_of, names_given, recording_given
-from rulec.api.frames import Columns, table_of
-from rulec.api.result import Result
-from rulec.passes.deferred_compilation import open_plant
+from rulec.api.result import Columns, Result, table_of
+from rulec.passes.compile_cache import open_plant
 
 if TYPE_CHECKING:
     from rulec.calibration.calibrate import Calibrated
@@ -36,7 +35,7 @@ class CalibrateResult(Result):
 
     @cached_property
     def _form(self) -> dict[str, Any]:
-        from rulec.calibration.calibration_file import calibration_form
+        from rulec.calibration.calibration_report import calibration_form
 
         return calibration_form(self.found.models, self.found.fits)
 

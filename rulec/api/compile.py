@@ -13,8 +13,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.arguments import AnyPath
-from rulec.api.frames import Columns, parts_of
-from rulec.api.result import Result
+from rulec.api.result import Columns, Result, parts_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,24 +25,7 @@ from rulec.api.arguments import (
     recording_given,
     ruleset_of,
 )
-from rulec.api.frames import Columns
-from rulec.api.result import PageResult
-
-_COLUMNS = (
-    "kind",
-    "fault",
-    "module",
-    "status",
-    "degree",
-    "lower",
-    "upper",
-    "probability",
-    "since",
-    "until",
-    "active",
-    "text",
-    "action",
-)
+from rulec.api.result import Columns, PageResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +76,9 @@ class DiagnoseResult(PageResult):
 
     def _findings(self) -> Columns:
         rows = self.to_dict()["findings"]
-        return {name: [row[name] for row in rows] for name in _COLUMNS}
+        names = ("kind", "fault", "module", "status", "degree", "lower", "upper", "probability")
+        more = ("since", "until", "active", "text", "action")
+        return {name: [row[name] for row in rows] for name in (*names, *more)}
 
     def _samples(self) -> Columns:
         trace = self.judged.trace

@@ -13,9 +13,8 @@ from rulec_runtime.recordings.header_correction import mended
 from rulec_runtime.report.page_origin import made_now
 
 from rulec.api.arguments import AnyPath
-from rulec.api.frames import Columns, table_of
 from rulec.api.mismatch import MismatchResult
-from rulec.api.result import PageResult
+from rulec.api.result import Columns, PageResult, table_of
 from rulec.api.saved_findings import reread
 from rulec.effects.repair import why_refused
 from rulec.mismatch.refused import ExperimentRefused

@@ -12,9 +12,8 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.arguments import AnyPath, Plant, Recorded, folder_of, names_given, recording_given
-from rulec.api.frames import Columns, table_of
-from rulec.api.result import Result
-from rulec.passes.deferred_compilation import open_plant
+from rulec.api.result import Columns, Result, table_of
+from rulec.passes.compile_cache import open_plant
 
 if TYPE_CHECKING:
     from rulec.curves.learn import Learnt
@@ -46,7 +45,7 @@ class LearnResult(Result):
 
     def text(self, name: str) -> str:
         """The module type under a new name, YAML."""
-        from rulec.curves.learnt_type import type_of
+        from rulec.curves.fitted_type import type_of
 
         source = f"{self.found.points} settled points of {self.recording}"
         return type_of(self.document, self.found, self.units, name, source)
@@ -101,7 +100,7 @@ class LearnResult(Result):
 
     @property
     def _dropped(self) -> list[str]:
-        from rulec.curves.learnt_type import dropped
+        from rulec.curves.fitted_type import dropped
 
         return dropped(self.found.module.type, self.found.name)
 
@@ -144,15 +143,15 @@ def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = No
     >>> found.to_dict()["over"]
     'x'
     """
-    from rulec.knowledge.dimensions_of import dimensions_of
+    from rulec.knowledge.check_dimensions import dimensions_of
     from rulec.language.diagnostics import Refused
     from rulec.language.document import read_document
 
     opened = open_plant(folder_of(plant))
     (name,) = names_given([recording])
     read = recording_given([recording], opened.ruleset)
+    from rulec.curves.fitted_type import table_units
     from rulec.curves.learn import learn as learnt_of  # loads the compiler
-    from rulec.curves.learnt_type import table_units
 
     models = opened.models
     found = learnt_of(models, read, str(name), what, over)

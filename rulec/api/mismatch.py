@@ -18,11 +18,10 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import listed
 
 from rulec.api.arguments import Plant, Recorded, folder_of, is_path, names_given, recording_given
-from rulec.api.frames import Columns, parts_of
-from rulec.api.result import PageResult
-from rulec.effects.analysis_sources import basis_of
+from rulec.api.result import Columns, PageResult, parts_of
+from rulec.effects.repair import basis_of
 from rulec.mismatch.refused import MismatchRefused
-from rulec.passes.deferred_compilation import open_plant
+from rulec.passes.compile_cache import open_plant
 
 if TYPE_CHECKING:
     from rulec.effects.model_builder import ModelBuilder

@@ -15,9 +15,17 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.api.arguments import AnyPath, recording_given
 from rulec.api.mismatch import MismatchResult
-from rulec.effects.analysis_sources import AGAIN, check_plant_unchanged, check_unchanged
-from rulec.effects.repair import Proven, Repair, proven_of, read_form, repair_of
-from rulec.passes.deferred_compilation import OpenedPlant, open_plant
+from rulec.effects.repair import (
+    AGAIN,
+    Proven,
+    Repair,
+    check_plant_unchanged,
+    check_unchanged,
+    proven_of,
+    read_form,
+    repair_of,
+)
+from rulec.passes.compile_cache import OpenedPlant, open_plant
 
 if TYPE_CHECKING:
     from rulec.effects.model_builder import ModelBuilder

@@ -35,8 +35,7 @@ from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.first_readings import Starts, starts_of
 from rulec.simulation.predict import predict
 from rulec.simulation.predict_settled import times_of
-from rulec.simulation.prediction import Injected, Prediction
-from rulec.simulation.rewrite import column_of, rewrite, write_columns
+from rulec.simulation.prediction import Injected, Prediction, column_of, rewrite, write_columns
 
 SHOWN = 6
 

@@ -16,12 +16,11 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.report.page_origin import made_now
 
 from rulec.api.arguments import Plant, folder_of
-from rulec.api.frames import Columns, table_of
-from rulec.api.result import PageResult
+from rulec.api.result import Columns, PageResult, table_of
 from rulec.engines.engine import chosen
-from rulec.passes.deferred_compilation import open_plant
+from rulec.passes.compile_cache import open_plant
 from rulec.simulation.equations import equations_of
-from rulec.simulation.sensing import SensorErrors
+from rulec.simulation.prediction import SensorErrors
 from rulec.study.campaign import (
     Group,
     Settings,
@@ -68,7 +67,7 @@ class StudyResult(PageResult):
 
     def page(self) -> str:
         """The study, one page of HTML."""
-        from rulec.study.page import study_page
+        from rulec.study.study_report import study_page
 
         about = (self.ruleset, self.types, self.points, self.settings, self.counts)
         return study_page(*about, made_now("rulec"))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from rich.console import Console
 from rulec_runtime.commands.destinations import console, note_aside, write_json, write_to
@@ -15,9 +17,8 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import is_called_recording
 from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
 
-from rulec.commands.check_formats import json_form, sarif_form
 from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
-from rulec.language.diagnostics import Diagnostic, render_all
+from rulec.language.diagnostics import Diagnostic, Place, render_all
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         forms = {}
         if facts:
-            from rulec.commands.recording_report import json_form as form_of
+            from rulec.commands.recording_facts import json_form as form_of
 
             forms = {name: form_of(part) for name, part in facts.items()}
         write_json(options, {"found": json_form(found), "recordings": forms})
@@ -97,7 +98,7 @@ def _tell(
         shown = ", ".join(map(str, paths))
         out.print(styled("[green]✓[/] {}: no mistakes{}", shown, warned))
     if facts:
-        from rulec.commands.recording_report import tell
+        from rulec.commands.recording_facts import tell
 
         for name, part in facts.items():
             tell(out, name, part)
@@ -131,3 +132,58 @@ def _compared(paths: list[Path]) -> list[Diagnostic]:
     from rulec.commands.check_files import collect
 
     return collect(paths)
+
+
+SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+
+
+def json_form(found: Sequence[Diagnostic]) -> list[dict[str, Any]]:
+    """Each diagnostic with its place; lines and columns count from 1."""
+    return [
+        {
+            "code": one.code,
+            "kind": "doubt" if one.doubt else "mistake",
+            "message": one.message,
+            "hint": one.hint,
+            **asdict(one.place),
+            "see_also": None if one.second is None else asdict(one.second),
+        }
+        for one in found
+    ]
+
+
+def sarif_form(found: Sequence[Diagnostic], version: str) -> dict[str, Any]:
+    """A log with one run. Mistakes are errors, doubts are warnings."""
+    driver = {
+        "name": "rulec",
+        "version": version or "0",
+        "rules": [{"id": code} for code in sorted({one.code for one in found})],
+    }
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",
+        "results": [_result(one) for one in found],
+    }
+    return {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
+
+
+def _result(one: Diagnostic) -> dict[str, Any]:
+    text = f"{one.message} ({one.hint})" if one.hint else one.message
+    result = {
+        "ruleId": one.code,
+        "level": "warning" if one.doubt else "error",
+        "message": {"text": text},
+        "locations": [_location(one.place)],
+    }
+    if one.second is not None:
+        result["relatedLocations"] = [_location(one.second)]
+    return result
+
+
+def _location(place: Place) -> dict[str, Any]:
+    region = {
+        "startLine": place.line,
+        "startColumn": place.column,
+        "endColumn": place.column + place.length,
+    }
+    return {"physicalLocation": {"artifactLocation": {"uri": quote(place.file)}, "region": region}}

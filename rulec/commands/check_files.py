@@ -14,8 +14,7 @@ from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.passes.derive_residuals import derive_residuals
-from rulec.passes.link import link
-from rulec.passes.observed_modules import seen_through_states
+from rulec.passes.link import link, seen_through_states
 from rulec.passes.put_balances import dynamics_of
 
 

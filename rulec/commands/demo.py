@@ -3,17 +3,41 @@
 from __future__ import annotations
 
 import argparse
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
+from queue import Empty, Queue
+from threading import Thread
+from typing import Any
 
+from rich.console import Console
+from rich.table import Table
 from rulec_runtime.commands.destinations import console
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.output.refusal import to_install
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.terminal_findings import explain
 
-from rulec.commands.demo_live import run_live
+from rulec.api.simulate import parse_fault, simulate
 from rulec.commands.matrix import show
+from rulec.demo import limits
+from rulec.demo.played_recording import free_port, planted, write_inputs
 from rulec.knowledge.layers import shipped
 from rulec.passes.compile_cache import ruleset_of_plant
+from rulec.simulation.prediction import Injected
 
 
 def run(options: argparse.Namespace) -> int:
@@ -34,3 +58,231 @@ def run(options: argparse.Namespace) -> int:
     out.print(f"$ rulec diagnose {plant} {recording}")
     explain(out, diagnose(read_recording(recording, ruleset), ruleset))
     return 0
+
+
+def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
+    """Let servers of all modules play a simulated recording, and `rulec watch` find its faults."""
+    for package in ("asyncua", "sqlalchemy", "starlette", "uvicorn"):
+        if find_spec(package) is None:
+            raise SourceRefused(f"demo --live needs '{package}': {to_install('watch', 'rulec')}")
+    if not 0 < options.speed <= limits.FASTEST:
+        raise SourceRefused(f"--speed {options.speed:g}: give a number up to {limits.FASTEST:g}")
+    with tempfile.TemporaryDirectory(prefix="rulec-demo-") as folder:
+        place = Path(folder)
+        ruleset, faults = _made(place, plant, out)
+        began = _watched(place, ruleset, 1 / options.speed, out)
+        out.rule("3. what the journal says, against what was planted")
+        if began is None:
+            out.print("the watch ended before the first row")
+            return 1
+        _compared(place, ruleset, faults, began, 1 / options.speed, out)
+    return 0
+
+
+def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injected]]:
+    """Write the ruleset and the recording to play as files; returns the ruleset and the faults."""
+    out.rule("1. simulate: a recording with faults, which the modules' servers play")
+    texts = planted()
+    out.print("$ rulec simulate abc.json inputs.csv -o played.csv --noise 1 \\")
+    for text in texts:
+        out.print(f"    --fault {text}" + (" \\" if text != texts[-1] else ""))
+    ruleset = ruleset_of_plant(plant)
+    write_text(place / "abc.json", ruleset.to_json())
+    write_inputs(plant / "examples", place / "inputs.csv")
+    faults = [parse_fault(text) for text in texts]
+    played = simulate(place / "abc.json", place / "inputs.csv", faults=faults, noise=limits.NOISE)
+    played.write(place / "played.csv")
+    return ruleset, faults
+
+
+def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float | None:
+    """Play to the end, or until the watch ends; returns the time of the first row, s since 1970."""
+    out.rule("2. watch: one OPC UA server per module, and the diagnosis beside them")
+    with ExitStack() as stack:
+        playing = stack.enter_context(servers(place / "played.csv", step))
+        endpoints = playing.wait_for("servers", limits.STARTING)
+        names = [s.id for s in ruleset.signals if s.id in ruleset.read]
+        write_map(place / "map.yaml", endpoints, names, step)
+        for module, endpoint in endpoints.items():
+            out.print(styled("module {}: {}", module, endpoint))
+        port = free_port()
+        arguments = ["--map", "map.yaml", "--journal", "journal.db", "--page", str(port)]
+        first, second = " ".join(arguments[:2]), " ".join(arguments[2:])
+        out.print(f"$ rulec watch abc.json --source opcua {first} \\\n    {second}")
+        out.print(styled("[bold]the page: http://127.0.0.1:{}/[/]", port))
+        out.print(f"{limits.ROWS * step:.0f} s; Ctrl-C, or q on a terminal, ends it")
+        if out.is_terminal:
+            time.sleep(limits.READ_FIRST)
+        watching = stack.enter_context(watch(place, ["abc.json", "--source", "opcua", *arguments]))
+        began = None
+        with suppress(KeyboardInterrupt):
+            began = playing.wait_for("began", limits.STARTING, watching)
+            if began is not None:
+                playing.wait_for("ended", limits.ROWS * step + limits.STARTING, watching)
+        return began
+
+
+def _compared(
+    place: Path,
+    ruleset: Ruleset,
+    faults: Sequence[Injected],
+    began: float,
+    step: float,
+    out: Console,
+) -> None:
+    from rulec_runtime.live.journal.store import open_journal
+
+    with closing(open_journal(str(place / "journal.db"), make=False)) as journal:
+        events = [entry.event for entry in journal.events(ruleset.plant)]
+    played = [
+        replace(f, since=began + f.since * step, until=began + f.until * step) for f in faults
+    ]
+    matches, others = matched(played, events)
+    tell(out, matches, others, began)
+
+
+@dataclass(frozen=True)
+class Match:
+    """A planted fault, and the events that report it."""
+
+    planted: Injected
+    events: tuple[Event, ...]
+
+
+def matched(
+    planted: Sequence[Injected], events: Sequence[Event]
+) -> tuple[list[Match], list[Event]]:
+    """Each planted fault with the events of its name that overlap it, and the beginnings of all
+    faults that nobody planted. Times are of one clock, s."""
+    lasting = [e for e in events if e.episode.kind in ("fault", "sensor", "unknown")]
+    taken: set[str] = set()
+    matches = []
+    for fault in planted:
+        own = [
+            e
+            for e in lasting
+            if e.episode.subject == fault.fault
+            and e.episode.since <= fault.until
+            and fault.since <= e.episode.until
+        ]
+        taken |= {e.episode.id for e in own}
+        matches.append(Match(fault, tuple(own)))
+    others = [e for e in lasting if e.what == "began" and e.episode.id not in taken]
+    return matches, others
+
+
+def tell(out: Console, matches: Sequence[Match], others: Sequence[Event], began: float) -> None:
+    """Print the comparison; times in s since `began`."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column("")
+    titles = ("planted", "degree", "from", "to", "told after", "as", "95 % bounds", "over after")
+    for title in titles:
+        table.add_column(title, justify="left" if title == "planted" else "right", no_wrap=True)
+    for match in matches:
+        fault = match.planted
+        row = [
+            fault.fault,
+            f"{fault.degree:g}",
+            *(f"{t - began:.1f} s" for t in (fault.since, fault.until)),
+        ]
+        if not match.events:
+            table.add_row(styled("[bold]✗[/]"), *row, "not told", "", "", "")
+            continue
+        last = match.events[-1]
+        over = f"{last.time - fault.until:.1f} s" if last.what == "ended" else "active"
+        one = last.episode
+        table.add_row(
+            "✓",
+            *row,
+            f"{match.events[0].time - fault.since:.1f} s",
+            f"{one.degree:.3f}",
+            f"{one.lower:.3f}-{one.upper:.3f}",
+            over,
+        )
+    out.print(table)
+    count = sum(1 for match in matches if match.events)
+    text = "{} of {} planted faults found, {} told that nobody planted"
+    out.print(styled(text, count, len(matches), len(others)))
+    for event in others:
+        out.print(styled("  {} s  {}", f"{event.time - began:.1f}", event.text))
+
+
+Process = subprocess.Popen[Any]
+
+
+class Servers:
+    """The servers of all modules, in a process of their own."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        self._messages: Queue[Mapping[str, Any]] = Queue()
+        Thread(target=self._listen, name="servers", daemon=True).start()
+
+    def wait_for(self, what: str, seconds: float, watching: Process | None = None) -> Any:
+        """The content of their next message; None after `seconds` without one, or if the watch ends
+        before. Raises `SourceRefused` if the servers end."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and (watching is None or watching.poll() is None):
+            try:
+                message = self._messages.get(timeout=limits.LOOK)
+            except Empty:
+                continue
+            if what not in message:
+                raise SourceRefused("the servers of the demo ended; is there no loopback?")
+            return message[what]
+        return None
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._messages.put(json.loads(line))
+        self._messages.put({})
+
+
+@contextmanager
+def servers(recording: Path, step: float) -> Iterator[Servers]:
+    """Servers that play a recording, a row every `step` s, as soon as a client has subscribed."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rulec.demo.servers", str(recording), str(step)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield Servers(process)
+    finally:
+        assert process.stdin is not None
+        process.stdin.close()
+        _ended(process)
+
+
+@contextmanager
+def watch(folder: Path, options: Sequence[str]) -> Iterator[Process]:
+    """`rulec watch` in a folder, on our terminal; interrupted at the end as by Ctrl-C."""
+    process = subprocess.Popen([sys.executable, "-m", "rulec", "watch", *options], cwd=folder)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.terminate() if sys.platform == "win32" else process.send_signal(signal.SIGINT)
+        _ended(process)
+
+
+def _ended(process: Process) -> None:
+    try:
+        process.wait(limits.ENDING)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def write_map(
+    target: Path, endpoints: Mapping[str, str], signals: Sequence[str], step: float
+) -> None:
+    """Write the node of each signal: ``M.x`` is ``ns=2;s=x`` of the server of M. JSON is YAML."""
+    data = {
+        "interval": step,
+        "servers": {module: {"endpoint": endpoint} for module, endpoint in endpoints.items()},
+        "signals": {name: f"ns=2;s={name.partition('.')[2]}" for name in signals},
+    }
+    write_text(target, json.dumps(data, indent=1) + "\n")

@@ -26,10 +26,8 @@ from rulec_runtime.output.write_file import write_text
 from rulec.api.arguments import ruleset_of
 from rulec.engines.engine import chosen
 from rulec.fleet.fleet_file import Fleet, read_fleet
-from rulec.fleet.judge_days import judged
-from rulec.fleet.page import fleet_page
-from rulec.fleet.plant_days import tasks_of
-from rulec.fleet.ranking import NOT_JUDGED, Ranked, ranked, verdict
+from rulec.fleet.plant_days import judged, tasks_of
+from rulec.fleet.ranking import NOT_JUDGED, Ranked, fleet_page, ranked, verdict
 from rulec.fleet.store import Store, tables
 from rulec.fleet.trends import Trend, trends_of
 

@@ -12,11 +12,10 @@ from rich.table import Table
 from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.output.terminal import one_line, styled
 
-from rulec.curves.column_titles import grade_of
 from rulec.curves.fit import Compared, FittedCurve, fit_curve
 from rulec.curves.fitted_type import form_of, module_of
 from rulec.curves.match import given_values, points_of
-from rulec.curves.sheet import CurveRefused, columns_of
+from rulec.curves.sheet import CurveRefused, columns_of, grade_of
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.read import read_type
 

@@ -16,10 +16,15 @@ from rulec_runtime.output.terminal import one_line, say_aside, styled
 from rulec_runtime.output.write_file import write_text
 
 from rulec.knowledge.layers import layers_around
-from rulec.mtp.imported import Imported, files_of, import_files, machine_form
-from rulec.mtp.knowledge import read_units_and_sensors
+from rulec.mtp.imported import (
+    Imported,
+    files_of,
+    import_files,
+    machine_form,
+    read_units_and_sensors,
+)
 from rulec.mtp.limits import MOST_TOLD
-from rulec.mtp.refused import MtpRefused, Oddity
+from rulec.mtp.package import MtpRefused, Oddity
 
 
 def run(options: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.commands.editor_line import line, schema_near, schemas, target
+from rulec.commands.schema import line, schema_near, schemas, target
 from rulec.knowledge.layers import KB, shipped
 from rulec.language.document import parse_document
 from rulec.language.schema import kind_of

@@ -7,6 +7,7 @@ import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -25,15 +26,21 @@ from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.matrix_html import ANY_ERROR
-from rulec_runtime.report.page_origin import made_now
+from rulec_runtime.report.document import Head, document, section
+from rulec_runtime.report.matrix_html import ANY_ERROR, Named, marked, matrix_of
+from rulec_runtime.report.page_origin import Made, made_now
+from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.tables import framed
+from rulec_runtime.report.text import counted, listed, safe
 
-from rulec.commands.matrix_page import left_out, matrix_page
+from rulec.limits import MOST_RULES
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
 from rulec.study.sensors_needed import Without, show_without, without_each
 
-if TYPE_CHECKING:  # loaded on request
-    from rulec.separation.pairs import Separated
+if TYPE_CHECKING:
+    from rulec.separation.table import Separated
+
 
 NARROW = 7
 """Width of a column of the matrix, characters."""
@@ -71,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
 def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
     """Pairs of faults that are alike, each with the step that separates it best."""
     from rulec.separation.allowed import allowed_of
-    from rulec.separation.pairs import separate_pairs
+    from rulec.separation.table import separate_pairs
     from rulec.simulation.equations import SimulationRefused
 
     if ruleset.dynamics is not None:
@@ -257,3 +264,77 @@ def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
     if costs:
         each = ", ".join(f"{m}.{s} {cost:g}" for (m, s), cost in costs.items())
         out.print(styled("\n[bold]Sensors that would help[/], with their relative cost: {}", each))
+
+
+SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
+
+
+def matrix_page(
+    ruleset: Ruleset, made: Made | None = None, stores: Mapping[str, Any] | None = None
+) -> str:
+    """The page as HTML; the same ruleset gives the same text. For a plant that stores, `stores` is
+    JSON data on how faults change the readings that balances predict."""
+    sections = []
+    if stores is not None:
+        sections.append(section("What each fault does to readings", _signs_of(stores)))
+    if ruleset.residuals:
+        omitted = left_out(ruleset)
+        note = f'<p class="key">{safe(omitted)}</p>' if omitted else ""
+        shown = matrix_of(ruleset, Named(), whole=True)
+        sections.append(section("What each fault does", shown + note))
+    if ruleset.unobserved:
+        names = safe(listed(ruleset.unobserved))
+        sections.append(section("What no residual sees", f"<p>{names}</p>"))
+    head = Head(
+        kind="Fault-symptom matrix",
+        verdict=verdict(ruleset, stores),
+        meaning=_meaning(ruleset),
+        facts=tuple(Subject(ruleset=ruleset).facts()),
+        made=made,
+        sketch=sketch(ruleset, {}),
+    )
+    return document(head, "".join(sections))
+
+
+def left_out(ruleset: Ruleset) -> str:
+    """What the matrix of a long plant omits; empty if it shows everything."""
+    if max(map(len, ruleset.cells_of_fault.values()), default=0) < MOST_RULES:
+        return ""
+    return f"a fault has the {MOST_RULES} residuals that tell it first; it may move others as well"
+
+
+def _signs_of(stores: Mapping[str, Any]) -> str:
+    """The signs by which faults change readings; faults that act alike have the same mark."""
+    marks = dict(zip(ascii_lowercase, stores["alike"], strict=False))
+    head = "".join(f'<th scope="col">{safe(name)}</th>' for name in stores["readings"])
+    rows = []
+    for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
+        own = " ".join(f'<b class="alike">={m}</b>' for m, names in marks.items() if fault in names)
+        cells = "".join(f"<td>{SIGNS[sign]}</td>" for sign in signs)
+        rows.append(f'<tr><th scope="row">{safe(fault)}</th><td>{own}</td>{cells}</tr>')
+    shown = framed(
+        "faults and the readings that they change",
+        '<table class="matrix"><thead><tr><th scope="col">fault</th><th scope="col">alike</th>'
+        f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>",
+    )
+    key = "+ the reading stands higher than the balances predict, − lower, · as they do"
+    return f'<p class="key">{key}; faults with one mark act alike on all readings</p>{shown}'
+
+
+def verdict(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> str:
+    """Whether all faults can be told apart."""
+    same = {name for g in ruleset.ambiguous if g.kind == "coincide" for name in g.faults}
+    same |= {name for names in (stores["alike"] if stores else ()) for name in names}
+    count = len(ruleset.faults)
+    if same:
+        return f"{len(same)} of {counted(count, 'fault')} cannot be told from another one"
+    if not ruleset.ambiguous:
+        return f"All {counted(count, 'fault')} can be told apart"
+    return f"All {counted(count, 'fault')} can be told apart, some only where they are large"
+
+
+def _meaning(ruleset: Ruleset) -> str:
+    groups, invisible = len(marked(ruleset)), len(ruleset.unobserved)
+    parts = [f"{counted(groups, 'group')} of faults that are alike"] if groups else []
+    parts += [f"{counted(invisible, 'fault')} without any trace"] if invisible else []
+    return "; ".join(parts)

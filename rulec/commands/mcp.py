@@ -117,8 +117,8 @@ class Desk:
 
     def check(self, path: str) -> dict[str, Any]:
         """Validate a YAML file or folder: every mistake and doubt with place, reason and remedy."""
+        from rulec.commands.check import json_form
         from rulec.commands.check_files import collect
-        from rulec.commands.check_formats import json_form
 
         return {"found": json_form(collect([self._path(path)]))}
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
@@ -11,11 +13,41 @@ from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_data, write_text
 
-from rulec.commands.editor_line import MARK, SCHEMA, line, schemas, target
-from rulec.knowledge.layers import yaml_files_in
+from rulec.knowledge.layers import KB, shipped, yaml_files_in
 from rulec.language.document import read_document
 from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES
+
+SCHEMA = "schema"
+MARK = "yaml-language-server:"
+
+
+def schemas(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Paths below a folder, and texts, of all schemas."""
+    for file in sorted((shipped(KB) / SCHEMA).glob("*.json")):
+        yield folder / SCHEMA / file.name, file.read_text(encoding="utf-8")
+
+
+def schema_near(file: Path, kind: str) -> Path | None:
+    """The nearest schema of a kind: in `schema` or `kb/schema` of a folder above the file."""
+    for folder in Path(os.path.abspath(file)).parents:
+        for place in (folder, folder / KB):
+            schema = place / SCHEMA / f"{kind}.schema.json"
+            if schema.is_file():
+                return schema
+    return None
+
+
+def target(file: Path, folder: Path, kind: str) -> str:
+    """Path of the schema of a kind in a folder, relative to a file."""
+    schema = os.path.abspath(folder / SCHEMA / f"{kind}.schema.json")
+    return Path(os.path.relpath(schema, os.path.abspath(file.parent))).as_posix()
+
+
+def line(to: str) -> str:
+    """The first line of a file, which leads to a schema."""
+    return f"# {MARK} $schema={to}"
+
 
 _LINE = re.compile(rf"^#\s*{MARK}\s*\$schema=(\S+)\s*$", re.MULTILINE)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from rulec.effects.balance_text import balances_text, flow_text
+from rulec.effects.equation_text import balances_text, flow_text
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
-from rulec.language.number_text import signed_sum
+from rulec.language.yaml_text import signed_sum
 from rulec.passes.pipeline import PASSES, run_passes
 from rulec.passes.types import Compilation
 

@@ -11,11 +11,9 @@ from rulec_runtime.contract.plan import Array
 from scipy.optimize import least_squares
 
 from rulec.calibration.sheet_priors import SheetPriors
-from rulec.curves.column_titles import Grade
-from rulec.curves.laws import Law, laws_of, plan_of
 from rulec.curves.limits import FAR_SHARE, SCALE_ROUNDS, SCALES, SHEET_SCATTER, SMALL_POINT
-from rulec.curves.match import Points, explained, wanted_by
-from rulec.curves.sheet import CurveRefused
+from rulec.curves.match import Law, Points, explained, laws_of, plan_of, wanted_by
+from rulec.curves.sheet import CurveRefused, Grade
 from rulec.knowledge.module_type import Accuracy, ModuleType, Parameter
 from rulec.limits import ASSUMED_ACCURACY, UNTOLD
 

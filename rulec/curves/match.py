@@ -7,16 +7,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.terminal import one_line
 from scipy.constants import g
 
-from rulec.curves.column_titles import role_of
-from rulec.curves.laws import Law
+from rulec.algebra.graph import Graph
 from rulec.curves.limits import SHEET_DENSITY
-from rulec.curves.sheet import Column, CurveRefused, unit_of
+from rulec.curves.sheet import Column, CurveRefused, role_of, unit_of
+from rulec.knowledge.check_dimensions import dimensions_of
 from rulec.knowledge.module_type import ModuleType
 from rulec.language.units import NONE, VOLUME_FLOW, Dimension, UnitTable
+from rulec.passes.lower import ClosedNames, lower_tree
 
 FLOW = "Q"
 """The flow of the observers, where no signal of the type measures one."""
@@ -178,3 +179,48 @@ def _derived(
         readings[name] = shaft / (2.0 * np.pi * speed)
         notes.append(f"{name} from power and speed")
     return Points(readings, tuple(notes))
+
+
+@dataclass(frozen=True)
+class Law:
+    """A definition or an observer that predicts a column.
+
+    `reads` are its signals, `free` the parameters that a fit may change.
+    """
+
+    group: str
+    name: str
+    dimension: Dimension
+    reads: frozenset[str]
+    free: tuple[str, ...]
+
+
+def laws_of(kind: ModuleType) -> list[Law]:
+    """Laws that depend on signals and parameters alone, definitions first."""
+    dimensions = dimensions_of(kind)
+    parts = {
+        **{("definitions", d.name): d.expression for d in kind.definitions.values()},
+        **{("observers", o.name): o.expression for o in kind.observers.values()},
+    }
+    found = []
+    for (group, name), expression in parts.items():
+        is_law = group != "definitions" or (group, name) in kind.laws()
+        names = kind.names_through(expression)
+        equations = list(kind.with_definitions(expression))
+        asks = any(next(e.gathered(), next(e.properties(), None)) for e in equations)
+        free = tuple(p.name for p in kind.parameters.values() if p.fit and p.name in names)
+        if is_law and free and not asks and not names & kind.states.keys():
+            gives = dimensions[name] if group == "definitions" else VOLUME_FLOW
+            reads = frozenset(names & kind.signals.keys())
+            found.append(Law(group, name, gives, reads, free))
+    return found
+
+
+def plan_of(kind: ModuleType, laws: list[Law]) -> Plan:
+    """A plan with the laws as outputs and signals and parameters as inputs, by name; all SI."""
+    graph = Graph((*kind.signals, *kind.parameters))
+    names = ClosedNames(graph, {d.name: d.expression for d in kind.definitions.values()})
+    for law in laws:
+        parts = kind.definitions if law.group == "definitions" else kind.observers
+        graph.outputs[law.name] = lower_tree(graph, parts[law.name].expression.tree, names)
+    return graph.plan()

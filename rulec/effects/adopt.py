@@ -13,15 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate, Unknown
-from rulec.effects.downstream_readings import Gathering
-from rulec.effects.flow_by_state import held_back
+from rulec.effects.flow_by_state import Gathering, held_back
 from rulec.effects.limits import MAX_TYPE_STEM
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Repair
 from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal
 from rulec.knowledge.plant import Module, Plant
-from rulec.language.origin import Origin
+from rulec.language.diagnostics import Origin
 from rulec.language.units import Unit
 from rulec.passes.amend import Amended
 from rulec.passes.link import Network

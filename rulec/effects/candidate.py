@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.knowledge.shape import Shape
+from rulec.knowledge.effect import Shape
 
 TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""

@@ -13,11 +13,11 @@ from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, CURVE_POINT, SPREAD
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
 from rulec.knowledge.tables import PER, SIZE, equations
+from rulec.language.diagnostics import Origin
 from rulec.language.expression import Expression, parse
 from rulec.language.limits import MAX_EQUATION_LENGTH
-from rulec.language.number_text import rounded
-from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
+from rulec.language.yaml_text import rounded
 from rulec.passes.amend import Change
 
 BAND = "~"

@@ -11,11 +11,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rulec.effects.binding import Binder, Binding, drivers_of, matching
+from rulec.effects.binding import Binder, Binding, drivers_of, matching, thermometer
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
 from rulec.effects.disturbance_locations import unit_of
 from rulec.effects.equation_text import equation_of
-from rulec.effects.fluid_driver import thermometer
 from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.effects.places import Site, Survey, sites_of, survey
 from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
@@ -23,13 +22,13 @@ from rulec.knowledge.fluid import property_at, reading_of
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import ENDS, Parameter, State
 from rulec.knowledge.plant import Module, Plant
+from rulec.language.diagnostics import Origin
 from rulec.language.expression import Rejected
-from rulec.language.number_text import filled
-from rulec.language.origin import Origin
 from rulec.language.units import SECOND
+from rulec.language.yaml_text import filled
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import TypeFault
-from rulec.passes.store_faults import Places, StoreFault, fault_change, store_faults, undoing
+from rulec.passes.put_balances import Places, StoreFault, fault_change, store_faults, undoing
 from rulec.passes.types import Compilation
 
 Equations = dict[tuple[object, ...], str | None]

@@ -16,6 +16,7 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.simulation.balances import Balances
 
+from rulec.effects.binding import FluidDriver, drivers_at
 from rulec.effects.candidate import (
     BaseParameters,
     Candidate,
@@ -25,7 +26,6 @@ from rulec.effects.candidate import (
 )
 from rulec.effects.disturbance_locations import laws_of, spots_of, stores_of
 from rulec.effects.equation_text import equation_of
-from rulec.effects.fluid_driver import FluidDriver, drivers_at
 from rulec.effects.free_form import BENDS, bent_line, curve_term, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
 from rulec.effects.places import survey
@@ -33,7 +33,7 @@ from rulec.knowledge.module_type import ENDS, Parameter
 from rulec.knowledge.read import read_plant
 from rulec.knowledge.sources import Sources
 from rulec.passes.amend import Amended, amend
-from rulec.passes.deferred_compilation import OpenedPlant
+from rulec.passes.compile_cache import OpenedPlant
 from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation

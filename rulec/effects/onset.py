@@ -14,11 +14,10 @@ from rulec.effects.candidate import TIME, Unknown
 from rulec.effects.limits import LATEST_ONSET, ONSET_QUANTILES, ONSET_WIDTH, START_DEGREE
 from rulec.knowledge.knowledge import Variant
 from rulec.knowledge.module_type import Parameter
-from rulec.language.expression import Expression
-from rulec.language.rewrite import replaced, written
+from rulec.language.expression import Expression, replaced, written
 from rulec.language.units import SECOND, Unit
 from rulec.passes.amend import Change
-from rulec.passes.store_faults import StoreFault
+from rulec.passes.put_balances import StoreFault
 
 SINCE, CLOCK, HALF = "since", "t", "t_half"
 """Names in laws: time of the onset, time, and half of the recording."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from rulec.algebra.tangent import run_with_slopes
-from rulec.knowledge.dimensions_of import dimensions_of
+from rulec.knowledge.check_dimensions import dimensions_of
 from rulec.knowledge.module_type import ENDS, OUTFLOW, Definition, ModuleType, Observer
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.dimension import dimension

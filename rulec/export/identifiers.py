@@ -7,39 +7,13 @@ reads more than 32 characters. C accepts all these names except its own words.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from rulec.export.limits import LONGEST_IDENTIFIER
 from rulec.export.program import Kind, Variable
 
-_C = (
-    "auto break case char const continue default do double else enum extern float for goto if "
-    "inline int long register restrict return short signed sizeof static struct switch typedef "
-    "union unsigned void volatile while bool true false exp log sqrt pow fabs fmin fmax in out "
-    "abs round floor ceil sin cos tan tanh gamma j0 j1 jn y0 y1 yn isnan isfinite signbit "
-    "asm typeof unix linux errno main"
-)
-"""Words of C99, functions and macros of its library, and the names of our functions' arguments."""
-
-_ST = (
-    "abs abstract acos action add and any any_bit any_date any_elementary any_int any_num any_real "
-    "any_string array asin at atan bool by byte case class concat configuration constant "
-    "continue cos ctd ctu ctud date date_and_time delete deref dint div do dt dword else elsif "
-    "end_action end_case end_class end_configuration end_for end_function end_function_block "
-    "end_if end_interface end_method end_namespace end_program end_repeat end_resource end_step "
-    "end_struct end_transition end_type end_var end_while eq exit exp expt extends f_edge f_trig "
-    "false final find for from function function_block ge gt if implements initial_step insert "
-    "int interface internal interval ldate ldt le left len limit lint ln log lreal lt ltime ltod "
-    "lword max method mid min mod move mul mux namespace ne non_retain not null of on or overlap "
-    "override priority private program protected public r_edge r_trig read_only read_write real "
-    "ref ref_to repeat replace resource retain return right rol ror rs sel shl shr sin single "
-    "sint sqrt sr step string struct sub super tan task then this time time_of_day to tod tof ton "
-    "tp transition true trunc type udint uint ulint until using usint var var_access var_config "
-    "var_external var_global var_in_out var_input var_output var_temp while with word wstring "
-    "xor s r st ld fbd sfc en eno cal calc ret jmp ldn stn"
-)
-"""Words and standard functions of IEC 61131-3, and operators of its instruction list."""
-
-RESERVED = frozenset((*_C.split(), *_ST.split()))
+_WORDS = Path(__file__).with_name("reserved_words.txt").read_text(encoding="utf-8")
+RESERVED = frozenset(re.sub("(?m)^#.*", "", _WORDS).split())
 
 
 class Identifiers:

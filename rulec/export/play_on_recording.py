@@ -20,8 +20,7 @@ from rulec_runtime.recordings.module_results import KINDS
 from rulec_runtime.recordings.recording import Recording, RecordingRefused
 from rulec_runtime.recordings.stationary import Stretches
 
-from rulec.export.interpret import Value, run
-from rulec.export.program import ModuleCode, Routine
+from rulec.export.program import ModuleCode, Routine, Value, run
 
 Execute = Callable[[Routine, Mapping[str, Value]], Mapping[str, Value]]
 """Runs a routine: from its inputs by name to its outputs by name."""

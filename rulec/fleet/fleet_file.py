@@ -18,7 +18,7 @@ from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 
 from rulec.knowledge.layers import PLANT, leads_out
 from rulec.knowledge.read import read_alone
-from rulec.knowledge.unit_lists import table_of
+from rulec.knowledge.sources import table_of
 from rulec.language.diagnostics import Refused
 from rulec.language.reader import Reader
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
-from rulec_runtime.fleet.plant_day import Task
+from rulec_runtime.fleet.plant_day import Row, Task, blank, judge_day
 from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal, to_install
 from rulec_runtime.recordings.formats import is_called_recording
 
+from rulec.engines.call import Call, Engine
+from rulec.engines.engine import run
 from rulec.fleet.fleet_file import Fleet
+from rulec.limits import WORKER_DEATHS
 
 Found = tuple[str, str]
 """Address of a file, and its mark, which contains size and time of change."""
@@ -100,3 +103,20 @@ def _elsewhere(place: str) -> Iterator[Found]:
         if is_called_recording(Path(path)):
             marks = (state.get(k) for k in ("size", "mtime", "LastModified", "etag", "ETag"))
             yield system.unstrip_protocol(path), " ".join(str(m) for m in marks if m is not None)
+
+
+def judged(
+    engine: Engine, tasks: Sequence[Task], rulesets: Mapping[str, str]
+) -> Iterator[tuple[Task, Row]]:
+    """Rows as they are done; `rulesets` are texts by hash.
+
+    If processes die repeatedly at a plant-day, its row says so.
+    """
+
+    def died(number: int) -> Row:
+        reason = f"{WORKER_DEATHS} processes died at it; is there enough memory?"
+        return blank(tasks[number]) | {"reason": reason}
+
+    calls = [Call((task,), task.ruleset) for task in tasks]
+    for number, row in run(engine, judge_day, calls, rulesets, died):
+        yield tasks[number], row

@@ -8,16 +8,14 @@ from typing import Any
 import sympy
 
 from rulec.knowledge.check_length import check_law
-from rulec.knowledge.degree_unit import UNIT
-from rulec.knowledge.knowledge import FaultType, Variant
+from rulec.knowledge.effect import USUAL_HINT, Usual, usual_of
+from rulec.knowledge.knowledge import UNIT, FaultType, Variant
 from rulec.knowledge.liquid import read_liquid
 from rulec.knowledge.module_type import Frequency
-from rulec.knowledge.shape import USUAL_HINT, Usual, usual_of
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
-from rulec.language.invert import invert
 from rulec.language.reader import Reader
-from rulec.language.symbolic import to_sympy
+from rulec.language.symbolic import invert, to_sympy
 
 
 def check_fault(reader: Reader) -> FaultType:

@@ -8,8 +8,7 @@ from typing import Any
 
 from rulec_runtime.output.nearest import did_you_mean
 
-from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, EffectState, Join
-from rulec.knowledge.effect_law import Columns, parse_law
+from rulec.knowledge.effect import PLAIN, Columns, Driver, EffectLaw, EffectState, Join, parse_law
 from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.reader import Reader

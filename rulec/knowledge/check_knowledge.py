@@ -15,8 +15,7 @@ from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
 from rulec.knowledge.effect import Effect
 from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
-from rulec.knowledge.sources import Sources
-from rulec.knowledge.unit_lists import table_of
+from rulec.knowledge.sources import Sources, table_of
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.language.reader import Reader

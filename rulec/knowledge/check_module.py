@@ -12,10 +12,8 @@ from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.check_fault import frequency_at
 from rulec.knowledge.check_length import check_lengths
-from rulec.knowledge.check_regimes import RegimeReader
-from rulec.knowledge.check_states import StateReader
-from rulec.knowledge.degree_unit import adds, has_no_zero, scales_from_zero
-from rulec.knowledge.knowledge import FaultType, SensorClass
+from rulec.knowledge.check_states import RegimeReader, StateReader
+from rulec.knowledge.knowledge import FaultType, SensorClass, adds, has_no_zero, scales_from_zero
 from rulec.knowledge.limits import MAX_DEFINITION_CHAIN
 from rulec.knowledge.module_type import (
     ENDS,

@@ -25,9 +25,9 @@ from rulec.knowledge.plant import Block, Column, Module, Plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_
-from rulec.language.number_text import rounded
 from rulec.language.reader import Reader
 from rulec.language.units import VOLUME_FLOW, Unit
+from rulec.language.yaml_text import rounded
 
 
 def check(sources: Sources) -> Plant:

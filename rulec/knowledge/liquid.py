@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rulec.knowledge.effect import PLAIN, EffectLaw
-from rulec.knowledge.effect_law import parse_law
+from rulec.knowledge.effect import PLAIN, EffectLaw, parse_law
+from rulec.language.diagnostics import Origin
 from rulec.language.document import Path_
 from rulec.language.expression import Rejected
-from rulec.language.origin import Origin
 from rulec.language.reader import Reader
 from rulec.language.units import PROPERTIES, Dimension
 

@@ -7,10 +7,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from rulec.language.diagnostics import Place
+from rulec.language.diagnostics import Origin, Place
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
-from rulec.language.origin import Origin
 from rulec.language.units import Unit
 
 INFLOW, OUTFLOW = "inflow", "outflow"

@@ -158,3 +158,12 @@ def _excerpt(place: Place, hint: str) -> list[str]:
 def _printable(text: str) -> str:
     """Replace control characters: a hostile file must not control the terminal."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a derived value comes from: file, line and citation."""
+
+    file: str
+    line: int
+    source: str = ""

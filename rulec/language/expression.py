@@ -56,35 +56,32 @@ class Expression:
 
     def gathered(self) -> Iterator[tuple[str, int]]:
         """Names inside `downstream(...)`, with their columns."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call) and function_of(node) == GATHER:
+        for name, node in self._calls():
+            if name == GATHER:
                 argument = node.args[0]
                 assert isinstance(argument, ast.Name)
                 yield argument.id, argument.col_offset
 
     def properties(self) -> Iterator[tuple[str, int]]:
         """Fluid properties used, as in ``density(T)``, with their columns."""
-        for name, node in self._property_calls():
-            yield name, node.col_offset
+        yield from ((name, n.col_offset) for name, n in self._calls() if name in PROPERTIES)
 
     def guarded(self) -> Iterator[ast.expr]:
         """Arguments that must be positive, such as those of roots and logarithms."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call):
-                function = FUNCTIONS.get(function_of(node) or "")
-                if function is not None and function.needs_positive:
-                    yield node.args[0]
+        for name, node in self._calls():
+            if name in FUNCTIONS and FUNCTIONS[name].needs_positive:
+                yield node.args[0]
 
     def thermometers(self) -> Iterator[str]:
         """Names that are by themselves the temperature of a property."""
-        for _, node in self._property_calls():
-            if isinstance(node.args[0], ast.Name):
+        for name, node in self._calls():
+            if name in PROPERTIES and isinstance(node.args[0], ast.Name):
                 yield node.args[0].id
 
-    def _property_calls(self) -> Iterator[tuple[str, ast.Call]]:
+    def _calls(self) -> Iterator[tuple[str, ast.Call]]:
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call) and (name := function_of(node)) in PROPERTIES:
-                yield name or "", node
+            if isinstance(node, ast.Call):
+                yield function_of(node) or "", node
 
     def __str__(self) -> str:
         return self.text
@@ -300,3 +297,68 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
         return number
 
     return walk(expression.tree)
+
+
+def text_of(tree: ast.expr) -> str:
+    """A tree as text in the style of kb/: products without blanks.
+
+    >>> text_of(ast.parse("a-b*c**2", mode="eval").body)
+    'a - b*c**2'
+    """
+    return re.sub(r" (\*\*?|/) ", r"\1", ast.unparse(tree))
+
+
+def written(tree: ast.expr) -> Expression:
+    """A tree as an expression with its text; raises `Rejected` if it is not in the language."""
+    return parse(text_of(tree))
+
+
+def over(expression: Expression, table: Mapping[str, ast.expr]) -> Expression:
+    """The expression with names replaced; the same object if it contains none of them."""
+    if not any(name in table for name, _ in expression.names()):
+        return expression
+    return written(replaced(expression.tree, table))
+
+
+def name_node(name: str) -> ast.Name:
+    """The tree of a name, which need not be legal in an equation: ``B.T`` serves in shown text."""
+    return ast.Name(id=name, ctx=ast.Load())
+
+
+def replaced(node: ast.expr, table: Mapping[str, ast.expr]) -> ast.expr:
+    """A tree with names replaced by trees; terms that a zero cancels are dropped.
+
+    >>> ast.unparse(replaced(parse("a - b*p**2").tree, {"p": ast.Constant(0)}))
+    'a'
+    """
+    match node:
+        case ast.Name(id=name):
+            return table.get(name, node)
+        case ast.Call(func=function, args=arguments) if function_of(node) != GATHER:
+            return ast.Call(function, [replaced(a, table) for a in arguments], [])
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = replaced(operand, table)
+            return inner if _is_zero(inner) else ast.UnaryOp(op, inner)
+        case ast.BinOp(left=left, op=ast.Pow() as op, right=power):
+            base = replaced(left, table)
+            positive = (exponent_of(power) or 0) > 0
+            return base if _is_zero(base) and positive else ast.BinOp(base, op, power)
+        case ast.BinOp(left=left, op=op, right=right):
+            return _without_zero(replaced(left, table), op, replaced(right, table))
+    return node
+
+
+def _without_zero(left: ast.expr, op: ast.operator, right: ast.expr) -> ast.expr:
+    if isinstance(op, ast.Mult) and (_is_zero(left) or _is_zero(right)):
+        return ast.Constant(0)
+    if isinstance(op, ast.Div) and _is_zero(left) and not _is_zero(right):
+        return left
+    if isinstance(op, ast.Add) and _is_zero(left):
+        return right
+    if isinstance(op, ast.Add | ast.Sub) and _is_zero(right):
+        return left
+    return ast.BinOp(left, op, right)
+
+
+def _is_zero(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and node.value == 0

@@ -9,11 +9,10 @@ from typing import Any
 
 from rulec_runtime.output.nearest import did_you_mean, nearest
 
-from rulec.language.diagnostics import Diagnostic, Place
+from rulec.language.diagnostics import Diagnostic, Origin, Place
 from rulec.language.dimension import dimension
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Expression, Rejected, parse
-from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
 
 _SPELLINGS = "the spellings are in kb/units.yaml; others go into a units.yaml of your own"

@@ -1,10 +1,10 @@
-"""Plain data as readable YAML: one entry per line, in the style of kb/."""
+"""How numbers, sums and sentences are written, and plain data as YAML in the style of kb/."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 WIDTH = 90
@@ -58,3 +58,25 @@ def _aligned(entries: Mapping[str, Any]) -> Iterator[str]:
     width = max(len(key) for key in entries) + 1
     for key, value in entries.items():
         yield f"  {key + ':':<{width}} {flow(value)}"
+
+
+def rounded(value: float, digits: int) -> float:
+    """Round to significant digits, fewer than a solver's, so that files agree on every machine."""
+    return float(f"{value:.{digits}g}")
+
+
+def signed_sum(terms: Iterable[tuple[float, str]]) -> str:
+    """A signed sum of (sign, name) as text; ``0`` if it has no terms.
+
+    >>> signed_sum([(1, "A"), (-1, "B")])
+    'A - B'
+    """
+    text = " ".join(f"{'+' if sign > 0 else '-'} {name}" for sign, name in terms)
+    return text.removeprefix("+ ") or "0"
+
+
+def filled(text: str, slots: Mapping[str, str]) -> str:
+    """A sentence with slots such as ``{module}`` filled; unknown slots stay."""
+    for slot, value in slots.items():
+        text = text.replace(f"{{{slot}}}", value)
+    return text

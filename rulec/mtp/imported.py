@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime.live.sources.map import Server as Source
+from rulec_runtime.live.sources.map_access import Access
+from rulec_runtime.live.sources.refused import extra
+from rulec_runtime.output.open_file import begin_of
+from rulec_runtime.output.terminal import is_shown
+
+from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.knowledge import Knowledge
-from rulec.mtp.online import read_online
-from rulec.mtp.package import Attribute, Package
+from rulec.knowledge.layers import Layer
+from rulec.knowledge.sources import Sources
+from rulec.language.diagnostics import Refused
+from rulec.language.document import read_document
+from rulec.language.schema import kind_of
+from rulec.mtp import limits
+from rulec.mtp.package import Attribute, MtpRefused, Oddity, Package, Tag
 from rulec.mtp.read_package import read_packages
-from rulec.mtp.readings import Reading, module_name, readings_of
-from rulec.mtp.refused import MtpRefused, Oddity
-from rulec.mtp.skeleton import skeleton
-from rulec.mtp.source_map import instance_name, source_map
-from rulec.mtp.units import unit_of
+from rulec.mtp.readings import Reading, module_name, readings_of, unit_of
+from rulec.mtp.skeleton import instance_name, skeleton, source_map
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,3 +196,87 @@ def _signal(reading: Reading) -> dict[str, Any]:
         "repeats": reading.repeats,
         "lacks": reading.lacks or None,
     }
+
+
+_KINDS = re.compile(rb"^(sensor|units):", re.MULTILINE)
+_HEAD = 4096
+"""Bytes at the beginning of a file that hold its first key."""
+
+
+def read_units_and_sensors(layers: Iterable[Layer]) -> Knowledge:
+    """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in its files."""
+    stack = tuple(layers)
+    files = dict.fromkeys(file for layer in reversed(stack) for file in layer.files)
+    documents = []
+    for file in files:
+        if _KINDS.search(begin_of(file, _HEAD)):
+            document, mistakes = read_document(file)
+            if document is None:
+                raise Refused(mistakes)
+            documents.append(document)
+    by_kind = {
+        kind: tuple(document for document in documents if kind_of(document) == kind)
+        for kind in ("sensor", "units")
+    }
+    return check_knowledge(Sources(layers=stack, by_kind=by_kind))
+
+
+_ASKED = ("Unit", "SclMin", "SclMax")
+
+
+def read_online(package: Package, endpoint: str) -> Package:
+    """The package with the current values of its servers; failures become oddities.
+
+    `endpoint`, if not empty, replaces the one in the file. Raises `SourceRefused` if the OPC UA
+    package is not installed.
+    """
+    extra("asyncua", "opcua")
+    values: dict[str, str] = {}
+    odd: list[Oddity] = []
+    for server in package.servers:
+        asked = list(
+            dict.fromkeys(
+                a.node.id
+                for tag in package.tags
+                for name, a in tag.attributes.items()
+                if name.endswith(_ASKED) and a.node is not None and a.node.server == server.name
+            )
+        )
+        address = endpoint or server.endpoint
+        if asked and address:
+            values |= _read(package, address, asked, odd)
+    tags = tuple(_with(tag, values) for tag in package.tags)
+    return replace(package, tags=tags, odd=(*package.odd, *odd))
+
+
+def _read(
+    package: Package, address: str, asked: Sequence[str], odd: list[Oddity]
+) -> Mapping[str, str]:
+    from rulec_runtime.live.sources.opcua_once import read_once
+
+    try:
+        found = read_once(Source(name="", endpoint=address, access=Access()), asked, limits.ONLINE)
+    except ConnectionError as error:
+        remedy = "where it has another address, import the file alone with --online ADDRESS"
+        text = f"{address}: {error}"
+        odd.append(Oddity("servers that do not answer", package.file, text, remedy))
+        return {}
+    values = {}
+    for node, value in zip(asked, found, strict=True):
+        if 0 < len(value) <= limits.LONGEST_NAME and all(map(is_shown, value)):
+            values[node] = value
+        else:
+            text = f"{address}: {node} has no value"
+            remedy = "look it up in the server, and write what it says into the skeleton"
+            odd.append(Oddity("values not there", package.file, text, remedy))
+    return values
+
+
+def _with(tag: Tag, values: Mapping[str, str]) -> Tag:
+    attributes = {
+        name: replace(a, text=values[a.node.id])
+        if name.endswith(_ASKED) and a.node is not None and a.node.id in values
+        else a
+        for name, a in tag.attributes.items()
+    }
+    return replace(tag, attributes=attributes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec.mtp.refused import Oddity
+from rulec_runtime.output.refusal import Refusal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,3 +127,17 @@ class Package:
     symbols: tuple[Symbol, ...]
     connections: tuple[Connection, ...]
     odd: tuple[Oddity, ...]
+
+
+class MtpRefused(Refusal):
+    """A file cannot be read; the message says where, why and what to do."""
+
+
+@dataclass(frozen=True)
+class Oddity:
+    """Something for a person to look at; `kind` groups oddities of one sort."""
+
+    kind: str
+    place: str
+    text: str
+    remedy: str

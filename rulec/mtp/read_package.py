@@ -6,14 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from rulec.mtp import limits
-from rulec.mtp.caex import Caex, Element, read_caex
-from rulec.mtp.container import read_members
-from rulec.mtp.package import Package, Server
-from rulec.mtp.read_nodes import is_item, read_items, read_servers
+from rulec.mtp.caex import Caex, Element, read_caex, read_members
+from rulec.mtp.package import MtpRefused, Oddity, Package, Server
 from rulec.mtp.read_pictures import read_pictures
-from rulec.mtp.read_services import read_services
-from rulec.mtp.read_tags import read_tags
-from rulec.mtp.refused import MtpRefused, Oddity
+from rulec.mtp.read_tags import is_item, read_items, read_servers, read_services, read_tags
 from rulec.mtp.space import Space
 
 

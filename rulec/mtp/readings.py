@@ -12,13 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rulec.knowledge.knowledge import SensorClass
-from rulec.language.units import UnitTable
+from rulec.language.units import NONE, Unit, UnitTable
 from rulec.mtp import limits
-from rulec.mtp.package import Attribute, Node, Package, Tag
-from rulec.mtp.propose import Proposal, propose
-from rulec.mtp.refused import Oddity
+from rulec.mtp.package import Attribute, Node, Oddity, Package, Tag
 from rulec.mtp.tables import tables
-from rulec.mtp.units import FoundUnit, unit_of
 
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"}
@@ -213,3 +210,112 @@ def module_name(text: str) -> str:
 def _plain(text: str) -> str:
     spelled = unicodedata.normalize("NFKD", text.translate(_UMLAUTS))
     return spelled.encode("ascii", "ignore").decode()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundUnit:
+    """A unit of a package.
+
+    `raw` is its text in the package, `text` the spelling of the tables (empty if unknown), `unit`
+    that of the knowledge base (None if it has none). `is_default`: it is a default of the file;
+    `online`: a node holds it.
+    """
+
+    raw: str
+    text: str
+    unit: Unit | None
+    is_default: bool
+    online: bool
+
+
+def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
+    """The unit that an attribute gives by a code or by a text."""
+    raw = attribute.known.strip() if attribute is not None else ""
+    key = raw[:-2] if raw.endswith(".0") else raw
+    text = tables().codes.get(key, "")
+    if not text and key and not _is_number(key):
+        spelled = tables().spellings.get(key, key)
+        text = spelled if _parsed(spelled, units) is not None else ""
+    return FoundUnit(
+        raw=raw,
+        text=text,
+        unit=_parsed(text, units) if text else None,
+        is_default=attribute is not None and attribute.is_default,
+        online=attribute is not None and attribute.node is not None,
+    )
+
+
+def _parsed(text: str, units: UnitTable) -> Unit | None:
+    try:
+        return units.parse(text)
+    except ValueError:
+        return None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+LIKELY, POSSIBLE, GUESS = "likely", "possible", "guess"
+
+_LETTERS = re.compile(r"(?:^|[^A-Za-z])([A-Z]{1,4})[-_ ]?\d")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """A quantity (empty if unknown), and why. `against` is the evidence against it."""
+
+    quantity: str
+    confidence: str
+    because: str
+    against: str
+
+
+def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTable) -> Proposal:
+    """The quantity of a reading.
+
+    Parameters
+    ----------
+    name, title : of the tag.
+    unit : of the reading, None if unknown.
+    usual : what a tag of this role usually measures, empty if it may be anything.
+    units : quantities of the knowledge base.
+    """
+    named = _suggested(name, title)
+    hints = [*([(usual, "its class")] if usual else []), *named]
+    if unit is None:
+        quantity, why = hints[0] if hints else ("", "")
+        return Proposal(quantity=quantity, confidence=GUESS, because=why, against="")
+    fitting = [q for q, d in units.quantities.items() if d == unit.dimension]
+    for quantity, why in hints:
+        if quantity in fitting:
+            because = f"unit and {why}"
+            return Proposal(quantity=quantity, confidence=LIKELY, because=because, against="")
+    quantity = next((q for q in [*tables().first, *fitting] if q in fitting), "")
+    against = ""
+    if named and fitting and unit.dimension != NONE:
+        against = f"{named[0][1]} speaks of {named[0][0]}, the unit {unit.text} does not"
+    confidence = GUESS if against or unit.dimension == NONE else POSSIBLE
+    return Proposal(quantity=quantity, confidence=confidence, because="unit", against=against)
+
+
+def _suggested(name: str, title: str) -> list[tuple[str, str]]:
+    """Quantities that words and letters suggest, each with its evidence.
+
+    >>> _suggested("Sensoren.FI2012", "Durchfluss am Eingang")[0]
+    ('volume flow', "'durchfluss'")
+    """
+    found = []
+    for text in (title.lower(), name.lower()):
+        for quantity, words in tables().words.items():
+            found += [(quantity, f"'{word}'") for word in words if word in text]
+    for letters in _LETTERS.findall(name.rpartition(".")[2]):
+        for key in (letters[:2], letters[:1]):
+            if key in tables().letters:
+                found.append((tables().letters[key], f"the letter {key}"))
+                break
+    return found

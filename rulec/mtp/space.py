@@ -9,7 +9,7 @@ from rulec_runtime.output.terminal import is_shown
 
 from rulec.mtp import limits
 from rulec.mtp.caex import Element
-from rulec.mtp.refused import MtpRefused
+from rulec.mtp.package import MtpRefused
 from rulec.mtp.tables import tables
 
 _PATHS = ("RefBaseSystemUnitPath", "RefBaseClassPath", "RefRoleClassPath", "RefBaseRoleClassPath")

@@ -24,8 +24,15 @@ from rulec.knowledge.module_type import (
     Parameter,
     State,
 )
-from rulec.language.expression import Expression, Rejected
-from rulec.language.rewrite import name_node, over, replaced, text_of, written
+from rulec.language.expression import (
+    Expression,
+    Rejected,
+    name_node,
+    over,
+    replaced,
+    text_of,
+    written,
+)
 from rulec.passes.limits import MAX_STEM, SHORT_LAW
 
 

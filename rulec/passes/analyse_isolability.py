@@ -21,9 +21,8 @@ from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.limits import SMALL_DEGREE
-from rulec.passes.link import Network
+from rulec.passes.link import Network, seen_through_states
 from rulec.passes.neighbourhood import Sensor
-from rulec.passes.observed_modules import seen_through_states
 from rulec.passes.sensor_advice import Adviser
 
 

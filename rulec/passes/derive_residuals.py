@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rulec.algebra.continuity import FixedFlow
-from rulec.algebra.span import Span
+from rulec.algebra.eliminate import Span
 from rulec.knowledge.plant import Module
-from rulec.language.number_text import signed_sum
+from rulec.language.yaml_text import signed_sum
 from rulec.passes.limits import MOST_SUMMED
 from rulec.passes.link import Network
 

@@ -14,15 +14,21 @@ from functools import partial
 import sympy
 
 from rulec.algebra.derivative import derivative
-from rulec.knowledge.degree_unit import adds, for_signal, has_no_zero, scales_from_zero
 from rulec.knowledge.fluid import closed_forms
-from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
+from rulec.knowledge.knowledge import (
+    FaultType,
+    Knowledge,
+    Variant,
+    adds,
+    for_signal,
+    has_no_zero,
+    scales_from_zero,
+)
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
 from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
-from rulec.language.invert import invert
-from rulec.language.symbolic import to_sympy
-from rulec.passes.liquid import liquid_id, moved_by
+from rulec.language.symbolic import invert, to_sympy
+from rulec.passes.liquid import Opened, liquid_id, moved_by
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -166,8 +172,9 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
     observers = _observers(kind, symbols, {})
-    faults = tuple(_faults(kind, knowledge, symbols, observers))
-    unlisted = tuple(_unlisted(kind, knowledge, symbols, observers)) if any_error else ()
+    opening = partial(opened, kind, symbols=symbols, observers=observers)
+    faults = tuple(_faults(kind, knowledge, opening))
+    unlisted = tuple(_unlisted(kind, knowledge, opening)) if any_error else ()
     targets = {f.target: None for f in (*faults, *unlisted) if f.fault.acts_on != "flow"}
     return TypeModel(
         type=kind,
@@ -177,7 +184,7 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         guards={
             o.name: tuple(_guards(kind, o.expression, symbols)) for o in kind.observers.values()
         },
-        targets={name: _target(kind, name, symbols, observers) for name in targets},
+        targets={name: _target(kind, name, symbols, opening) for name in targets},
         faults=faults,
         undone=_undone(kind, faults, unlisted, symbols, liquids_of(knowledge)),
         margins=dict(_margins(kind, symbols)),
@@ -270,12 +277,9 @@ def opened(
 
 
 def _target(
-    kind: ModuleType,
-    name: str,
-    symbols: Mapping[str, sympy.Symbol],
-    observers: Mapping[str, sympy.Expr],
+    kind: ModuleType, name: str, symbols: Mapping[str, sympy.Symbol], opening: Opened
 ) -> Target:
-    own, over = opened(kind, name, symbols, observers)
+    own, over = opening(name)
     value = written_out(kind, symbols, {})[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
     back = {own: value}
@@ -306,24 +310,14 @@ def _target(
     )
 
 
-def _faults(
-    kind: ModuleType,
-    knowledge: Knowledge,
-    symbols: Mapping[str, sympy.Symbol],
-    observers: Mapping[str, sympy.Expr],
-) -> Iterator[TypeFault]:
+def _faults(kind: ModuleType, knowledge: Knowledge, opening: Opened) -> Iterator[TypeFault]:
     for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         fault = knowledge.fault_in(use)
-        affects = _affected(kind, fault, use.target, symbols, observers)
+        affects = _affected(kind, fault, use.target, opening)
         yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
 
 
-def _unlisted(
-    kind: ModuleType,
-    knowledge: Knowledge,
-    symbols: Mapping[str, sympy.Symbol],
-    observers: Mapping[str, sympy.Expr],
-) -> Iterator[TypeFault]:
+def _unlisted(kind: ModuleType, knowledge: Knowledge, opening: Opened) -> Iterator[TypeFault]:
     """Errors of readings that the sensor classes list, but not the module.
 
     They are named as if it listed them; its own faults keep the shorter names.
@@ -332,7 +326,7 @@ def _unlisted(
     targets = [use.target for use in (*kind.faults, *uses)]
     for use in uses:
         fault, target = knowledge.fault_in(use), use.target
-        affects = _affected(kind, fault, target, symbols, observers)
+        affects = _affected(kind, fault, target, opening)
         if affects or target in kind.provides.values():
             stem = target if targets.count(target) == 1 else f"{target}.{fault.name}"
             for variant in fault.variants:
@@ -372,17 +366,11 @@ def fault_names(
             yield use, own, f"{stem}.{variant.name}" if variant.name else stem
 
 
-def _affected(
-    kind: ModuleType,
-    fault: FaultType,
-    target: str,
-    symbols: Mapping[str, sympy.Symbol],
-    observers: Mapping[str, sympy.Expr],
-) -> tuple[str, ...]:
+def _affected(kind: ModuleType, fault: FaultType, target: str, opening: Opened) -> tuple[str, ...]:
     """Own observers that use the target of a fault."""
     if fault.acts_on == "flow":
         return tuple(kind.components()[target])
-    own, over = opened(kind, target, symbols, observers)
+    own, over = opening(target)
     return tuple(o for o, e in over.items() if own in e.free_symbols)
 
 

@@ -16,8 +16,8 @@ from rulec.algebra.derivative import derivative
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
-from rulec.language.number_text import filled, rounded
-from rulec.language.origin import Origin
+from rulec.language.diagnostics import Origin
+from rulec.language.yaml_text import filled, rounded
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
@@ -27,8 +27,7 @@ from rulec.passes.differentiate import law_of, liquids_of
 from rulec.passes.limits import ABSURD_FAULT, DIGITS, LIQUID_SEEN
 from rulec.passes.link import Network, junctions
 from rulec.passes.liquid import liquid_id
-from rulec.passes.put_balances import Balanced
-from rulec.passes.store_faults import StoreFault
+from rulec.passes.put_balances import Balanced, StoreFault
 
 THERMOMETER = "temperature"
 """Quantity of readings that give the temperature of the liquid."""

@@ -8,16 +8,17 @@ from dataclasses import dataclass, field
 import networkx as nx
 
 from rulec.algebra.continuity import (
+    SURROUNDINGS,
     Balance,
     FixedFlow,
     FlowGraph,
     flows_by_continuity,
     without_flow,
 )
+from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, ModuleType
 from rulec.knowledge.plant import Plant
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.passes.downstream import Downstream, Gathered, Undefined
-from rulec.passes.end_flows import EndFlows, end_flows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,3 +140,139 @@ def _sums(plant: Plant, graph: FlowGraph) -> dict[tuple[str, str], FixedFlow]:
             terms = dict(sorted(flow.terms.items(), key=lambda t: order[t[0]]))
             result[name, kind] = FixedFlow(terms, flow.upstream)
     return result
+
+
+def seen_through_states(network: Network) -> set[str]:
+    """Modules whose flows or states affect a recorded reading through balances.
+
+    If the plant maps columns, only mapped readings count as recorded.
+    """
+    upstream: dict[str, set[str]] = {}
+    for (module, end), terms in network.ends.items():
+        if end in network.plant.modules[module].type.read:
+            upstream.setdefault(module, set()).update(known.module for _, known in terms)
+    for (module, _), signals in network.gathers.items():
+        upstream.setdefault(module, set()).update(m for m, _ in signals)
+    mapped = {column.signal for column in network.plant.columns}
+    waiting = [
+        module.name
+        for module in network.plant.modules.values()
+        if any(not mapped or f"{module.name}.{name}" in mapped for name in module.type.readings)
+    ]
+    seen: set[str] = set()
+    while waiting:
+        module = waiting.pop()
+        if module not in seen:
+            seen.add(module)
+            waiting += upstream.get(module, ())
+    return seen
+
+
+# Flows into and out of modules that store: by their own laws, or by continuity. A module with
+# states cuts the network in two, as its inflow and outflow may differ. Each of its ends is an edge
+# of its own, to a store without a balance; elsewhere continuity holds as usual.
+
+
+@dataclass(frozen=True)
+class KnownFlow:
+    """A known flow of a module; `kind` is ``observer`` or ``end``."""
+
+    module: str
+    kind: str
+    name: str
+
+
+Sum = tuple[tuple[int, KnownFlow], ...]
+"""A signed sum of known flows; empty if nothing flows."""
+
+EndFlows = Mapping[tuple[str, str], Sum]
+"""Flow by module and end, if the module has no law of its own for it."""
+
+
+def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
+    """Flows at the ends of all modules whose equations use them.
+
+    Raises `Refused`: KB113 if a flow does not follow from the laws, KB114 if laws contradict.
+    """
+    if not any(m.type.flows for m in plant.modules.values()):
+        return {}
+    edges, every = _edges(plant, graph)
+    split = FlowGraph(edges)
+    known = _independent(plant, split, every)
+    by_continuity = flows_by_continuity(split, known)
+    result: dict[tuple[str, str], Sum] = {}
+    for module in plant.modules.values():
+        for end in ENDS:
+            if end in module.type.definitions or not module.type.flows:
+                continue
+            edge = f"{module.name}|{end}" if module.type.cuts else module.name
+            tail, head = edges[edge]
+            if edge in known:
+                result[module.name, end] = ((1, known[edge]),)
+            elif edge in by_continuity:
+                terms = by_continuity[edge].terms
+                result[module.name, end] = tuple((sign, known[e]) for e, sign in terms.items())
+            elif tail == head or _is_closed(split, edge):
+                result[module.name, end] = ()
+            elif end in module.type.read:
+                message = f"what flows {WAY[end]} '{module.name}' does not follow from any law"
+                hint = f"give its type a definition '{end}', or connect something with a law"
+                raise Refused([Diagnostic(plant.place, "KB113", message, hint)])
+    return result
+
+
+WAY = {INFLOW: "into", OUTFLOW: "out of"}
+"""Ends in words, before the name of a module."""
+
+
+def _edges(
+    plant: Plant, graph: FlowGraph
+) -> tuple[dict[str, tuple[int, int]], dict[str, KnownFlow]]:
+    """Edges between junctions, and those with a law."""
+    edges: dict[str, tuple[int, int]] = {}
+    known: dict[str, KnownFlow] = {}
+    for name, (tail, head) in graph.ends.items():
+        kind = plant.modules[name].type
+        if kind.cuts:
+            edges[f"{name}|{INFLOW}"] = (tail, SURROUNDINGS)
+            edges[f"{name}|{OUTFLOW}"] = (SURROUNDINGS, head)
+            for end in ENDS:
+                if end in kind.definitions:
+                    known[f"{name}|{end}"] = KnownFlow(name, "end", end)
+            continue
+        edges[name] = (tail, head)
+        if law := law_of(kind):
+            known[name] = KnownFlow(name, "observer", law)
+    return edges, known
+
+
+def law_of(kind: ModuleType) -> str:
+    """The observer that gives the flow: the first that reads only inputs, else the first."""
+    given = {n for n, s in kind.signals.items() if not s.is_input}
+    for observer in kind.observers.values():
+        if given.isdisjoint(kind.names_through(observer.expression)):
+            return observer.name
+    return next(iter(kind.observers), "")
+
+
+def _is_closed(graph: FlowGraph, edge: str) -> bool:
+    """Whether no other edge is at the junction of this one, so that nothing flows."""
+    nodes = [n for n in graph.ends[edge] if n != SURROUNDINGS]
+    return not any(other != edge and set(ends) & set(nodes) for other, ends in graph.ends.items())
+
+
+def _independent(
+    plant: Plant, graph: FlowGraph, every: Mapping[str, KnownFlow]
+) -> dict[str, KnownFlow]:
+    """Laws without contradiction: if flows are measured twice, later measurements are dropped."""
+    known = dict(every)
+    while balances := graph.measured_balances(known):
+        signs = next(iter(balances.values()))
+        measured = [edge for edge in signs if known[edge].kind == "observer"]
+        if not measured:
+            names = ", ".join(f"'{edge.partition('|')[0]}'" for edge in signs)
+            message = f"the flow between {names} is given more than once"
+            hint = "leave one law out; it must follow from the others"
+            raise Refused([Diagnostic(plant.place, "KB114", message, hint)])
+        del known[measured[-1]]
+    return known

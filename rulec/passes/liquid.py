@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.algebra.derivative import derivative
-from rulec.knowledge.dimensions_of import dimensions_of
+from rulec.knowledge.check_dimensions import dimensions_of
 from rulec.knowledge.effect import PLAIN
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.liquid import BY, RATIO, Liquid, Move

@@ -18,11 +18,10 @@ from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.module_type import ENDS, Fluid
 from rulec.knowledge.plant import Module
-from rulec.language.expression import GATHER, Rejected, function_of
+from rulec.language.expression import GATHER, Expression, Rejected, function_of
 from rulec.language.units import PROPERTIES, exponent_of
 from rulec.passes.amend import Amended
-from rulec.passes.end_flows import WAY, EndFlows
-from rulec.passes.link import Network
+from rulec.passes.link import WAY, EndFlows, Network
 
 Shifts = Mapping[tuple[str, str, str], str]
 """Plan inputs that shift places, by module, kind of place (as in `Change`) and name."""
@@ -265,7 +264,7 @@ class _Scope:
         """
         fluid = self._amended.type.fluid
         assert fluid is not None, "checked when the plant was read"
-        form = _FluidNames(self._graph, fluid, temperature).value(name)
+        form = _of_fluid(self._graph, fluid, temperature).value(name)
         factor = factor_name(fluid, name)
         if factor not in self._instance.parameters:
             return form
@@ -275,24 +274,35 @@ class _Scope:
 def lower_property(fluid: Fluid, name: str) -> Plan:
     """A property of a fluid as a plan with one output and the input ``T``."""
     graph = Graph({"T": None})
-    graph.outputs[name] = _FluidNames(graph, fluid, graph.input("T")).value(name)
+    graph.outputs[name] = _of_fluid(graph, fluid, graph.input("T")).value(name)
     return graph.plan()
 
 
-class _FluidNames:
-    def __init__(self, graph: Graph, fluid: Fluid, temperature: Node) -> None:
-        self._graph = graph
-        self._known = {"T": temperature}
-        self._known |= {name: graph.constant(c) for name, c in fluid.coefficients.items()}
-        self._equations = {
-            **fluid.definitions,
-            **{name: part.expression for name, part in fluid.properties.items()},
-        }
+def _of_fluid(graph: Graph, fluid: Fluid, temperature: Node) -> ClosedNames:
+    equations = {n: part.expression for n, part in fluid.properties.items()}
+    known = {"T": temperature, **{n: graph.constant(c) for n, c in fluid.coefficients.items()}}
+    return ClosedNames(graph, {**fluid.definitions, **equations}, known)
+
+
+@dataclass(frozen=True)
+class ClosedNames:
+    """Nodes of names in equations that ask neither other modules nor a fluid.
+
+    Names of `equations` are lowered at their first use; those without one are inputs.
+    """
+
+    graph: Graph
+    equations: Mapping[str, Expression]
+    known: dict[str, Node] = field(default_factory=dict)
 
     def value(self, name: str) -> Node:
-        if name not in self._known:
-            self._known[name] = lower_tree(self._graph, self._equations[name].tree, self)
-        return self._known[name]
+        if name not in self.known:
+            part = self.equations.get(name)
+            node = (
+                self.graph.input(name) if part is None else lower_tree(self.graph, part.tree, self)
+            )
+            self.known[name] = node
+        return self.known[name]
 
     def gathered(self, name: str) -> Node:
         raise AssertionError(name)

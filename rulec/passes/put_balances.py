@@ -5,17 +5,24 @@ Faults that act on them are built in, each with a degree that is 0 without the f
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import sympy
 from rulec_runtime.contract.ruleset import Dynamics, StateSpec
 
-from rulec.knowledge.module_type import ENDS
+from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
+from rulec.knowledge.module_type import ENDS, OUTFLOW, FaultUse, ModuleType, Parameter
+from rulec.knowledge.plant import Module
 from rulec.language.diagnostics import Diagnostic, Refused
-from rulec.language.expression import Rejected
+from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.symbolic import invert
+from rulec.language.units import NONE, Unit
+from rulec.passes.amend import Amended, Change, amend
+from rulec.passes.differentiate import fault_names, law_of
 from rulec.passes.link import Network
 from rulec.passes.lower import Lowering, lower_states, parameter_id
-from rulec.passes.store_faults import StoreFault, store_faults, with_faults
 
 
 @dataclass(frozen=True)
@@ -78,3 +85,122 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
         uncertainties={name: p.u for name, p in used.items()},
         plan=plan,
     )
+
+
+# Faults of a plant that stores, built into its balances with a degree each. Balances run from
+# states to what sensors show. So a fault of a flow, of a law that uses a state, or of what a sensor
+# shows acts by its own law. Faults of given readings and of observers are undone, as in settled
+# modules, because there the equations start from readings.
+
+ORDER = ("definition", "observer", "signal", "reading", "end")
+"""Kinds of places in the order in which laws are built in; flows at ends follow all their laws."""
+
+Places = tuple[tuple[str, str], ...]
+"""Places of a module type, as (kind, name)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoreFault:
+    """A fault of a module; `settled` if the equations without time have it too."""
+
+    id: str
+    module: str
+    fault: FaultType
+    variant: Variant
+    target: str
+    settled: bool
+    change: Change
+
+    @property
+    def degree(self) -> str:
+        """Plan input of its degree."""
+        return f"x.{self.id}"
+
+
+def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
+    """All faults of a module, as changes of its type."""
+    kind, still = module.type, module.type.settled()
+    # Faults of both have the names that the settled equations give them.
+    named = _names(kind, knowledge) | _names(still, knowledge)
+    result = []
+    for (use, _), (variant, name) in named.items():
+        fault, id_ = knowledge.fault_in(use), f"{module.name}.{name}"
+        places, law = _acting(module, fault, variant, use.target)
+        result.append(
+            StoreFault(
+                id=id_,
+                module=module.name,
+                fault=fault,
+                variant=variant,
+                target=f"{module.name}.{use.target}",
+                settled=use in still.faults,
+                change=fault_change(fault, variant, places, law, f"x.{id_}"),
+            )
+        )
+    return result
+
+
+def fault_change(
+    fault: FaultType, variant: Variant, places: Places, law: Expression, degree: str
+) -> Change:
+    """A fault as a change of its module type, with the plan input `degree`."""
+    unit = Unit("1", 1.0, NONE)
+    x = Parameter(name="x", value=0.0, unit=unit, title=variant.meaning, origin=fault.origin)
+    return Change(places=places, law=law, parameters={"x": x}, ids={"x": degree})
+
+
+def _names(
+    kind: ModuleType, knowledge: Knowledge
+) -> dict[tuple[FaultUse, str], tuple[Variant, str]]:
+    """Variants of faults with their local ids, by the use and the name of the variant."""
+    named = fault_names(kind.faults, knowledge, kind.signals)
+    return {(use, variant.name): (variant, name) for use, variant, name in named}
+
+
+def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
+    """The type of a module with all of its faults built in, without effect at degree 0."""
+    result = Amended(type=module.type)
+    for fault in sorted(faults, key=lambda f: ORDER.index(f.change.places[0][0])):
+        result = amend(result, fault.change)
+    return result
+
+
+def _acting(
+    module: Module, fault: FaultType, variant: Variant, target: str
+) -> tuple[Places, Expression]:
+    """The places that a fault changes, and its law there."""
+    kind = module.type
+    if fault.acts_on == "flow":
+        components = kind.components()
+        if target in components:
+            return tuple(("observer", o) for o in components[target]), doing(variant)
+        assert target in ENDS
+        # The modules downstream determine the outflow, so they get its faulty value.
+        law = undoing(variant, "end") if target == OUTFLOW else doing(variant)
+        return (("end", target),), law
+    if fault.acts_on == "signal" and target in kind.readings:
+        return (("reading", target),), doing(variant)
+    still = target in kind.signals or target in kind.settled().definitions
+    law = undoing(variant, fault.acts_on) if still else doing(variant)
+    return ((fault.acts_on, target),), law
+
+
+@functools.lru_cache(maxsize=100)
+def undoing(variant: Variant, acts_on: str) -> Expression:
+    """The healthy value, over ``law`` (the faulty value) and the degree ``x``.
+
+    A flow fault takes effect after the observer, whose flow is the healthy value.
+    """
+    if acts_on == "flow":
+        return doing(variant)
+    g, x, law = (sympy.Symbol(name, real=True) for name in ("g", "x", "law"))
+    solved = invert(law_of(variant, g, x), g, law)
+    assert solved is not None, "checked when the fault was read"
+    return parse(sympy.sstr(solved))
+
+
+@functools.lru_cache(maxsize=100)
+def doing(variant: Variant) -> Expression:
+    """The faulty value, over ``law`` (the healthy value) and the degree ``x``."""
+    x, law = (sympy.Symbol(name, real=True) for name in ("x", "law"))
+    return parse(sympy.sstr(law_of(variant, law, x)))

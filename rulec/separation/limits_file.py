@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.read import read_alone
-from rulec.knowledge.unit_lists import table_of
+from rulec.knowledge.sources import table_of
 from rulec.language.diagnostics import Refused
 from rulec.language.reader import Reader
 from rulec.language.units import UNKNOWN, Unit

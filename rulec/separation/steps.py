@@ -12,8 +12,7 @@ from rulec_runtime.report.wording import worst_first
 
 from rulec.separation.allowed import Allowed
 from rulec.separation.distance import Case, FaultMeasure
-from rulec.separation.propose import Proposal, propose
-from rulec.separation.step_text import step_in_words
+from rulec.separation.propose import Proposal, propose, step_in_words
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-NEWTON_STEPS = 30
-"""Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
-
 NEWTON_CONVERGED = 1e-7
 """Last step, in units of the unknowns' scales. Origin: numerical; Newton squares it, so the result
 is better."""
@@ -22,17 +19,6 @@ SHORTEST_SHARE = 1.0 / 65536.0
 NO_FLOW = 1e-4
 """Share of the reference flow that stands for none. Pressures and torques change by less than this
 share between it and zero. Origin: numerical, above `SHORTEST_SHARE`."""
-
-OTHER_ROWS = 24
-"""Rows in which another operating point is looked for, spread over the recording. Origin:
-assumed."""
-
-OTHER_STARTS = (0.25, 0.5, 2.0, 4.0)
-"""Factors on the readings found, from which another operating point is looked for. Origin:
-assumed."""
-
-OTHER_POINT = 1e-3
-"""Share of a reading by which another operating point differs. Origin: assumed."""
 
 GAP_STEPS = 10_000
 """Steps in a gap of the recording at most; with inputs that stand still all has settled by then.

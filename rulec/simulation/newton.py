@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.limits import LONGEST_STEP
 
 from rulec.simulation import limits
 
@@ -92,40 +91,6 @@ def _by_continuation(systems: Systems, start: Array, index: Index) -> tuple[Arra
         at[live[solved]] = found[solved]
         reached[live] = np.where(solved, share, reached[live])
         stride[live] *= np.where(solved, 2.0, 0.5)
-
-
-def newton(
-    systems: Systems, start: Array, share: Array, index: Index
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Damped Newton steps; returns where they end, shape (k, m), and which systems converged."""
-    at = start.copy()
-    left, slopes = systems.linearised(at, share, index)
-    size = _length(left)
-    damping, done = np.ones(len(at)), np.zeros(len(at), dtype=bool)
-    for _ in range(limits.NEWTON_STEPS):
-        live = np.flatnonzero(~done & np.isfinite(size))
-        if not live.size:
-            break
-        step = _solve_each(slopes[live], -left[live])
-        longest = np.abs(step).max(axis=1)
-        factor = damping[live] * LONGEST_STEP / np.maximum(longest, LONGEST_STEP)
-        trial = at[live] + factor[:, None] * step
-        trial_left, trial_slopes = systems.linearised(trial, share[live], index[live])
-        trial_size = _length(trial_left)
-        # At the end only rounding is left, which need not shrink any further.
-        last: NDArray[np.bool_] = (longest < limits.NEWTON_CONVERGED) & np.isfinite(trial_size)
-        better: NDArray[np.bool_] = (trial_size < size[live]) | last
-        moved = live[better]
-        at[moved], left[moved], size[moved] = trial[better], trial_left[better], trial_size[better]
-        slopes[moved] = trial_slopes[better]
-        damping[live] = np.where(better, np.minimum(2.0 * damping[live], 1.0), 0.5 * damping[live])
-        done[live] = last
-    return at, done
-
-
-def _length(vectors: Array) -> Array:
-    length: Array = np.sqrt(np.einsum("km,km->k", vectors, vectors))
-    return length
 
 
 def _solve_each(matrices: Array, right: Array) -> Array:

@@ -6,12 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.limits import COVERAGE
+from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.recordings.stationary import systematic_u
 
+from rulec.simulation import limits
 from rulec.simulation.equations import Equations, SimulationRefused
-from rulec.simulation.other_points import other_point
 from rulec.simulation.prediction import Injected, Prediction, beyond_ends, recorded_of, rows
-from rulec.simulation.shut_off import nearly_shut, without_flow
 from rulec.simulation.simulate import Simulated, simulate_with
 
 NOTHING: Mapping[str, Array] = {}
@@ -41,16 +44,15 @@ def predict_settled(
     degrees = degrees_of(injected, time)
     simulated = simulate_with(equations, given, degrees)
     values = {name: simulated.values[name] for name in equations.predicted}
-    notes = [
+    notes = (
         *_left_out(equations, recorded, running, simulated),
         *_beyond_sensors(equations, values),
-        *_more_than_one(equations, given, degrees, simulated),
-    ]
+    )
     return Prediction(
         given=equations.given,
         values=values,
         whole=simulated.solved,
-        notes=tuple(notes),
+        notes=notes,
         gains=_gains(equations, given, degrees, simulated),
     )
 
@@ -136,19 +138,34 @@ def _beyond_sensors(equations: Equations, values: Mapping[str, Array]) -> Iterat
             yield f"{rows(below)}: {name} is predicted below its minimum"
 
 
-def _more_than_one(
-    equations: Equations,
-    given: Mapping[str, Array],
-    degrees: Mapping[str, Array | float],
-    simulated: Simulated,
-) -> Iterator[str]:
-    other = other_point(equations, given, degrees, simulated)
-    if other is not None:
-        signal = equations.ruleset.signal_by_id[other.signal]
-        here, there = (
-            f"{signal.shown(value):.4g} {signal.unit}" for value in (other.predicted, other.also)
-        )
-        yield (
-            f"more than one solution, as in data row {other.row + 1}: {signal.id} is predicted as "
-            f"{here}, which follows from the reference point, but {there} would fit as well"
-        )
+# Operation against a closed valve. Many estimates of a flow are that flow times a ratio that is 1
+# without faults. At a flow of exactly zero they reduce to 0 = 0 and determine no reading. Its limit
+# exists, and is what the plant does there. Readings are therefore predicted at a flow so small that
+# no meter shows it.
+
+VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0, 0.0)
+"""Exponents of m, kg, s, K, A."""
+
+
+def is_flow(signal: SignalSpec, ruleset: Ruleset) -> bool:
+    """Whether a reading is a volume flow."""
+    own = parse_unit(signal.unit, ruleset.units)
+    return own is not None and own.dimension == VOLUME_FLOW
+
+
+def without_flow(signal: SignalSpec, values: Array, ruleset: Ruleset) -> np.ndarray:
+    """Flags of readings of a flow meter that show no flow, shape (n,); `values` are SI."""
+    if not is_flow(signal, ruleset):
+        return np.zeros(len(values), dtype=bool)
+    tiny = limits.NO_FLOW * abs(signal.reference)
+    zero = np.maximum(COVERAGE * systematic_u(signal, values), tiny)
+    with np.errstate(invalid="ignore"):
+        none: np.ndarray = (values < tiny) & (values >= -zero)
+    return none
+
+
+def nearly_shut(signal: SignalSpec, values: Array, ruleset: Ruleset) -> Array:
+    """Readings in which the smallest flow replaces a flow of zero."""
+    tiny = limits.NO_FLOW * abs(signal.reference)
+    nearly: Array = np.where(without_flow(signal, values, ruleset), tiny, values)
+    return nearly

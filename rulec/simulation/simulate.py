@@ -3,14 +3,14 @@
 The ruleset's `undo` plan gives every estimate of a flow with faults undone. At the readings of a
 plant all estimates of a module agree on one flow, and the flows balance at the junctions, so the
 equations that diagnose also simulate. They are solved step by step, in the order that the compiler
-found. `sensing.py` adds the errors of sensors.
+found. `prediction.py` adds the errors of sensors.
 
 Source: own derivation; Newton's method with continuation (`newton.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +18,11 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.nearest import did_you_mean
 
-from rulec.simulation.equations import Equations, SimulationRefused, StepEquations
-from rulec.simulation.newton import Index, Systems, follow
-from rulec.simulation.operating_points import OperatingPoints
+from rulec.algebra.tangent import run_with_slopes
+from rulec.simulation.equations import DEGREE, Equations, SimulationRefused, StepEquations
+from rulec.simulation.newton import Index, follow
 
 Given = Mapping[str, Array | float]
-
-Solver = Callable[[Systems, Array, Index], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -53,12 +51,7 @@ class Simulated:
 
 
 def simulate_with(
-    equations: Equations,
-    given: Given,
-    degrees: Given,
-    offsets: Given | None = None,
-    solve: Solver = follow,
-    start: Given | None = None,
+    equations: Equations, given: Given, degrees: Given, offsets: Given | None = None
 ) -> Simulated:
     """Find the readings of a plant.
 
@@ -71,8 +64,6 @@ def simulate_with(
         shows, even if a fault makes it wrong. Where it is NaN, what depends on it is not found.
     degrees : degree per fault id, shape (n,) or a number. Several faults may act at once.
     offsets : error of the law per observer id, m3/s.
-    solve : `newton.follow` or an equivalent; it starts from the reference point.
-    start : readings to start from instead, shape (n,), SI.
     """
     offsets = offsets or {}
     _check(equations, given, degrees, offsets)
@@ -88,7 +79,7 @@ def simulate_with(
         worst=np.full((n, 2), -1.0),
     )
     for number, step in enumerate(equations.steps):
-        course.take(number, step, solve, start or {})
+        course.take(number, step)
     known = course.known
     found = [known[name] for name in (*equations.predicted, *equations.flows)]
     return Simulated(
@@ -121,7 +112,7 @@ class _Course:
     reached: Array
     worst: Array
 
-    def take(self, number: int, step: StepEquations, solve: Solver, start: Given) -> None:
+    def take(self, number: int, step: StepEquations) -> None:
         """Find the readings and flows of a step wherever its inputs are known."""
         n = len(self.failed)
         needed = [self.known[name] for name in (*step.known_readings, *step.known_flows)]
@@ -129,16 +120,12 @@ class _Course:
         points = OperatingPoints(
             step, self.known, self.equations.reference, self.degrees, self.offsets
         )
-        begin = np.tile(step.start, (n, 1))
-        for j, name in enumerate(step.readings):
-            if name in start:
-                begin[:, j] = start[name] / step.scales[j]
         self.known.update({name: np.full(n, np.nan) for name in (*step.readings, *step.flows)})
         if not index.size:
             return
-        at, reached = begin[index], np.ones(len(index))
+        at, reached = np.tile(step.start, (len(index), 1)), np.ones(len(index))
         if step.readings:
-            at, reached = solve(points, at, index)
+            at, reached = follow(points, at, index)
         self._keep(number, points, index, at, reached)
 
     def _keep(
@@ -204,3 +191,74 @@ def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -
                 f"{name}: give a degree from {fault.lowest:g} to {fault.highest:g}"
                 f"{f' {fault.unit}' if fault.unit else ', where 0.2 is 20 %'}"
             )
+
+
+@dataclass(frozen=True)
+class OperatingPoints:
+    """One step of n operating points, from the reference point (share 0) to the requested ones.
+
+    The unknowns are the readings of the step in units of their scales. `known` (readings, SI, and
+    flows, m3/s), `degrees` and `offsets` per observer (m3/s) hold arrays of shape (n,).
+    `reference` holds the known values at share 0.
+    """
+
+    step: StepEquations
+    known: Mapping[str, Array]
+    reference: Mapping[str, float]
+    degrees: Mapping[str, Array]
+    offsets: Mapping[str, Array]
+
+    def linearised(self, at: Array, share: Array, index: Index) -> tuple[Array, Array]:
+        """Residuals, shape (k, m), and their derivatives, shape (k, m, m)."""
+        step, k = self.step, len(at)
+        values, slopes = run_with_slopes(step.plan, self._inputs(at, share, index), step.readings)
+        left = _summed(step.zeros, self._terms(values, share, index)).T
+        column = {name: j for j, name in enumerate(step.readings)}
+        jacobian = np.zeros((len(step.readings), len(step.readings), k))
+        for row, place, factor in step.terms:
+            for name, slope in slopes[f"q:{step.observers[place]}"].items():
+                j = column[name]
+                jacobian[row, j] += factor * step.scales[j] * slope
+        return left, np.moveaxis(jacobian, -1, 0)
+
+    def flows(self, at: Array, share: Array, index: Index) -> Array:
+        """Flows at given readings, in units of their scales, shape (k, flows)."""
+        step = self.step
+        values = step.plan.run(self._inputs(at, share, index))
+        return _summed(step.sums, self._terms(values, share, index)).T / step.flow_scales
+
+    def _inputs(self, at: Array, share: Array, index: Index) -> dict[str, Array | float]:
+        step = self.step
+        inputs: dict[str, Array | float] = {f"{DEGREE}{name}": 0.0 for name in step.faults}
+        for name in step.known_readings:
+            inputs[name] = self._on_the_way(name, share, index)
+        for name in step.faults:
+            if name in self.degrees:
+                inputs[f"{DEGREE}{name}"] = share * self.degrees[name][index]
+        inputs.update(zip(step.readings, at.T * step.scales[:, None], strict=True))
+        return inputs
+
+    def _on_the_way(self, name: str, share: Array, index: Index) -> Array:
+        start = self.reference[name]
+        between: Array = start + share * (self.known[name][index] - start)
+        return between
+
+    def _terms(self, values: Mapping[str, Array], share: Array, index: Index) -> Array:
+        """Estimates, then known flows, shape (observers + known flows, k), m3/s."""
+        step, k = self.step, len(index)
+        rows = []
+        for name in step.observers:
+            estimate = np.broadcast_to(values[f"q:{name}"], (k,))
+            if name in self.offsets:
+                estimate = estimate + share * self.offsets[name][index]
+            rows.append(estimate)
+        rows += [self._on_the_way(name, share, index) for name in step.known_flows]
+        return np.array(rows).reshape(len(rows), k)
+
+
+def _summed(factors: Array, terms: Array) -> Array:
+    """Matrix product, term by term: unlike in BLAS, a column does not depend on the others."""
+    result = np.zeros((len(factors), terms.shape[1]))
+    for row, place in zip(*np.nonzero(factors), strict=True):
+        result[row] += factors[row, place] * terms[place]
+    return result

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.report.text import counted
 
-from rulec.study.judge import Kind
+from rulec.study.campaign import Kind
 from rulec.study.limits import BLIND, CONFUSED, FEW, MOST_CONFUSIONS, RELIABLE
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
 

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from scipy.special import betaincinv
 
-from rulec.study.judge import Kind, Outcome
+from rulec.study.campaign import Kind, Outcome
 from rulec.study.limits import CONFIDENCE
 
 

@@ -170,10 +170,6 @@ LINE_EVERY = 10.0
 
 # Simulation --------------------------------------------------------------------------------------
 
-LONGEST_STEP = 0.5
-"""No damped step moves an unknown by more than this share of its scale: laws may end nearby.
-Origin: numerical."""
-
 STATISTICAL_SHARE = 0.3
 """Standard deviation of the statistical error of a simulated sensor, as a share of the systematic
 standard uncertainty. Origin: assumed, the seed paper publishes systematic bounds only."""

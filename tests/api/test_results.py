@@ -17,7 +17,7 @@ import pyarrow as pa
 import pytest
 
 import rulec
-from rulec.api import frames
+from rulec.api import result
 from rulec.cli import main
 from tests.conftest import ROOT, SOURCES
 
@@ -71,7 +71,7 @@ def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> No
         found().to_frame("x")
     with pytest.raises(rulec.Misused, match="give one of pandas, polars, pyarrow"):
         found().to_frame(backend="excel")  # type: ignore[arg-type]
-    monkeypatch.setattr(frames, "find_spec", lambda name: None)
+    monkeypatch.setattr(result, "find_spec", lambda name: None)
     with pytest.raises(rulec.FrameRefused, match="needs pandas or polars or pyarrow"):
         found().to_frame()
 

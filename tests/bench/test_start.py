@@ -66,7 +66,7 @@ def begun(code=0):
 
 if arguments[0] in ("study", "adopt"):
     from rulec.api.saved_findings import Reread
-    from rulec.passes.deferred_compilation import OpenedPlant
+    from rulec.passes.compile_cache import OpenedPlant
     part = OpenedPlant.models if arguments[0] == "study" else Reread.builder
     build = part.func
     def models(self):

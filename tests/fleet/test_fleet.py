@@ -19,10 +19,9 @@ from rulec.api.arguments import ruleset_of
 from rulec.cli import main
 from rulec.commands import fleet as command
 from rulec.engines.call import DASK, Engine
-from rulec.fleet import judge_days as fleet_judged
+from rulec.fleet import plant_days as fleet_judged
 from rulec.fleet.fleet_file import Fleet, read_fleet
-from rulec.fleet.judge_days import judged
-from rulec.fleet.plant_days import tasks_of
+from rulec.fleet.plant_days import judged, tasks_of
 from rulec.fleet.ranking import ranked, verdict
 from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS

@@ -14,11 +14,10 @@ import pytest
 from rulec_runtime.fleet.plant_day import Task
 
 from rulec.api.arguments import ruleset_of
-from rulec.api.plant_day import ask_day
 from rulec.cli import main
 from rulec.commands import fleet_mismatch
+from rulec.commands.fleet_mismatch import Answer, answer_of, ask_day, summary
 from rulec.engines.call import Engine
-from rulec.fleet.answers import Answer, answer_of, summary
 from rulec.fleet.fleet_file import read_fleet
 from rulec.fleet.plant_days import tasks_of
 from tests.conftest import ROOT

@@ -33,18 +33,18 @@ OPENS |= {"url_to_fs", "get_file", "np.load", "tls_set", "sqlite3.connect"}
 """Calls by which a file comes to be read."""
 
 BESIDE = {
-    "rulec/commands/editor_line.py": "schemas that are shipped",
+    "rulec/commands/schema.py": "schemas that are shipped",
     "rulec/commands/init.py": "skeletons that are shipped",
-    "rulec/curves/column_titles.py": "names of columns and grades that are shipped",
+    "rulec/curves/sheet.py": "names of columns and grades that are shipped",
     "rulec/demo/servers.py": "recordings that are shipped",
     "rulec/demo/played_recording.py": "recordings that are shipped",
     "rulec/effects/write_plant.py": "schemas that are shipped",
     "rulec/language/schema.py": "schemas that are shipped",
     "rulec/mtp/tables.py": "tables that are shipped",
-    "rulec/fleet/answers.py": "answers that the fleet wrote itself",
+    "rulec/commands/fleet_mismatch.py": "answers that the fleet wrote itself",
     "rulec/fleet/plant_days.py": "an address that was checked",
     "runtime/rulec_runtime/fleet/plant_day.py": "an address that was checked",
-    "rulec/mtp/container.py": "bytes that were read",
+    "rulec/mtp/caex.py": "bytes that were read",
     "runtime/rulec_runtime/live/state.py": "bytes that were read",
     "runtime/rulec_runtime/recordings/text_file.py": "a file that is open",
     "runtime/rulec_runtime/live/journal/database.py": "a file that was looked into",

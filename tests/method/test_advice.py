@@ -15,10 +15,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import AmbiguousGroup, Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
 
-from rulec.algebra.span import Span
+from rulec.algebra.eliminate import Span
 from rulec.commands.matrix import json_form
-from rulec.passes.linearise import Linearised, linearise
-from rulec.passes.neighbourhood import Neighbourhood, apart
+from rulec.passes.neighbourhood import Linearised, Neighbourhood, apart, linearise
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rulec.algebra.span import Span
-from rulec.commands import matrix_page
-from rulec.commands.matrix_page import left_out
+from rulec.algebra.eliminate import Span
+from rulec.commands import matrix
+from rulec.commands.matrix import left_out
 from rulec.limits import MOST_RULES
 from rulec.passes import derive_signatures
 from rulec.passes.limits import MOST_SUMMED
@@ -45,10 +45,10 @@ def test_a_fault_keeps_the_rules_that_show_it_first(
     assert 5 < most <= MOST_RULES
     assert not left_out(compiled("abc"))
     monkeypatch.setattr(derive_signatures, "MOST_RULES", 5)
-    monkeypatch.setattr(matrix_page, "MOST_RULES", 5)
+    monkeypatch.setattr(matrix, "MOST_RULES", 5)
     few = compile_plant(tmp_path)
     assert "the 5 residuals that tell it first" in left_out(few)
-    assert left_out(few) in matrix_page.matrix_page(few)
+    assert left_out(few) in matrix.matrix_page(few)
     for fault in whole.faults:
         cells, kept = whole.cells_of_fault[fault.id], few.cells_of_fault[fault.id]
         assert kept == tuple(c for c in cells if c in kept)

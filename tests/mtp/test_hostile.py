@@ -16,8 +16,8 @@ import yaml
 from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.mtp import limits
+from rulec.mtp.package import MtpRefused
 from rulec.mtp.read_package import read_packages
-from rulec.mtp.refused import MtpRefused
 from tests.mtp.writer import FLOW, PRESSURE, analog, example, manifest
 
 BOMB = (

@@ -26,14 +26,13 @@ from rulec_runtime.fleet.plant_day import Row, Task
 from rulec.api.arguments import ruleset_of
 from rulec.engines.call import DASK, Engine
 from rulec.fleet.fleet_file import Fleet, read_fleet
-from rulec.fleet.judge_days import judged
-from rulec.fleet.plant_days import tasks_of
+from rulec.fleet.plant_days import judged, tasks_of
 from rulec.fleet.store import Store, tables
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
-from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.prediction import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT
 

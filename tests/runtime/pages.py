@@ -10,8 +10,8 @@ from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.verdict import verdict
 
-from rulec.commands.matrix_page import matrix_page
-from rulec.commands.matrix_page import verdict as matrix_verdict
+from rulec.commands.matrix import matrix_page
+from rulec.commands.matrix import verdict as matrix_verdict
 from rulec.mismatch.answer.terminal_and_page import report as mismatch_report
 from rulec.mismatch.answer.terminal_and_page import verdict as mismatch_verdict
 from rulec.mismatch.experiment.recipe import experiment_page
@@ -20,8 +20,8 @@ from rulec.prove.page import headline as prove_headline
 from rulec.prove.page import page as prove_page
 from rulec.prove.scores import table
 from rulec.study.campaign import Settings
-from rulec.study.page import study_page
 from rulec.study.points import Points
+from rulec.study.study_report import study_page
 from rulec.study.summary import verdict as study_verdict
 from tests.conftest import compiled
 from tests.prove.made import run

@@ -28,7 +28,7 @@ from rulec_runtime.report.wording import actions, headline, why_first
 from rulec.export.play_on_recording import played, results_csv
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.equations import equations_of
-from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.prediction import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes

@@ -204,8 +204,8 @@ faults: [slope(dp)]
 """
 
 
-def test_more_than_one_solution_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The one that follows from the reference point is predicted, another one is named."""
+def test_solution_that_follows_from_the_reference_point_is_predicted(tmp_path: Path) -> None:
+    """There are three."""
     shutil.copytree(ROOT / "kb", tmp_path / "kb")
     (tmp_path / "kb" / "modules" / "humped.yaml").write_text(HUMPED)
     text = "plant: humped\ntitle: three points\nkb: kb\nmodules: {A: {type: humped}}\n"
@@ -213,7 +213,6 @@ def test_more_than_one_solution_is_said(tmp_path: Path, capsys: pytest.CaptureFi
     (tmp_path / "in.csv").write_text("time [s],A.n [rpm]\n0,900\n1,910\n")
     made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=tmp_path)
     assert [1.0, 1.0] == pytest.approx(columns(made)["A.dp [bar]"].tolist())
-    assert "A.dp is predicted as 1 bar, which follows from the reference" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

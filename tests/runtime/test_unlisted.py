@@ -12,7 +12,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.report.wording import why_first
 
 from rulec.commands.matrix import json_form
-from rulec.export.specialised import listed_undo
+from rulec.export.value_names import listed_undo
 from rulec.prove.truth import TABLE_1, operating_points, record
 from tests.campaign import campaign
 from tests.conftest import compiled

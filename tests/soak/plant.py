@@ -13,8 +13,7 @@ import numpy as np
 from rulec_runtime.recordings.recording_file import read_file
 
 from rulec.simulation.predict import predict
-from rulec.simulation.prediction import Injected
-from rulec.simulation.rewrite import rewrite
+from rulec.simulation.prediction import Injected, rewrite
 from tests.conftest import ROOT, compiled
 
 FAULTS = (("A.leakage", 0.3), ("B.dp.high", 0.1), ("C.clogging", 0.2), ("B.leakage", 0.3))

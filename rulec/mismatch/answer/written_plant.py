@@ -21,9 +21,9 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.report.text import number
 
 from rulec.effects.adopt import why_not
-from rulec.effects.adopted_plant import trial
 from rulec.effects.candidate import Candidate, CurveTerm, Unwritable
 from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.write_plant import trial
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explanation import Explained, F, Plants, Refits
 from rulec.mismatch.answer.wording import suffix

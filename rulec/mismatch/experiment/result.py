@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.report.text import counted, number, percent
 
-from rulec.effects.analysis_sources import AGAIN
+from rulec.effects.repair import AGAIN
 from rulec.mismatch import limits
 from rulec.mismatch.candidate_sets import CandidateSet, Presence
 from rulec.mismatch.experiment.sensors import Advised

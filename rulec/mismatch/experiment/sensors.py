@@ -1,7 +1,7 @@
 """The cheapest sensor for explanations that no set points distinguish.
 
 Candidates are a second reading of every signal that an estimate uses, and a flow meter in each
-module, as for faults (`rulec/passes/cheapest_sensors.py`). Each explanation predicts the readings
+module, as for faults (`rulec/passes/sensor_advice.py`). Each explanation predicts the readings
 of such a sensor at the recorded operating points. They differ if the distance exceeds the class of
 the sensor and the uncertainty of both explanations, taken as independent.
 """

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.knowledge.degree_unit import has_no_zero
+from rulec.knowledge.knowledge import has_no_zero
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.screen import references, starts
 from rulec.mismatch.evidence.steady.system import System

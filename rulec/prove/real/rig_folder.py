@@ -20,7 +20,7 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.knowledge.read import read_all
-from rulec.knowledge.unit_lists import table_of
+from rulec.knowledge.sources import table_of
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import check_schema

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 
 from rulec.cli import main
-from rulec.commands import demo_live
+from rulec.commands import demo
 from rulec.demo import limits
 
 PLANTED = "A.leakage=0.3@20:39"
@@ -18,7 +18,7 @@ def test_a_planted_fault_is_found(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "ROWS", 40)
-    monkeypatch.setattr(demo_live, "planted", lambda: [PLANTED])
+    monkeypatch.setattr(demo, "planted", lambda: [PLANTED])
     assert main(["demo", "--live", "--speed", "12"]) == 0
     out, _ = capfd.readouterr()
     assert "the page: http://127.0.0.1:" in out
@@ -39,6 +39,6 @@ def test_what_is_missing_is_named(
     assert main(["demo", "--live", "--speed", "0"]) == 1
     assert "--speed 0: give a number up to 50" in capfd.readouterr().err
     here = lambda name: None if name == "asyncua" else find_spec(name)  # noqa: E731
-    monkeypatch.setattr(demo_live, "find_spec", here)
+    monkeypatch.setattr(demo, "find_spec", here)
     assert main(["demo", "--live"]) == 1
     assert "pip install 'rulec[watch]'" in capfd.readouterr().err

@@ -14,9 +14,8 @@ import numpy as np
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 from rulec.export.c_printer import header, source
-from rulec.export.interpret import Value
 from rulec.export.module_code import code_of
-from rulec.export.program import Routine
+from rulec.export.program import Routine, Value
 from rulec.export.st_printer import blocks
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT

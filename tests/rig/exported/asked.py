@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.export.interpret import Value
 from rulec.export.play_on_recording import Execute
-from rulec.export.program import ModuleCode, Routine
+from rulec.export.program import ModuleCode, Routine, Value
 
 
 @dataclass(frozen=True)

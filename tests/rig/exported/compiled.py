@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rulec.export.c_printer import header, source
-from rulec.export.interpret import Value
-from rulec.export.program import ModuleCode, Routine, Variable
+from rulec.export.program import ModuleCode, Routine, Value, Variable
 
 COMPILER = shutil.which("gcc")
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
@@ -29,7 +28,7 @@ class Compiled:
     modules: Mapping[int, str]
 
     def run(self, routine: Routine, values: Mapping[str, Value]) -> dict[str, Value]:
-        """Outputs of a routine at n points, as `rulec.export.interpret.run` gives them."""
+        """Outputs of a routine at n points, as `rulec.export.program.run` gives them."""
         shape = np.broadcast_shapes(*(np.shape(values[v.name]) for v in routine.inputs))
         given = np.zeros(shape or (1,), dtype=_layout(routine.inputs))
         for v in routine.inputs:

@@ -10,7 +10,7 @@ from blark import transform as st
 from blark.parse import parse_source_code
 from rulec_runtime.contract.plan import OPERATIONS
 
-from rulec.export.interpret import LOGIC, Value
+from rulec.export.program import LOGIC, Value
 
 OPERATORS = {"+": "add", "-": "sub", "*": "mul", "/": "div", ">=": "ge", ">": "gt", "<=": "le"}
 OPERATORS |= {"AND": "and"}

@@ -10,8 +10,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady.points import outside_range
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec.export.interpret import Value
-from rulec.export.program import Routine, Variable
+from rulec.export.program import Routine, Value, Variable
 
 ODD = (0.0, -0.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-12)
 

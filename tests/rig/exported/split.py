@@ -13,10 +13,10 @@ from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import read_recording
 
-from rulec.export.interpret import run
 from rulec.export.module_code import code_of
 from rulec.export.play_on_recording import Execute, played, results_csv
-from rulec.export.specialised import listed_undo
+from rulec.export.program import run
+from rulec.export.value_names import listed_undo
 from tests.rig.exported.asked import asking
 from tests.rig.exported.compiled import COMPILER, compiled
 

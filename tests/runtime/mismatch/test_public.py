@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rulec.effects.adopted_plant import trial
+from rulec.effects.write_plant import trial
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written_plant import row_errors, simulated, written
 from rulec.mismatch.evidence.steady.settle import _ranges

@@ -17,7 +17,7 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.system import System
-from rulec.simulation.shut_off import is_flow
+from rulec.simulation.predict_settled import is_flow
 
 
 @dataclass(frozen=True)
