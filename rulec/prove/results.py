@@ -12,6 +12,15 @@ from typing import Any
 RUN, COVERED = "run", "covered"
 """The plant was run again: to distinguish explanations, or only to cover the allowed range."""
 
+RECIPE, SAME, RANDOM = "recipe", "same", "random"
+
+ARMS = {
+    RECIPE: "as proposed",
+    SAME: "the same inputs again, from the beginning of the first recording on",
+    RANDOM: "as many steps, drawn within what may be set",
+}
+"""Ways to run the plant again, in words; all but the first are baselines."""
+
 Score = float | None
 """0 is wrong, 1 is right; None if the score does not apply to the case."""
 

@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from .kinds import STATED
 from .units import Array
 
 Periods = tuple[tuple[float, float], ...]
@@ -93,27 +94,11 @@ class Answer:
         return hashlib.sha256(self.to_json().encode()).hexdigest()
 
 
-CONCEALMENTS = {
-    "clean": "nothing missing",
-    "calibrated": "calibrated on data that contain it",
-    "correlated": "driver correlated with another",
-    "unrecorded": "driver not recorded",
-    "corner": "in a corner of the operating range",
-    "pair": "two effects",
-    "hiding": "two effects that hide each other",
-    "alike": "fault or sensor error that looks like physics, or the reverse",
-    "unnamed": "no entry names it",
-    "wiring": "wrong in the cables or in the file",
-    "open": "not concealed further",
-}
+CONCEALMENTS: Mapping[str, str] = STATED["concealments"]
+"""Ways of concealment, in words."""
 
-DIFFICULTIES = {
-    "form": "every law is off by 0.5 to 2 % (rms), smoothly over its arguments",
-    "coloured": "noise of order one, coefficients of 0.5 to 0.9 at the sample rate",
-    "drift": "sensors drift inside their class",
-    "wobble": "operating points wobble slowly",
-    "starts": "tanks begin at any level",
-}
+DIFFICULTIES: Mapping[str, str] = STATED["difficulties"]
+"""What makes cases harder, in words."""
 
 HIDES = 0.8
 """Effects hide each other if together they change less than this share of their root sum of
