@@ -29,7 +29,6 @@ from rulec.prove.second_round import (
     steps_of,
 )
 from rulec.prove.second_round_table import after_of, further_of, gained, right_set, tell_further
-from rulec.prove.truth.sealed import Answer, Planted
 from rulec.prove.truth.settled.further_recording import (
     displayed,
     held,
@@ -39,7 +38,7 @@ from rulec.prove.truth.settled.further_recording import (
 )
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.solve import Stalled
-from tests.prove.made import judged, planted
+from tests.prove.made import LEAK, judged, planted, sealed
 
 
 @pytest.fixture(scope="module")
@@ -165,30 +164,7 @@ def test_both_recordings_stand_on_one_axis_of_time() -> None:
     ]
 
 
-LEAK = Planted(
-    effect="leak",
-    title="leak",
-    sort="fault",
-    module="A",
-    place="leak",
-    names=("leakage",),
-    places=("A.bypass",),
-    parameters={},
-    gain=50.0,
-    margin=20.0,
-    rival="",
-)
-OPEN = Answer(
-    case="a case",
-    half="stationary",
-    plant="a plant",
-    profile="steps",
-    seed=1,
-    samples=300,
-    verdict="fault",
-    concealed=("open",),
-    effects=(LEAK,),
-)
+OPEN = sealed(LEAK, "fault")
 
 
 def form_of(**sets: float) -> dict[str, Any]:

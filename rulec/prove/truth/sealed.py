@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -86,7 +86,7 @@ class Answer:
         fields = dataclasses.asdict(self)
         if not self.difficulties:
             del fields["difficulties"]
-        return json.dumps(rounded(fields), indent=1, ensure_ascii=False) + "\n"
+        return json.dumps(plain_form(fields, _rounded), indent=1, ensure_ascii=False) + "\n"
 
     @property
     def digest(self) -> str:
@@ -150,14 +150,18 @@ def verdict_of(sorts: list[str]) -> str:
     return "named" if "physics" in sorts else "fault"
 
 
-def rounded(value: object) -> object:
-    """Round floats to six significant digits, in any nesting; infinite ones become text."""
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def plain_form(value: object, number: Callable[[float], float]) -> object:
+    """Apply a function to all floats, in any nesting; infinite and undefined ones become text."""
     match value:
         case float():
-            return float(f"{value:.6g}") if np.isfinite(value) else str(value)
+            return number(value) if np.isfinite(value) else str(value)
         case dict():
-            return {key: rounded(inner) for key, inner in value.items()}
+            return {key: plain_form(inner, number) for key, inner in value.items()}
         case list() | tuple():
-            return [rounded(inner) for inner in value]
+            return [plain_form(inner, number) for inner in value]
         case _:
             return value

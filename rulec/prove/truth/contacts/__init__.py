@@ -136,7 +136,6 @@ class Planned:
     seed: int
     kind: str
     other: bool
-    group = "contact"
 
     @property
     def name(self) -> str:
