@@ -13,6 +13,7 @@ import numpy as np
 
 from ..recording import write_csv
 from ..sealed import HIDES, Answer, Planted, Reference, Request, verdict_of
+from ..smooth import between
 from ..streams import FURTHER, stream
 from ..units import Array
 from .detection_limit import VisibleOutputs, blurred, visible_outputs
@@ -153,8 +154,7 @@ def _pace(plan: Planned, seed: int) -> float:
     """Sampling interval, s: fouling, wear and creep do not show within minutes."""
     if not any(effect_of(name).slow for name in plan.effects):
         return 1.0
-    low, high = (math.log(pace) for pace in PACES)
-    return round(math.exp(stream(seed, "pace").uniform(low, high)))
+    return round(between(stream(seed, "pace"), PACES))
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from ..formulas import Names
 from ..kinds import STATED, counts, difficulties, hiding
+from ..smooth import between
 from .drive import PRODUCTION
 from .effect import EFFECTS, WIRING, Effect, effect_of
 from .plan import Planned
@@ -29,7 +29,7 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
     for group, count in counts.items():
         random = np.random.default_rng([seed, *group.encode()])
         for i, effects in enumerate(_drawn(group, count, random)):
-            aim = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
+            aim = between(random, (WEAKEST, STRONGEST))
             if group in ("hiding", "pair", "unrecorded"):
                 aim = max(aim, 100.0)
             profile = str(random.choice(PROFILES))
