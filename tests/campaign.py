@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from rulec.prove.truth.plant import Plant
-from rulec.prove.truth.runs import HOLD, Run, Speeds, visiting_run
-from rulec.prove.truth.transients import settling
+from rulec.prove.truth.runs import HOLD, Run, Speeds, settling, visiting_run
 
 
 @dataclass(frozen=True)

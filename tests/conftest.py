@@ -221,14 +221,13 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     from rulec.prove import campaign, command
 
     def here(
+        workers: object,
+        what: str,
         work: Callable[..., Any],
         todo: Sequence[tuple[Any, ...]],
-        engine: object,
-        told: Callable[[int], None],
-    ) -> Iterator[Any]:
-        for count, words in enumerate(todo, 1):
-            yield work(*words)
-            told(count)
+        done: int = 0,
+    ) -> list[Any]:
+        return [work(*words) for words in todo]
 
-    monkeypatch.setattr(campaign, "spread", here)
+    monkeypatch.setattr(campaign.Workers, "each", here)
     monkeypatch.setattr(prove, "run", lambda options: command.main(prove.words_of(options)))

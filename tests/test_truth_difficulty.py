@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from rulec.prove.truth.sensors import DOSING_SIGNALS, INSIDE, Sensing, read
-from rulec.prove.truth.settled.difficulty import FORM
 from rulec.prove.truth.settled.effect_size import NEAR
 from rulec.prove.truth.settled.operated_plant import Scene
 from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.suite import HARD, planned
-from rulec.prove.truth.smooth import drift, form_error
+from rulec.prove.truth.smooth import SIZE_OF_FORM, drift, form_error
 from rulec.prove.truth.streams import stream
 
 
@@ -39,13 +38,13 @@ def test_a_form_error_has_the_size_that_was_asked_for() -> None:
 def test_laws_are_off_by_their_form_errors() -> None:
     """What a line loses differs from its formula by as much as the answer says, at each flow."""
     scene = made("form")
-    assert all(FORM[0] <= form.rms <= FORM[1] for form in scene.hard.form.values())
+    assert all(SIZE_OF_FORM[0] <= form.rms <= SIZE_OF_FORM[1] for form in scene.hard.form.values())
     for mixer in scene.rig.mixers:
         flow = np.sum([scene.plain[f"{m}.Q"] for m in scene.rig.pumps], axis=0)
         law = scene.values[f"{mixer}.k0"] + scene.values[f"{mixer}.k2"] * flow**2
         off = scene.plain[f"{mixer}.dp"] / law - 1.0
         assert off == pytest.approx(scene.hard.form[f"{mixer}.loss"](flow), abs=1e-9)
-        assert 0.0 < np.abs(off).max() < 4 * FORM[1]
+        assert 0.0 < np.abs(off).max() < 4 * SIZE_OF_FORM[1]
 
 
 def test_every_law_has_a_form_error() -> None:

@@ -16,10 +16,9 @@ from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.prove.truth.formulas import Names
 from rulec.prove.truth.settled.effect import EFFECTS, Placed
 from rulec.prove.truth.settled.effect_size import made_of
-from rulec.prove.truth.settled.folder import write_plant
 from rulec.prove.truth.settled.operated_plant import Scene, scene
-from rulec.prove.truth.settled.plan import FAMILIES
 from rulec.prove.truth.settled.rig import Rig
+from rulec.prove.truth.settled.rigs import drawn_rig, write_plant
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks import CASCADED, build
 from rulec.prove.truth.tanks.balance import integrate
@@ -136,7 +135,7 @@ ALONE = {"metered": "bench", "oil-warm": "warm", "valve": "valve"}
 def settled(kind: str) -> Scene:
     """A pump of a kind, run in steps; dosing pumps feed a mixer together with another one."""
     if kind in ALONE:
-        rig = FAMILIES[ALONE[kind]](stream(1, "rig"), True)
+        rig = drawn_rig(ALONE[kind], stream(1, "rig"), True)
     else:
         downstream = {"A": "M", "B": "M", "M": None}
         rig = Rig("two", {"A": kind, "B": "cavity"}, {"M": 1.0}, downstream)

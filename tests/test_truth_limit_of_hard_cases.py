@@ -9,15 +9,13 @@ import pytest
 
 from rulec.prove.truth.detection_limit import Measure
 from rulec.prove.truth.sensors import Sensing
-from rulec.prove.truth.settled.detection_limit import VisibleOutputs, visible_outputs
+from rulec.prove.truth.settled.detection_limit import VisibleOutputs, blurred, visible_outputs
 from rulec.prove.truth.settled.difficulty import term
 from rulec.prove.truth.settled.effect import EFFECTS, Placed
 from rulec.prove.truth.settled.effect_size import made_of
-from rulec.prove.truth.settled.hard_detection_limit import blurred
 from rulec.prove.truth.settled.operated_plant import Scene
 from rulec.prove.truth.settled.plan import Planned
-from rulec.prove.truth.smooth import Drift, form_error
-from rulec.prove.truth.spread import drift_directions, form_directions
+from rulec.prove.truth.smooth import Drift, drift_directions, form_directions, form_error
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import Array
 from rulec.prove.truth.whiten import Whitening

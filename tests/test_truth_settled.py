@@ -14,12 +14,11 @@ from rulec.prove.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
 from rulec.prove.truth.plant import Plant
 from rulec.prove.truth.sealed import Request
 from rulec.prove.truth.settled.detection_limit import visible_outputs
-from rulec.prove.truth.settled.effect import CONNECTIONS, EFFECTS, WIRING
+from rulec.prove.truth.settled.effect import EFFECTS, WIRING
 from rulec.prove.truth.settled.operated_plant import scene
 from rulec.prove.truth.settled.plan import Planned, SettledCase
-from rulec.prove.truth.settled.pumps import PUMPS
-from rulec.prove.truth.settled.rig import Rig
-from rulec.prove.truth.settled.rigs import dosing_rig
+from rulec.prove.truth.settled.rig import PUMPS, Rig
+from rulec.prove.truth.settled.rigs import drawn_rig
 from rulec.prove.truth.settled.solve import Operated, solve
 from rulec.prove.truth.settled.suite import FULL, planned
 from rulec.prove.truth.streams import stream
@@ -82,7 +81,7 @@ def test_the_network_agrees_with_the_other_truth(name: str) -> None:
 
 def test_the_key_names_entries_that_exist() -> None:
     """Every right name is in the catalogue, with those parameters."""
-    assert len({**EFFECTS, **WIRING, **CONNECTIONS}) == len(EFFECTS) + len(WIRING) + 3
+    assert len({**EFFECTS, **WIRING}) == len(EFFECTS) + len(WIRING)
     for effect in EFFECTS.values():
         assert (effect.sort == "unnamed") == (not effect.entries)
         for theirs, parameters in effect.entries.items():
@@ -181,7 +180,7 @@ def test_so_does_that_of_a_metered_pump_and_of_a_valve(
 def test_a_drawn_plant_runs_at_all_of_its_speeds() -> None:
     """Twenty draws."""
     for seed in range(20):
-        rig = dosing_rig(stream(seed, "rig"))
+        rig = drawn_rig("dosing", stream(seed, "rig"))
         drawn = scene(rig, seed, 60, "steps")
         assert all(np.all(drawn.plain[f"{m}.Q"] > 0) for m in rig.pumps)
 
@@ -217,7 +216,7 @@ def test_where_a_valve_chokes_it_passes_no_more() -> None:
     case = alone("valve", "choked")
     (planted,) = case.answer.effects
     known = planted.parameters["choked-flow"]
-    largest = known["F"] * (case.scene.suction["A"] + known["p_v"] * BAR)
+    largest = known["F"] * (case.scene.around["A.p_1"] + known["p_v"] * BAR)
     across, truth = case.scene.given["A.dp"], case.scene.truly(case.terms)["A.Q"]
     beyond = across > largest
     assert 0.0 < beyond.mean() < 1.0
@@ -242,7 +241,7 @@ def test_a_pressure_above_which_nothing_is_lost_is_where_cavitation_begins() -> 
     (planted,) = case.answer.effects
     limit = planted.parameters["suction-cavitation"]["p_c"]
     lost = case.scene.plain["A.dp"] - case.scene.truly(case.terms)["A.dp"]
-    below = case.scene.suction["A"] / BAR < limit
+    below = case.scene.around["A.p_s"] / BAR < limit
     assert 0.1 < below.mean() < 0.6
     assert np.all(lost[below] > 0.0)
     assert lost[~below] == pytest.approx(0.0, abs=1e-3)

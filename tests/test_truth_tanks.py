@@ -17,7 +17,6 @@ from rulec.prove.truth.tanks import CASCADED, Layout, build
 from rulec.prove.truth.tanks.balance import Course, integrate
 from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup, parameters
 from rulec.prove.truth.tanks.feed import Bypass, Curve, Feed, Kink, Warming
-from rulec.prove.truth.tanks.folder import write_plant
 from rulec.prove.truth.tanks.laws import GRAVITY, arriving, loss, outflow, overflow, supply
 from rulec.prove.truth.tanks.plant import (
     Body,
@@ -30,6 +29,7 @@ from rulec.prove.truth.tanks.plant import (
     Tank,
     Vortex,
 )
+from rulec.prove.truth.tanks.sealed import write_plant
 from rulec.prove.truth.tanks.sensing import shown
 from tests.conftest import ROOT
 from tests.tank_row import ROW

@@ -14,7 +14,7 @@ import yaml
 from rulec.prove.truth.sealed import HIDES
 from rulec.prove.truth.tanks import CASCADED, Case, Layout, build, case, possible_effects
 from rulec.prove.truth.tanks.build import UNITS, parameters
-from rulec.prove.truth.tanks.effect_size import ACCEPTED, Readings, change_of, rms, run
+from rulec.prove.truth.tanks.case import ACCEPTED, Readings, change_of, rms, run
 from rulec.prove.truth.tanks.sealed import SealedCase
 from rulec.prove.truth.tanks.sensing import shown
 from tests.conftest import ROOT

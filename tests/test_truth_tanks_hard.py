@@ -9,13 +9,12 @@ import pytest
 
 from rulec.prove.truth.detection_limit import Measure
 from rulec.prove.truth.kinds import difficulties
-from rulec.prove.truth.smooth import form_error
+from rulec.prove.truth.smooth import SIZE_OF_FORM, form_error
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks import CASCADED, build
 from rulec.prove.truth.tanks.build import METER_SLOPE, Setup, recorded_input
-from rulec.prove.truth.tanks.form_error import Bend
-from rulec.prove.truth.tanks.hard import FORM
-from rulec.prove.truth.tanks.hard_detection_limit import blurred
+from rulec.prove.truth.tanks.detection_limit import blurred
+from rulec.prove.truth.tanks.feed import Bend
 from rulec.prove.truth.tanks.laws import outflow, supply
 from rulec.prove.truth.tanks.model import Model, noise_of
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO
@@ -45,7 +44,7 @@ def test_every_outlet_and_the_pump_are_off_by_their_form_errors() -> None:
     setup = hard_setup("form")
     for tank in setup.plant.tanks:
         assert tank.form is not None
-        assert FORM[0] <= tank.form.rms <= FORM[1]
+        assert SIZE_OF_FORM[0] <= tank.form.rms <= SIZE_OF_FORM[1]
         off = outflow(tank, 9.0, 0.0, 0.0) / outflow(replace(tank, form=None), 9.0, 0.0, 0.0)
         assert off - 1.0 == pytest.approx(tank.form.at(9.0), abs=1e-12)
     feed = setup.plant.feed

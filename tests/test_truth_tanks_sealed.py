@@ -16,11 +16,10 @@ from rulec.effects.model_builder import open_builder
 from rulec.prove.truth import sealed
 from rulec.prove.truth.detection_limit import Rival, expected_gain, margin
 from rulec.prove.truth.tanks import CASCADED, case, possible_effects
-from rulec.prove.truth.tanks.effects import EFFECTS
-from rulec.prove.truth.tanks.folder import write_plant
+from rulec.prove.truth.tanks.effect import EFFECTS
 from rulec.prove.truth.tanks.model import noise_of
 from rulec.prove.truth.tanks.right_answer import right
-from rulec.prove.truth.tanks.sealed import SealedCase
+from rulec.prove.truth.tanks.sealed import SealedCase, write_plant
 from rulec.prove.truth.tanks.suite import CONCEALED, RARELY, STRONGEST, WEAKEST, cases, row
 from tests.conftest import ROOT
 

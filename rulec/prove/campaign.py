@@ -2,27 +2,72 @@
 
 Case folders are numbered; names, seeds and answers are in no file until every case is judged. A run
 that was killed can be resumed: it makes the answers again and compares their hashes with those that
-were sealed.
+were sealed. `--keep` names its folder.
 """
 
 from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import rulec_runtime
 from rulec_runtime.output.write_file import write_text
 
+import rulec
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import in_order
+from rulec.knowledge.layers import shipped
 from rulec.prove.analyst import FORM, analyse, read_form
 from rulec.prove.judge import judge
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Judged
-from rulec.prove.run_folder import CASES, SEALS, tool_digest
 from rulec.prove.truth.sealed import Case
+
+SEALS, CASES = "seals.txt", "cases"
+
+
+def tool_digest() -> str:
+    """Return a hash of the tool and its knowledge base, so that no run mixes two versions."""
+    digest = hashlib.sha256()
+    for root in (Path(rulec.__path__[0]), Path(rulec_runtime.__path__[0]), shipped("kb")):
+        for file in sorted(f for f in root.rglob("*") if f.suffix in {".py", ".yaml", ".json"}):
+            digest.update(f"{file.relative_to(root).as_posix()}\0".encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def unusable(work: Path) -> str | None:
+    """Return why the folder cannot be used, before any work is done; None if it can.
+
+    Creates the folder if it does not exist, and changes nothing in it. Other files may be in it.
+    """
+    try:
+        work.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=work).close()
+        seals, cases = work / SEALS, work / CASES
+        if seals.exists() and not seals.is_file():
+            return _refused(seals, "a run has a file there")
+        if cases.exists() and not cases.is_dir():
+            return _refused(cases, "a run has a folder there")
+        if cases.exists() and not seals.exists():
+            return _refused(cases, f"no run of rulec prove left it, or there would be a {SEALS}")
+        if cases.exists():
+            tempfile.TemporaryFile(dir=cases).close()
+    except (FileExistsError, NotADirectoryError):
+        return _refused(work, "a file is in the way")
+    except OSError as error:
+        return _refused(work, f"cannot write there ({error.strerror})")
+    return None
+
+
+def _refused(place: Path, why: str) -> str:
+    return f"--keep: {place}: {why}; name another folder"
+
 
 OPENED = "answer-opened.json"
 
@@ -36,18 +81,65 @@ class Changed(Exception):
     """The folder belongs to another run or tool, or an answer is not what was sealed."""
 
 
-def sealed(partition: Partition, work: Path, engine: Engine, on_progress: OnProgress) -> list[str]:
-    """Make all cases; returns their hashes by number, empty if no plant shows the effect.
+@dataclass(frozen=True)
+class Workers:
+    """Processes that share nothing with this one."""
 
-    Raises Changed if the folder was sealed with other answers.
-    """
-    if kept := owned(work, partition.digest):
-        return kept
-    cases = partition.cases()
-    todo = [(case, folder_of(work, i)) for i, case in enumerate(cases)]
-    made = list(spread(_seal, todo, engine, lambda n: on_progress("sealing", n, len(todo))))
-    _write_seals(work, [*_head(partition.digest), *made])
-    return made
+    engine: Engine
+    on_progress: OnProgress
+
+    def each(
+        self, what: str, work: Callable[..., B], todo: Sequence[tuple[Any, ...]], done: int = 0
+    ) -> list[B]:
+        """Return results in the order of the list; `done` parts were finished before."""
+        count, finished = done + len(todo), itertools.count(done + 1)
+        self.on_progress(what, done, count)
+        return in_order(
+            self.engine,
+            work,
+            [Call(words) for words in todo],
+            done=lambda _: self.on_progress(what, next(finished), count),
+        )
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """The cases of a partition in a folder."""
+
+    partition: Partition
+    folder: Path
+    workers: Workers
+
+    def sealed(self) -> list[str]:
+        """Make all cases; returns their hashes by number, empty if no plant shows the effect.
+
+        Raises Changed if the folder was sealed with other answers.
+        """
+        whose = self.partition.digest
+        if kept := owned(self.folder, whose):
+            return kept
+        cases = enumerate(self.partition.cases())
+        todo = [(case, folder_of(self.folder, i)) for i, case in cases]
+        made = self.workers.each("sealing", _seal, todo)
+        _write_seals(self.folder, [*_head(whose), *made])
+        return made
+
+    def kept(self, seals: Sequence[str]) -> list[tuple[Planned, Path, str]]:
+        """Return the cases that were made, with folder and seal."""
+        cases = zip(self.partition.cases(), seals, strict=True)
+        every = [(case, folder_of(self.folder, i), seal) for i, (case, seal) in enumerate(cases)]
+        return [one for one in every if one[-1]]
+
+    def analysed(self, seals: Sequence[str]) -> None:
+        """Analyse every case that the tool has not analysed yet."""
+        folders = [folder for _, folder, _ in self.kept(seals)]
+        todo = [(folder,) for folder in folders if not (folder / FORM).exists()]
+        self.workers.each("analysing", analyse, todo, len(folders) - len(todo))
+
+    def judged(self, seals: Sequence[str]) -> list[Judged]:
+        """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
+        todo = [(*one, self.partition.name) for one in self.kept(seals)]
+        return self.workers.each("judging", _judge, todo)
 
 
 def owned(work: Path, whose: str) -> list[str]:
@@ -81,32 +173,6 @@ def digest_of(seals: Sequence[str]) -> str:
     return hashlib.sha256("\n".join(seals).encode()).hexdigest()
 
 
-def analysed(work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress) -> None:
-    """Analyse every case that the tool has not analysed yet."""
-    asked([folder_of(work, i) for i, seal in enumerate(seals) if seal], engine, on_progress)
-
-
-def asked(folders: Sequence[Path], engine: Engine, on_progress: OnProgress) -> None:
-    """Analyse every folder with a plant and a recording that the tool has not analysed yet."""
-    todo = [(f,) for f in folders if not (f / FORM).exists()]
-    done, count = len(folders) - len(todo), len(folders)
-    on_progress("analysing", done, count)
-    for _ in spread(analyse, todo, engine, lambda n: on_progress("analysing", done + n, count)):
-        pass
-
-
-def judged(
-    partition: Partition, work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress
-) -> list[Judged]:
-    """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
-    todo = [
-        (case, folder_of(work, i), seals[i], partition.name)
-        for i, case in enumerate(partition.cases())
-        if seals[i]
-    ]
-    return list(spread(_judge, todo, engine, lambda n: on_progress("judging", n, len(todo))))
-
-
 def folder_of(work: Path, number: int) -> Path:
     """Return the folder of a case."""
     return work / CASES / f"{number:04d}"
@@ -138,14 +204,3 @@ def _judge(case: Planned, folder: Path, seal: str, partition: str) -> Judged:
     result = judge(made, form, folder, partition)
     write_text(folder / OPENED, made.answer.to_json())
     return result
-
-
-def spread(
-    work: Callable[..., B],
-    todo: Sequence[tuple[Any, ...]],
-    engine: Engine,
-    on_count: Callable[[int], None],
-) -> Iterator[B]:
-    """Yield results in the order of the list, from processes that share nothing with this one."""
-    counted, calls = itertools.count(1), [Call(words) for words in todo]
-    yield from in_order(engine, work, calls, done=lambda _: on_count(next(counted)))

@@ -23,12 +23,11 @@ from rulec.cli import prove_options
 from rulec.engines.call import Engine
 from rulec.engines.engine import chosen
 from rulec.prove import contacts
-from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from rulec.prove.campaign import Campaign, Changed, Workers, digest_of, unusable
 from rulec.prove.interruption import interruptible
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Further, Run
-from rulec.prove.run_folder import unusable
 from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
@@ -86,11 +85,10 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
 
 
 def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
-    partition, engine = partition_of(options)[0], engine_of(options)
     with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
-        seals = sealed(partition, work, engine, on_progress)
-        analysed(work, seals, engine, on_progress)
-        found = contacts.judged(partition, work, seals, engine, on_progress)
+        run = Campaign(partition_of(options)[0], work, Workers(engine_of(options), on_progress))
+        run.analysed(seals := run.sealed())
+        found = contacts.judged(run, seals)
     contacts.show(out, found)
     write_json(options, contacts.form_of(found))
     return 0
@@ -161,19 +159,20 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
     begin = time.perf_counter()
-    (partition, openings), engine = partition_of(options), engine_of(options)
+    partition, openings = partition_of(options)
     arms, further = arms_of(options.baselines), list[Further]()
     with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
-        seals = sealed(partition, work, engine, on_progress)
+        run = Campaign(partition, work, Workers(engine_of(options), on_progress))
+        seals = run.sealed()
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
         aside.print(f"{made} answers sealed, hash {digest[:16]}")
-        analysed(work, seals, engine, on_progress)
+        run.analysed(seals)
         if options.rounds > 1:
-            asked_again(partition, work, seals, arms, engine, on_progress)
-        found = judged(partition, work, seals, engine, on_progress)
+            asked_again(run, seals, arms)
+        found = run.judged(seals)
         if options.rounds > 1:
-            further = judged_again(partition, work, seals, found, arms, engine, on_progress)
+            further = judged_again(run, seals, found, arms)
     lost = len(seals) - made
     notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
     return Run(

@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
-from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.text import number
 
-from rulec.engines.call import Engine
-from rulec.prove.campaign import OnProgress, folder_of, opened, spread
-from rulec.prove.limits import BELIEVED, CERTAIN, GOAL_FOUND, GOAL_SOUND, GOAL_WRONG
-from rulec.prove.partition import Partition, Planned
-from rulec.prove.scores import Goal, Row, at_least, of_hits
-from rulec.prove.tables import interval_of
+from rulec.prove.campaign import Campaign, opened
+from rulec.prove.limits import BELIEVED, CERTAIN
+from rulec.prove.partition import Planned
+from rulec.prove.scores import Goal, Row, goal_of, of_hits
+from rulec.prove.tables import grid, interval_of
 from rulec.prove.terminal import MARK
 from rulec.prove.truth.contacts import Contact, ContactAnswer
 
@@ -112,14 +110,9 @@ def _beyond(answer: ContactAnswer, form: Form) -> float:
     return max((over(fit) for fit in form["fits"]), default=0.0)
 
 
-def judged(
-    partition: Partition, work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress
-) -> list[Judged]:
+def judged(run: Campaign, seals: Sequence[str]) -> list[Judged]:
     """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
-    cases = partition.cases()
-    todo = [(case, folder_of(work, i), seals[i]) for i, case in enumerate(cases)]
-    found = spread(_opened, todo, engine, lambda n: on_progress("judging", n, len(todo)))
-    return sorted(found, key=lambda j: j.case)
+    return sorted(run.workers.each("judging", _opened, run.kept(seals)), key=lambda j: j.case)
 
 
 def _opened(case: Planned, folder: Path, seal: str) -> Judged:
@@ -133,18 +126,14 @@ def figures(found: Sequence[Judged]) -> list[Row]:
     ticks = [j.beyond for j in found if j.beyond is not None]
     sound, others = ([j.found for j in found if bool(j.other) == other] for other in (False, True))
     near, wrong = sum(j.far <= BELIEVED for j in found), sum(bool(j.wrong) for j in found)
-    goal = Goal(0.0, GOAL_WRONG, f"{100 * GOAL_WRONG:.0f} %")
+    believable = sum(beyond <= 1 for beyond in ticks)
+    always = Goal(1.0, 1.0, "100 %")
     return [
-        of_hits(f"parameters within {BELIEVED:g} u of truth", at_least(1.0), len(found), near),
-        of_hits(
-            "ticks with an error within accuracy",
-            at_least(1.0),
-            len(ticks),
-            sum(b <= 1 for b in ticks),
-        ),
-        of_hits("sound called sound", at_least(GOAL_SOUND), len(sound), sum(sound)),
-        of_hits("other law named", at_least(GOAL_FOUND), len(others), sum(others)),
-        of_hits(f"wrong at {CERTAIN:g}", goal, len(found), wrong),
+        of_hits(f"parameters within {BELIEVED:g} u of truth", always, len(found), near),
+        of_hits("ticks with an error within accuracy", always, len(ticks), believable),
+        of_hits("sound called sound", goal_of("sound"), len(sound), sum(sound)),
+        of_hits("other law named", goal_of("other"), len(others), sum(others)),
+        of_hits(f"wrong at {CERTAIN:g}", goal_of("wrong"), len(found), wrong),
     ]
 
 
@@ -162,21 +151,22 @@ def why(judged: Judged) -> str:
 
 def show(out: Console, found: Sequence[Judged]) -> None:
     """Print the figures, and the cases with mistakes."""
-    shown = Table(box=None, pad_edge=False)
-    for title in ("score", "goal", "reached", "95 % interval", ""):
-        shown.add_column(title, no_wrap=True)
-    for row in figures(found):
-        reached = f"{row.hits:g} of {row.count}"
-        cells = (row.score, row.goal.text, reached, interval_of(row))
-        shown.add_row(*cells, styled(MARK[row.met], row.verdict))
-    out.print(shown)
-    bad = Table("case", "verdict", "said", "because", box=None, pad_edge=False)
-    for j in (j for j in found if why(j)):
-        said = ", ".join(f"{name} {number(p, 2)}" for name, p in j.said)
-        bad.add_row(*(one_line(w) for w in (j.case, j.verdict, said, why(j))))
-    if bad.row_count:
+    rows = (
+        (
+            *(row.score, row.goal.text, f"{row.hits:g} of {row.count}", interval_of(row)),
+            styled(MARK[row.met], row.verdict),
+        )
+        for row in figures(found)
+    )
+    out.print(grid(("score", "goal", "reached", "95 % interval", ""), rows, wrap=False))
+    bad = [
+        (j.case, j.verdict, ", ".join(f"{name} {number(p, 2)}" for name, p in j.said), why(j))
+        for j in found
+        if why(j)
+    ]
+    if bad:
         out.print(styled("\n[bold]Not as it should be[/]"))
-        out.print(bad)
+        out.print(grid(("case", "verdict", "said", "because"), bad))
 
 
 def form_of(found: Sequence[Judged]) -> dict[str, Any]:

@@ -27,10 +27,6 @@ class Planned(Protocol):
     def name(self) -> str:
         """Unique in a run."""
 
-    @property
-    def group(self) -> str:
-        """The kind of case."""
-
     def make(self) -> Case:
         """Simulate it; raises ValueError if no plant shows its effects."""
 

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any
+
+from rulec.prove.truth.sealed import plain_form
 
 RUN, COVERED = "run", "covered"
 """The plant was run again: to distinguish explanations, or only to cover the allowed range."""
+
+RECIPE, SAME, RANDOM = "recipe", "same", "random"
+
+ARMS = {
+    RECIPE: "as proposed",
+    SAME: "the same inputs again, from the beginning of the first recording on",
+    RANDOM: "as many steps, drawn within what may be set",
+}
+"""Ways to run the plant again, in words; all but the first are baselines."""
 
 Score = float | None
 """0 is wrong, 1 is right; None if the score does not apply to the case."""
@@ -152,17 +161,5 @@ class Run:
 
     def to_json(self) -> str:
         """Return the run as JSON; infinite and undefined numbers are strings."""
-        fields = _written(dataclasses.asdict(self))
+        fields = plain_form(dataclasses.asdict(self), float)
         return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _written(value: Any) -> Any:
-    match value:
-        case float():
-            return value if math.isfinite(value) else str(value)
-        case dict():
-            return {key: _written(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [_written(inner) for inner in value]
-        case _:
-            return value

@@ -9,25 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rulec.prove.limits import (
-    BINS_PER_DECADE,
-    BOOTSTRAP_SAMPLES,
-    CERTAIN,
-    GOAL_CLEAN,
-    GOAL_COURSE,
-    GOAL_FALSE,
-    GOAL_INSIDE,
-    GOAL_NAMES,
-    GOAL_PLACES,
-    GOAL_RATIO,
-    GOAL_SORTS,
-    GOAL_UNNAMED,
-    NORMAL_QUANTILE,
-    PLAIN_GAIN,
-    PLAIN_MARGIN,
-    PROBABILITIES,
-    TAILS,
-)
+from rulec.prove import limits
 from rulec.prove.results import Judged
 from rulec.prove.truth.sealed import CONCEALMENTS, DIFFICULTIES
 
@@ -46,7 +28,7 @@ class Goal:
         return self.low <= value <= self.high
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
     """One score.
 
@@ -92,43 +74,47 @@ class Row:
 NAN = float("nan")
 
 
-def at_least(share: float) -> Goal:
-    """Return the goal to reach a share of cases."""
-    return Goal(share, 1.0, f"{100 * share:.0f} %")
+def goal_of(name: str, is_share: bool = True) -> Goal:
+    """Return the goal of a score; its text has the ends that can be missed."""
+    low, high = limits.GOALS[name]
+    factor, digits, unit = (100, ".0f", " %") if is_share else (1, "g", "")
+    ends = (f"{factor * end:{digits}}" for end in (low, high) if end not in (0.0, 1.0))
+    return Goal(low, high, "–".join(ends) + unit)
 
 
-SHARES: tuple[tuple[str, str, Goal], ...] = (
-    ("place right", "place_right", at_least(GOAL_PLACES)),
-    ("name right", "name_right", at_least(GOAL_NAMES)),
-    ("clean called clean", "clean_right", at_least(GOAL_CLEAN)),
-    ("unnamed called unnamed, with its place", "unnamed_right", at_least(GOAL_UNNAMED)),
-    ("fault and sensor told from physics", "told_right", at_least(GOAL_SORTS)),
-)
-"""Scores that are shares of cases: title, attribute, goal."""
+SHARES = {
+    "place_right": "place right",
+    "name_right": "name right",
+    "clean_right": "clean called clean",
+    "unnamed_right": "unnamed called unnamed, with its place",
+    "told_right": "fault and sensor told from physics",
+}
+"""Titles of scores that are shares of cases, by attribute."""
 
-INSIDE = Goal(*GOAL_INSIDE, "–".join(f"{100 * end:.0f}" for end in GOAL_INSIDE) + " %")
 COVERAGE = "truth inside the 95 % interval"
-FALSE = Goal(0.0, GOAL_FALSE, f"{100 * GOAL_FALSE:.0f} %")
 FALSE_NAMES = "false names among all told as certain"
-RATIO = Goal(0.0, GOAL_RATIO, f"{GOAL_RATIO:g}")
-COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 
 
 def table(judged: Sequence[Judged]) -> list[Row]:
     """Return all scores in the order of their goals; failed cases count as they were judged."""
     ratios, error = values_of(judged, "ratio"), "held-out error over the true model's"
     course = "course of an unrecorded driver, mean correlation"
+    ratio = goal_of("ratio", False)
     return [
         *_shares(judged),
-        _number(f"{error}, median", RATIO, ratios, np.median),
-        _number(f"{error}, mean", RATIO, ratios, np.mean),
-        _number(course, COURSE, values_of(judged, "course"), np.mean),
+        _number(f"{error}, median", ratio, ratios, np.median),
+        _number(f"{error}, mean", ratio, ratios, np.mean),
+        _number(course, goal_of("course", False), values_of(judged, "course"), np.mean),
     ]
 
 
 def plain(judged: Sequence[Judged]) -> list[Judged]:
     """Return the cases with an effect that is plain to see: the readings suffice to name it."""
-    return [j for j in judged if not j.clean and j.gain >= PLAIN_GAIN and j.margin >= PLAIN_MARGIN]
+    return [
+        j
+        for j in judged
+        if not j.clean and j.gain >= limits.PLAIN_GAIN and j.margin >= limits.PLAIN_MARGIN
+    ]
 
 
 def values_of(judged: Sequence[Judged], name: str) -> list[float]:
@@ -144,9 +130,13 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
     """
     if not count:
         return NAN, NAN
-    p, z2 = hits / count, NORMAL_QUANTILE**2 / count
+    p, z2 = hits / count, limits.NORMAL_QUANTILE**2 / count
     middle = (p + z2 / 2) / (1 + z2)
-    half = NORMAL_QUANTILE * math.sqrt(max(p * (1 - p), 0.0) / count + z2 / (4 * count)) / (1 + z2)
+    half = (
+        limits.NORMAL_QUANTILE
+        * math.sqrt(max(p * (1 - p), 0.0) / count + z2 / (4 * count))
+        / (1 + z2)
+    )
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
@@ -156,8 +146,10 @@ def bootstrap(
     """Return the 95 % interval of a mean or median by bootstrap; NaN below two cases."""
     if len(values) < 2:
         return NAN, NAN
-    drawn = np.random.default_rng(0).choice(np.asarray(values), (BOOTSTRAP_SAMPLES, len(values)))
-    low, high = np.quantile(of(drawn, axis=1), TAILS)
+    drawn = np.random.default_rng(0).choice(
+        np.asarray(values), (limits.BOOTSTRAP_SAMPLES, len(values))
+    )
+    low, high = np.quantile(of(drawn, axis=1), limits.TAILS)
     return float(low), float(high)
 
 
@@ -194,10 +186,10 @@ def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
     for j in judged:
         value = getattr(j, name)
         if not j.clean and value is not None and math.isfinite(j.gain):
-            number = math.floor(BINS_PER_DECADE * math.log10(max(j.gain, 1.0)) + 1e-9)
+            number = math.floor(limits.BINS_PER_DECADE * math.log10(max(j.gain, 1.0)) + 1e-9)
             scored.setdefault(number, []).append(float(value))
     for number, values in sorted(scored.items()):
-        low, high = (10 ** (n / BINS_PER_DECADE) for n in (number, number + 1))
+        low, high = (10 ** (n / limits.BINS_PER_DECADE) for n in (number, number + 1))
         yield Bin(low, high, len(values), sum(values), wilson(sum(values), len(values)))
 
 
@@ -239,13 +231,13 @@ def group(title: str, judged: Sequence[Judged]) -> Group:
 
 def _shares(judged: Sequence[Judged]) -> tuple[Row, ...]:
     """Shares of cases, then of intervals and of certain names."""
-    columns = ((title, goal, values_of(judged, name)) for title, name, goal in SHARES)
+    columns = ((title, name, values_of(judged, name)) for name, title in SHARES.items())
     inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
-    certain = [c.right for j in judged for c in j.claims if c.probability >= CERTAIN]
+    certain = [c.right for j in judged for c in j.claims if c.probability >= limits.CERTAIN]
     return (
-        *(of_hits(title, goal, len(values), sum(values)) for title, goal, values in columns),
-        of_hits(COVERAGE, INSIDE, intervals, inside),
-        of_hits(FALSE_NAMES, FALSE, len(certain), certain.count(False)),
+        *(of_hits(t, goal_of(name), len(values), sum(values)) for t, name, values in columns),
+        of_hits(COVERAGE, goal_of("inside"), intervals, inside),
+        of_hits(FALSE_NAMES, goal_of("false"), len(certain), certain.count(False)),
     )
 
 
@@ -253,22 +245,12 @@ def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
     """Return a share of cases with its interval."""
     low, high = wilson(hits, count)
     share = hits / count if count else NAN
-    return Row(score=title, goal=goal, count=count, hits=hits, share=share, low=low, high=high)
+    return Row(title, goal, count, hits, share, low, high)
 
 
 def _number(title: str, goal: Goal, values: Sequence[float], of: Callable[..., np.ndarray]) -> Row:
-    value = float(of(values)) if values else NAN
-    low, high = bootstrap(values, of)
-    return Row(
-        score=title,
-        goal=goal,
-        count=len(values),
-        hits=None,
-        share=value,
-        low=low,
-        high=high,
-        is_share=False,
-    )
+    value, (low, high) = float(of(values)) if values else NAN, bootstrap(values, of)
+    return Row(title, goal, len(values), None, value, low, high, is_share=False)
 
 
 @dataclass(frozen=True)
@@ -305,7 +287,7 @@ def reliability(judged: Sequence[Judged]) -> list[Reliability]:
     """Return all names in the answers by their probability; bins with names only."""
     claims = [claim for j in judged for claim in j.claims]
     found = []
-    for low, high in pairwise(PROBABILITIES):
+    for low, high in pairwise(limits.PROBABILITIES):
         own = [c for c in claims if low <= c.probability < high or c.probability == high == 1.0]
         if own:
             right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)

@@ -1,29 +1,120 @@
 """A second round of a run: plan for every answer, run the same true plants, analyse again.
 
-The tool's processes get paths of folders; the truth's get the recipe and return recordings. No
-answer is opened before the last analysis.
+The plant gets the recipe, or baselines of equal length. The tool's processes get paths of folders;
+the truth's get the recipe and return recordings. No answer is opened before the last analysis.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.engines.call import Engine
-from rulec.prove import campaign
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan, read_form
-from rulec.prove.campaign import OnProgress, folder_of
-from rulec.prove.partition import Partition, Planned
-from rulec.prove.results import Further, Judged
-from rulec.prove.second_round_inputs import ARMS, RECIPE, run_again
-from rulec.prove.second_round_scores import further_of
+from rulec.prove.campaign import Campaign, opened
+from rulec.prove.partition import Planned
+from rulec.prove.results import ARMS, RECIPE, SAME, Further, Judged
+from rulec.prove.second_round_table import further_of
 from rulec.prove.truth.recording import write_csv
+from rulec.prove.truth.settled.further_recording import (
+    Point,
+    displayed,
+    held,
+    recorded_further,
+    repeated,
+)
+from rulec.prove.truth.settled.operated_plant import Scene
 from rulec.prove.truth.settled.plan import SettledCase
+from rulec.prove.truth.settled.solve import Stalled
+from rulec.prove.truth.streams import stream
+from rulec.prove.truth.units import Array
+
+Held = tuple[Point, int]
+"""Set points by input, and the number of samples for which they are held."""
+
+
+def run_again(
+    case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int
+) -> dict[str, Array]:
+    """Return the columns of a further recording by header, as long as the recipe.
+
+    Steps at which the plant cannot run are left out, as an operator would. Raises ValueError if the
+    recipe sets what nobody can set, or if no step is left.
+    """
+    if arm == SAME:
+        samples = sum(samples_of(recipe, case.scene.pace))
+        return recorded_further(case, repeated(case.scene, samples))
+    steps = steps_of(case, recipe, arm, seed)
+    try:
+        return _run(case, steps)
+    except Stalled:
+        return _run(case, [step for step in steps if _runs(case, step)] or steps)
+
+
+def _run(case: SettledCase, steps: Sequence[Held]) -> dict[str, Array]:
+    points, samples = zip(*steps, strict=True)
+    return recorded_further(case, held(case, points, samples))
+
+
+def _runs(case: SettledCase, step: Held) -> bool:
+    try:
+        _run(case, [step])
+    except Stalled:
+        return False
+    return True
+
+
+def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> list[Held]:
+    """Return the set points of each step, in the units of the sensors, and its samples.
+
+    Raises ValueError if the recipe has another unit than the sensor.
+    """
+    samples, points = samples_of(recipe, case.scene.pace), _points(case.scene, recipe)
+    if arm == RECIPE:
+        return list(zip(points, samples, strict=True))
+    ranges = _ranges(case, sorted({name for point in points for name in point}))
+    shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
+    drawn = [{**points[-1], **_within(ranges, row)} for row in shares]
+    return list(zip(drawn, samples, strict=True))
+
+
+def samples_of(recipe: Mapping[str, Any], pace: float) -> list[int]:
+    """Return the samples of each step, at least one; `pace` is the sampling interval in s."""
+    ends = [0.0, *(float(step["until"]) for step in recipe["steps"])]
+    return [max(round(b / pace) - round(a / pace), 1) for a, b in pairwise(ends)]
+
+
+def _points(scene: Scene, recipe: Mapping[str, Any]) -> list[Point]:
+    found: list[Point] = []
+    for step in recipe["steps"]:
+        for name, told in step["inputs"].items():
+            if told["unit"] != scene.rig.sensors[name].unit:
+                raise ValueError(f"{name}: the recipe is in {told['unit']}, the sensor is not")
+        found.append({name: float(told["value"]) for name, told in step["inputs"].items()})
+    return found
+
+
+def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Displayed limits of the inputs, or else their range in the first recording."""
+    found = {}
+    for name in names:
+        values = case.scene.given[name][case.scene.first :]
+        ends = case.may_be_set.get(name, (values.min(), values.max()))
+        if not case.may_be_set or name in case.may_be_set:
+            low, high = (displayed(case, name, float(end)) for end in ends)
+            found[name] = low, high
+    return found
+
+
+def _within(ranges: Mapping[str, tuple[float, float]], shares: Array) -> Point:
+    ends = zip(ranges.items(), shares.tolist(), strict=True)
+    return {name: low + share * (high - low) for (name, (low, high)), share in ends}
+
 
 BEGAN = datetime(2026, 1, 5, 6)
 """When every first recording began."""
@@ -39,50 +130,27 @@ def arms_of(baselines: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(arm for arm in ARMS if arm in (RECIPE, *baselines) or not baselines)
 
 
-def asked_again(
-    partition: Partition,
-    work: Path,
-    seals: Sequence[str],
-    arms: Sequence[str],
-    engine: Engine,
-    on_progress: OnProgress,
-) -> None:
+def asked_again(run: Campaign, seals: Sequence[str], arms: Sequence[str]) -> None:
     """Plan, run and analyse again every case whose first answer leaves something open.
 
     Files that a folder has already are kept. Raises Changed if an answer is not what was sealed.
     """
-
-    def done(work_: Callable[..., object], what: str, todo: list[tuple[Any, ...]]) -> None:
-        on_progress(what, 0, len(todo))
-        for _ in campaign.spread(work_, todo, engine, lambda n: on_progress(what, n, len(todo))):
-            pass
-
-    folders = [folder_of(work, i) for i, seal in enumerate(seals) if seal]
-    done(plan, "planning", [(f,) for f in folders if not (f / PLAN).exists()])
-    lacking = [
-        (case, folder_of(work, i), seals[i], arms)
-        for i, case in enumerate(partition.cases())
-        if seals[i] and any(not recorded(folder_of(work, i), arm) for arm in arms)
-    ]
-    done(_run, "running again", [words for words in lacking if _recipe(words[1])])
+    kept, each = run.kept(seals), run.workers.each
+    folders = [folder for _, folder, _ in kept]
+    each("planning", plan, [(f,) for f in folders if not (f / PLAN).exists()])
+    lacking = (one for one in kept if not all(recorded(one[1], arm) for arm in arms))
+    each("running again", _write_runs, [(*one, arms) for one in lacking if _recipe(one[1])])
     again = [f / ROUND / arm for arm in arms for f in folders if _recipe(f)]
-    done(ask_again, "asking again", [(f,) for f in again if not (f / FORM).exists()])
+    each("asking again", ask_again, [(f,) for f in again if not (f / FORM).exists()])
 
 
 def judged_again(
-    partition: Partition,
-    work: Path,
-    seals: Sequence[str],
-    first: Sequence[Judged],
-    arms: Sequence[str],
-    engine: Engine,
-    on_progress: OnProgress,
+    run: Campaign, seals: Sequence[str], first: Sequence[Judged], arms: Sequence[str]
 ) -> list[Further]:
     """Open the answers again, and judge the analyses of both recordings."""
-    cases = [(case, i) for i, case in enumerate(partition.cases()) if seals[i]]
-    todo = [(case, folder_of(work, i), j, arms) for (case, i), j in zip(cases, first, strict=True)]
-    what = "judging again"
-    return list(campaign.spread(_judge, todo, engine, lambda n: on_progress(what, n, len(todo))))
+    cases = zip(run.kept(seals), first, strict=True)
+    todo = [(case, folder, judged, arms) for (case, folder, _), judged in cases]
+    return run.workers.each("judging again", _judge, todo)
 
 
 def recorded(folder: Path, arm: str) -> bool:
@@ -97,9 +165,9 @@ def _recipe(folder: Path) -> dict[str, Any]:
     return found if found.get("steps") else {}
 
 
-def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
+def _write_runs(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
     """Write the first recording with dates, and a further one for each arm."""
-    made, _ = campaign.opened(case, folder, seal)
+    made, _ = opened(case, folder, seal)
     assert isinstance(made, SettledCase)
     own = folder / ROUND
     own.mkdir(exist_ok=True)

@@ -3,15 +3,87 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
+import numpy as np
+from rich.console import JustifyMethod
+from rich.table import Table
+from rich.text import Text
+from rulec_runtime.output.terminal import one_line
 from rulec_runtime.report.tables import Cell, columns, table
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
-from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
+from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN, WORST_CASES
 from rulec.prove.results import Judged
 from rulec.prove.scores import Group, Reliability, Row, reliability
-from rulec.prove.worst_cases import Bad, answer_of, worst
+
+
+def grid(
+    titles: Sequence[str],
+    rows: Iterable[Sequence[str | Text]],
+    wrap: bool = True,
+    collapse: bool = False,
+) -> Table:
+    """Return a table for the terminal; titles of numeric columns begin with a dot."""
+    shown = Table(box=None, pad_edge=False, collapse_padding=collapse)
+    for title in titles:
+        justify: JustifyMethod = "right" if title.startswith(".") else "left"
+        shown.add_column(title.removeprefix("."), justify=justify, no_wrap=not wrap)
+    for row in rows:
+        shown.add_row(*(one_line(cell) if isinstance(cell, str) else cell for cell in row))
+    return shown
+
+
+def answer_of(judged: Judged) -> str:
+    """Return the answer in one word."""
+    if judged.error:
+        return "failed"
+    if judged.said:
+        return judged.said[0].partition("@")[0]
+    return "unnamed" if judged.verdict == "unnamed" else "nothing"
+
+
+def right_of(judged: Judged) -> float:
+    """Return the score of the name; of an effect without an entry, that of `unnamed`."""
+    scores = (judged.name_right, judged.unnamed_right)
+    return float(next((s for s in scores if s is not None), 0.0))
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A case that went wrong, and why."""
+
+    judged: Judged
+    why: str
+
+
+def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
+    """Return certain mistakes first, then false claims on clean cases, no answer, missed effects.
+
+    Within each kind the strongest effect comes first.
+    """
+    ranked = [(rank, j, why) for j in judged for rank, why in [_sort(j)] if why]
+    ranked.sort(key=lambda r: (r[0], -np.nan_to_num(r[1].gain), r[1].case))
+    return [Bad(j, why) for _, j, why in ranked[:count]]
+
+
+def _sort(judged: Judged) -> tuple[int, str]:
+    """Rank of the kind of mistake, and its reason; an empty text if nothing is wrong."""
+    certain = judged.said and judged.verdict in ("named", "fault", "sensor")
+    if judged.error:
+        return 2, f"no answer: {judged.error}"
+    if not judged.clean and certain and right_of(judged) == 0:
+        wrong = judged.told_right is False
+        return 0, "wrong and certain" + (", of another sort" if wrong else "")
+    if judged.clean:
+        return 1, "" if judged.clean_right in (None, 1) else "false claim on a clean recording"
+    if right_of(judged) == 0:
+        return 3, "missed"
+    if judged.place_right == 0:
+        return 4, "named at a wrong place"
+    return 5, "named only in part" if right_of(judged) < 1 else ""
+
 
 PARTS = ("place", "name", "clean", "unnamed", "told", "inside", "false")
 """Columns of a table of groups, after title and number of cases."""
@@ -94,15 +166,22 @@ def worst_table(judged: Sequence[Judged]) -> str:
     if not (found := worst(judged)):
         return "<p>No case went wrong.</p>"
     of = columns("case", "planted", "said", "wrong because", ".strength")
-    return table("the worst cases", of, map(_bad, found))
+    rows = (
+        (f"{safe(bad.judged.case)}{_where(bad.judged)}", *map(safe, bad_cells(bad)))
+        for bad in found
+    )
+    return table("the worst cases", of, rows)
 
 
-def _bad(bad: Bad) -> tuple[str, ...]:
+def _where(judged: Judged) -> str:
+    words = listed(judged.concealed)
+    return f'<br/><span class="soft">{safe(words)}</span>' if judged.concealed else ""
+
+
+def bad_cells(bad: Bad) -> tuple[str, ...]:
+    """Return what was planted, what was reported, why it is wrong, and the strength."""
     j = bad.judged
-    where = f'<br/><span class="soft">{safe(listed(j.concealed))}</span>' if j.concealed else ""
-    strength = "" if j.clean else number(j.gain, 3)
-    said = (planted_words(j), said_words(j), bad.why, strength)
-    return f"{safe(j.case)}{where}", *map(safe, said)
+    return planted_words(j), said_words(j), bad.why, "" if j.clean else number(j.gain, 3)
 
 
 def planted_words(judged: Judged) -> str:

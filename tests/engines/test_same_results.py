@@ -18,7 +18,7 @@ from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.prove.analyst import FORM
-from rulec.prove.campaign import judged, sealed
+from rulec.prove.campaign import Campaign, Workers
 from rulec.prove.partition import Partition
 from rulec.simulation.equations import equations_of
 from rulec.study.campaign import Settings, groups_of, run_groups
@@ -61,10 +61,11 @@ def test_a_proof(elsewhere: Engine, tmp_path: Path) -> None:
     for engine, name in ((Engine(), "local"), (elsewhere, "dask")):
         work = tmp_path / name
         work.mkdir()
-        seals = sealed(CASES, work, engine, lambda *_: None)
+        proof = Campaign(CASES, work, Workers(engine, lambda *_: None))
+        seals = proof.sealed()
         for folder in (work / "cases").iterdir():
             (folder / FORM).write_text(NOTHING, encoding="utf-8")
-        found = judged(CASES, work, seals, engine, lambda *_: None)
+        found = proof.judged(seals)
         files = {f.relative_to(work): f.read_bytes() for f in work.rglob("*") if f.is_file()}
         told.append((seals, found, files))
     local, dask = told

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rulec.prove.results import Claim, Heldout, Judged, Run
-from rulec.prove.truth.sealed import CONCEALMENTS
+from rulec.prove.truth.sealed import CONCEALMENTS, Answer, Planted
 
 NAN = float("nan")
 
@@ -23,6 +23,36 @@ ENTRIES = {
     "zero that drifts": "zero-drift-time",
 }
 """Entry of the catalogue that is right for each effect."""
+
+
+LEAK = Planted(
+    effect="leak",
+    title="leak",
+    sort="fault",
+    module="A",
+    place="leak",
+    names=("leakage",),
+    places=("A.bypass",),
+    parameters={},
+    gain=50.0,
+    margin=20.0,
+    rival="",
+)
+
+
+def sealed(planted: Planted, verdict: str) -> Answer:
+    """The answer of a case with one effect."""
+    return Answer(
+        case="a case",
+        half="stationary",
+        plant="a plant",
+        profile="steps",
+        seed=1,
+        samples=300,
+        verdict=verdict,
+        concealed=("open",),
+        effects=(planted,),
+    )
 
 
 def judged(case: str = "case", **fields: object) -> Judged:

@@ -12,7 +12,7 @@ from rulec.cli import main as rulec
 from rulec.engines.call import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM, analyse
-from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from rulec.prove.campaign import Campaign, Changed, Workers, digest_of
 from rulec.prove.command import main as suite
 from rulec.prove.partition import Partition, register
 
@@ -20,29 +20,28 @@ FEW = Partition("development", 1, quick=True, only="stationary-1-clean--1")
 """A few clean cases."""
 
 
-HERE = Engine(jobs=1)
-
-
-def quiet(what: str, done: int, all_: int) -> None:
-    """Nobody watches."""
+def few(folder: Path, seed: int = 1) -> Campaign:
+    """Of a run of which nobody watches the progress."""
+    partition = Partition("development", seed, quick=True, only=FEW.only)
+    return Campaign(partition, folder, Workers(Engine(jobs=1), lambda *_: None))
 
 
 @pytest.mark.usefixtures("in_this_process")
 def test_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
     """What is sealed and answered stays; another run is refused."""
-    seals = sealed(FEW, tmp_path, HERE, quiet)
+    seals = few(tmp_path).sealed()
     folders = sorted((tmp_path / "cases").iterdir())
     assert len(folders) == len(seals) >= 5
     for folder in folders[1:]:
         (folder / FORM).write_text(json.dumps({"verdict": "none", "seconds": 1.0}))
     before = (tmp_path / campaign.SEALS).read_bytes()
-    assert sealed(FEW, tmp_path, HERE, quiet) == seals
-    analysed(tmp_path, seals, HERE, quiet)
-    found = judged(FEW, tmp_path, seals, HERE, quiet)
+    assert few(tmp_path).sealed() == seals
+    few(tmp_path).analysed(seals)
+    found = few(tmp_path).judged(seals)
     assert [1.0] * len(seals) == [j.clean_right for j in found]
     assert before == (tmp_path / campaign.SEALS).read_bytes()
     with pytest.raises(Changed, match="another run"):
-        sealed(Partition("development", 2, quick=True, only=FEW.only), tmp_path, HERE, quiet)
+        few(tmp_path, seed=2).sealed()
 
 
 def test_a_run_does_not_go_on_with_another_tool(
@@ -58,12 +57,12 @@ def test_a_run_does_not_go_on_with_another_tool(
 @pytest.mark.usefixtures("in_this_process")
 def test_an_answer_that_was_changed_is_found(tmp_path: Path) -> None:
     """Its hash is not the one that was told beforehand."""
-    seals = sealed(FEW, tmp_path, HERE, quiet)
+    seals = few(tmp_path).sealed()
     assert digest_of(seals) != digest_of(["0" * 64, *seals[1:]])
     for folder in (tmp_path / "cases").iterdir():
         (folder / FORM).write_text(json.dumps({"verdict": "none"}))
     with pytest.raises(Changed, match="not the one that was sealed"):
-        judged(FEW, tmp_path, ["0" * 64, *seals[1:]], HERE, quiet)
+        few(tmp_path).judged(["0" * 64, *seals[1:]])
 
 
 def test_what_the_tool_refuses_is_an_answer(tmp_path: Path) -> None:

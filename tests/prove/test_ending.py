@@ -13,9 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from rulec.prove.campaign import Changed, owned
+from rulec.prove.campaign import CASES, SEALS, Changed, owned, unusable
 from rulec.prove.command import main
-from rulec.prove.run_folder import CASES, SEALS, unusable
 from tests.conftest import SOURCES
 
 FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")

@@ -11,20 +11,11 @@ import pytest
 
 from rulec.prove.judge import judge
 from rulec.prove.results import Claim, Judged
-from rulec.prove.truth.sealed import Answer, Planted
+from rulec.prove.truth.sealed import Planted
+from tests.prove.made import LEAK, sealed
 
-LOW = Planted(
-    effect="dp-low",
-    title="reads low",
-    sort="sensor",
-    module="B",
-    place="sensor",
-    names=("slope",),
-    places=("B.dp",),
-    parameters={},
-    gain=90.0,
-    margin=3.0,
-    rival="",
+LOW = replace(
+    LEAK, sort="sensor", module="B", place="sensor", names=("slope",), places=("B.dp",), margin=3.0
 )
 
 
@@ -39,19 +30,8 @@ def effect(
 
 def scored(*effects: dict[str, Any], planted: Planted = LOW) -> Judged:
     """How an answer is judged where that was planted."""
-    sealed = Answer(
-        case="it",
-        half="stationary",
-        plant="one",
-        profile="steps",
-        seed=1,
-        samples=600,
-        verdict="sensor",
-        concealed=("open",),
-        effects=(planted,),
-    )
     form = {"verdict": "ambiguous", "effects": effects, "locations": ()}
-    return judge(SimpleNamespace(answer=sealed), form, Path(), "development")  # type: ignore[arg-type]
+    return judge(SimpleNamespace(answer=sealed(planted, "sensor")), form, Path(), "development")  # type: ignore[arg-type]
 
 
 def other(name: str, id_: str, probability: float) -> dict[str, Any]:

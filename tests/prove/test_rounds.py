@@ -14,17 +14,21 @@ import yaml
 from rulec_runtime.output.terminal import Terminal
 
 from rulec.engines.call import Engine
-from rulec.prove import campaign, second_round_inputs
+from rulec.prove import second_round
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND
-from rulec.prove.campaign import folder_of, sealed
+from rulec.prove.campaign import Campaign, Changed, Workers, folder_of
 from rulec.prove.command import main as suite
 from rulec.prove.partition import Partition
-from rulec.prove.results import Further, Run
-from rulec.prove.second_round import asked_again, dated, judged_again
-from rulec.prove.second_round_inputs import ARMS, run_again, samples_of, steps_of
-from rulec.prove.second_round_scores import further_of, right_set
-from rulec.prove.second_round_table import after_of, gained, tell_further
-from rulec.prove.truth.sealed import Answer, Planted
+from rulec.prove.results import ARMS, Further, Run
+from rulec.prove.second_round import (
+    asked_again,
+    dated,
+    judged_again,
+    run_again,
+    samples_of,
+    steps_of,
+)
+from rulec.prove.second_round_table import after_of, further_of, gained, right_set, tell_further
 from rulec.prove.truth.settled.further_recording import (
     displayed,
     held,
@@ -34,7 +38,7 @@ from rulec.prove.truth.settled.further_recording import (
 )
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.solve import Stalled
-from tests.prove.made import judged, planted
+from tests.prove.made import LEAK, judged, planted, sealed
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +100,7 @@ def test_steps_at_which_the_plant_cannot_run_are_left_out(
     fault: SettledCase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The others are run; where none can be run, that is said."""
-    recipe, run = recipe_for(fault), second_round_inputs.recorded_further
+    recipe, run = recipe_for(fault), second_round.recorded_further
     slowest = fault.scene.given["A.n"].min()
 
     def stalls(case: SettledCase, courses: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -104,7 +108,7 @@ def test_steps_at_which_the_plant_cannot_run_are_left_out(
             raise Stalled("too slow")
         return run(case, courses)
 
-    monkeypatch.setattr(second_round_inputs, "recorded_further", stalls)
+    monkeypatch.setattr(second_round, "recorded_further", stalls)
     least = 0.5
     assert len(run_again(fault, recipe, "recipe", 1)["time [s]"]) == 21
     least = 1.01
@@ -160,30 +164,7 @@ def test_both_recordings_stand_on_one_axis_of_time() -> None:
     ]
 
 
-LEAK = Planted(
-    effect="leak",
-    title="leak",
-    sort="fault",
-    module="A",
-    place="leak",
-    names=("leakage",),
-    places=("A.bypass",),
-    parameters={},
-    gain=50.0,
-    margin=20.0,
-    rival="",
-)
-OPEN = Answer(
-    case="a case",
-    half="stationary",
-    plant="a plant",
-    profile="steps",
-    seed=1,
-    samples=300,
-    verdict="fault",
-    concealed=("open",),
-    effects=(LEAK,),
-)
+OPEN = sealed(LEAK, "fault")
 
 
 def form_of(**sets: float) -> dict[str, Any]:
@@ -304,7 +285,8 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     """What was recorded and answered is kept, what is not the sealed plant is not run, and all is
     judged from the files."""
     few, arms = Partition("development", 1, quick=True, only="fault-leak"), ("recipe",)
-    seals = sealed(few, tmp_path, Engine(), lambda *told: None)
+    run = Campaign(few, tmp_path, Workers(Engine(), lambda *told: None))
+    seals = run.sealed()
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
     before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
     recipe = {
@@ -317,14 +299,14 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     own.mkdir(parents=True)
     (folder / PLAN).write_text(json.dumps(recipe))
     (folder / FORM).write_text(json.dumps(before))
-    with pytest.raises(campaign.Changed, match="not the one that was sealed"):
-        asked_again(few, tmp_path, ["0" * 64], arms, 1, lambda *told: None)
+    with pytest.raises(Changed, match="not the one that was sealed"):
+        asked_again(run, ["0" * 64], arms)
     (own / FORM).write_text(json.dumps(after))
-    asked_again(few, tmp_path, seals, arms, 1, lambda *told: None)
+    asked_again(run, seals, arms)
     assert [FORM] == [file.name for file in own.iterdir()]
     assert not (folder / ROUND / FIRST).exists()
     first = [judged(few.cases()[0].name, planted=("leak@A",), concealed=("open",))]
-    (found,) = judged_again(few, tmp_path, seals, first, arms, 1, lambda *told: None)
+    (found,) = judged_again(run, seals, first, arms)
     assert (found.outcome, found.steps, found.expected) == ("run", 1, (0.52, 0.9))
     assert (found.sure_before == 0.6) == (found.sure["recipe"] == 0.95)
 

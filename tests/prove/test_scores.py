@@ -12,8 +12,8 @@ from scipy.stats import binomtest
 from rulec.prove.page import headline, page
 from rulec.prove.results import Claim, Heldout, Judged, Run
 from rulec.prove.scores import by, by_concealment, by_difficulty, curve, reliability, table, wilson
+from rulec.prove.tables import worst
 from rulec.prove.terminal import text
-from rulec.prove.worst_cases import worst
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
 

@@ -17,8 +17,8 @@ from rulec_runtime.recordings.slow_motion import lag_errors, lag_u, settle_or_sl
 from rulec_runtime.recordings.stationary import Stretches, settle
 
 from rulec.prove.truth import NOISE_FREE, RIGS, TABLE_1, Operation, Run, record
+from rulec.prove.truth.runs import approach
 from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS, read
-from rulec.prove.truth.transients import approach
 from tests.conftest import compiled
 from tests.method.readings import recording
 

@@ -19,9 +19,8 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.report.page_origin import made_now
 
-from rulec.engines.call import Engine
 from rulec.prove import command as suite
-from rulec.prove.campaign import OnProgress, digest_of, folder_of, owned, spread
+from rulec.prove.campaign import Workers, digest_of, folder_of, owned
 from rulec.prove.limits import PATIENCE
 from rulec.prove.real.make import made
 from rulec.prove.real.renamed_rig import differences, hide
@@ -69,10 +68,11 @@ def _make(options: argparse.Namespace, out: Console) -> int:
 
 
 def _prove(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
-    rigs, engine = rigs_in(Path(options.real), options.only), suite.engine_of(options)
+    rigs = rigs_in(Path(options.real), options.only)
     aside.print(f"{sum(bool(r.seal) for r in rigs)} answers sealed, hash {sealed(rigs)[:16]}")
     with Progress("rulec prove", "asking", options.quiet, aside) as on_progress:
-        result = judged(rigs, work, options, engine, on_progress)
+        workers = Workers(suite.engine_of(options), on_progress)
+        result = judged(rigs, work, options, workers)
     tell(out, result)
     write_json(options, form(result))
     if options.report:
@@ -87,11 +87,7 @@ def sealed(rigs: Sequence[Rig]) -> str:
 
 
 def judged(
-    rigs: Sequence[Rig],
-    work: Path,
-    options: argparse.Namespace,
-    engine: Engine,
-    on_progress: OnProgress,
+    rigs: Sequence[Rig], work: Path, options: argparse.Namespace, workers: Workers
 ) -> Result:
     """Run the tool on all rigs, each in a numbered folder, then score its answers."""
     digest = sealed(rigs)
@@ -102,7 +98,7 @@ def judged(
         (dataclasses.replace(rig, truth=None), folder_of(work, i), limit, hidden)
         for i, rig in enumerate(rigs)
     ]
-    asked = list(spread(_ask, todo, engine, lambda n: on_progress("asking", n, len(todo))))
+    asked = workers.each("asking", _ask, todo)
     changed = {r.name: d for r, (_, d) in zip(rigs, asked, strict=True)}
     return Result(
         tuple(scored(rig, found) for rig, (found, _) in zip(rigs, asked, strict=True)),

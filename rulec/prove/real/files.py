@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,15 +13,11 @@ from rulec_runtime.output.write_file import write_data, write_text
 from rulec.language.document import read_document
 
 
-@contextmanager
-def opened(file: Path) -> Iterator[IO[str]]:
+def opened(file: Path) -> IO[str]:
     """Open a text file, compressed or not."""
     if file.suffix == ".gz":
-        with gzip.open(file, "rt", encoding="utf-8", newline="") as packed:
-            yield packed
-    else:
-        with file.open(encoding="utf-8", newline="") as plain:
-            yield plain
+        return gzip.open(file, "rt", encoding="utf-8", newline="")
+    return file.open(encoding="utf-8", newline="")
 
 
 def write_packed(file: Path, text: str) -> None:

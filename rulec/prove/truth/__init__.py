@@ -2,12 +2,12 @@
 
 It shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`, `plant`
 (the plant and its operation), `faults`, `network` (the operating point), `sensors`, `recording`
-(columns and CSV), `rigs` (ready plants), `runs` (ready runs), `transients`, `unmodelled`,
-`__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured noise,
-drifts), `spread` and `whiten` (their covariances), `limit` (detectability at best), `sealed` (the
-form of a case and its answer), `kinds` (of cases), `formulas` (in tables of effects), `settled` and
-`tanks` (cases of plants in stationary operation, and of plants that store liquid). Everything is SI
-until a sensor reads it; readings and CSV files are in trade units.
+(columns and CSV), `rigs` (ready plants), `runs` (ready runs), `__main__`. For the proof: `streams`
+(random numbers), `smooth` (form errors, coloured noise, drifts), `whiten`, `detection_limit`
+(detectability at best), `sealed` (the form of a case and its answer), `kinds` (of cases),
+`formulas` (in tables), `settled` and `tanks` (cases of plants in stationary operation, and of
+plants that store liquid). Everything is SI until a sensor reads it; readings and CSV files are in
+trade units.
 """
 
 from .faults import possible_faults
@@ -15,17 +15,18 @@ from .plant import Operation, Plant
 from .recording import Recording, record, write_csv
 from .rigs import RIGS, abc, mixing_rig
 from .runs import (
+    VALVE_TIME,
     Run,
     calibration_run,
     fault_replay,
     healthy_run,
     leakage_replay,
     operating_points,
+    settling,
     visiting_run,
+    warm_run,
 )
 from .sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
-from .transients import VALVE_TIME, settling
-from .unmodelled import warm_run
 
 __all__ = [
     "INSIDE",

@@ -14,11 +14,12 @@ from .runs import (
     healthy_run,
     leakage_replay,
     operating_points,
+    settling,
+    shaken_run,
     visiting_run,
+    warm_run,
 )
 from .sensors import TABLE_1
-from .transients import settling
-from .unmodelled import shaken_run, warm_run
 
 EXAMPLE_SEED = 1
 BENCH_SEED = 2  # a maker's bench has other sensors, hence other systematic errors

@@ -1,4 +1,4 @@
-"""Formulas in the tables of effects: expressions of numbers and arrays over names."""
+"""Formulas in tables: expressions of numbers and arrays over names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 FUNCTIONS: Mapping[str, Any] = {
     **{name: getattr(np, name) for name in ("abs", "exp", "expm1", "maximum", "minimum")},
-    **{name: getattr(np, name) for name in ("pi", "sin", "sqrt")},
+    **{name: getattr(np, name) for name in ("pi", "sin", "sqrt", "zeros_like")},
     **{"max": max, "min": min},
 }
 """What every formula may use."""

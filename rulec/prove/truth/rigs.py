@@ -13,56 +13,43 @@ MIXER = Mixer(quadratic=3.5e-7 * BAR / LITRE_PER_HOUR**2)  # DN15
 WIDE_MIXER = Mixer(quadratic=MIXER.quadratic * (15.0 / 25.0) ** 4)
 
 
-def dosing_module(pump: str = "pcp") -> DosingModule:
-    """Return a dosing module by pump type: `pcp`, `membrane` or `centrifugal`.
-
-    The gear ratio of the membrane pump is assumed: with +-8 rpm at the stroke counter, its speed
-    would be known to 7 % only. The centrifugal pump's speeds are close together because its head
-    falls with their square; it needs strong throttling because its curve is flat.
-    """
-    match pump:
-        case "pcp":
-            return DosingModule(
-                progressive_cavity(), DOSING_LINE, 900.0 * RPM, 400.0 * RPM, 1300.0 * RPM
-            )
-        case "membrane":
-            return DosingModule(
-                membrane(), DOSING_LINE, 120.0 * RPM, 60.0 * RPM, 160.0 * RPM, gear_ratio=10.0
-            )
-        case "centrifugal":
-            return DosingModule(
-                centrifugal(),
-                DOSING_LINE,
-                2650.0 * RPM,
-                2000.0 * RPM,
-                3000.0 * RPM,
-                throttles=(0.0, 2.0, 10.0),
-            )
-    raise ValueError(f"no pump type '{pump}'; known: pcp, membrane, centrifugal")
+MODULES = {
+    "pcp": DosingModule(progressive_cavity(), DOSING_LINE, 900.0 * RPM, 400.0 * RPM, 1300.0 * RPM),
+    # The gear ratio is assumed: with +-8 rpm at the stroke counter, the speed is known to 7 %.
+    "membrane": DosingModule(
+        membrane(), DOSING_LINE, 120.0 * RPM, 60.0 * RPM, 160.0 * RPM, gear_ratio=10.0
+    ),
+    # The speeds are close together because the head falls with their square; it needs strong
+    # throttling because its curve is flat.
+    "centrifugal": DosingModule(
+        centrifugal(), DOSING_LINE, 2650.0 * RPM, 2000.0 * RPM, 3000.0 * RPM, (0.0, 2.0, 10.0)
+    ),
+}
+"""Dosing modules by pump type."""
 
 
 def abc(pump_a: str = "pcp") -> Plant:
     """Return A and B, which feed mixer C."""
-    modules = {"A": dosing_module(pump_a), "B": dosing_module()}
+    modules = {"A": MODULES[pump_a], "B": MODULES["pcp"]}
     return Plant(modules, {"C": MIXER}, {"A": "C", "B": "C", "C": None})
 
 
 def three() -> Plant:
     """Return A, B and C, which feed one mixer M."""
-    modules = {name: dosing_module() for name in "ABC"}
+    modules = dict.fromkeys("ABC", MODULES["pcp"])
     return Plant(modules, {"M": MIXER}, {"A": "M", "B": "M", "C": "M", "M": None})
 
 
 def series() -> Plant:
     """Return A and B, which feed M1; M1 and C feed M2."""
     downstream = {"A": "M1", "B": "M1", "C": "M2", "M1": "M2", "M2": None}
-    return Plant({name: dosing_module() for name in "ABC"}, {"M1": MIXER, "M2": MIXER}, downstream)
+    return Plant(dict.fromkeys("ABC", MODULES["pcp"]), {"M1": MIXER, "M2": MIXER}, downstream)
 
 
 def mixing_rig() -> Plant:
     """Return the paper's rig: A, B, C feed M1; M1, D (membrane), E (centrifugal) feed M2."""
-    modules = {name: dosing_module() for name in "ABC"}
-    modules |= {"D": dosing_module("membrane"), "E": dosing_module("centrifugal")}
+    modules = dict.fromkeys("ABC", MODULES["pcp"])
+    modules |= {"D": MODULES["membrane"], "E": MODULES["centrifugal"]}
     downstream = {"A": "M1", "B": "M1", "C": "M1", "D": "M2", "E": "M2", "M1": "M2", "M2": None}
     return Plant(modules, {"M1": MIXER, "M2": WIDE_MIXER}, downstream)
 

@@ -1,14 +1,23 @@
-"""Ready runs: fault-free, stepped faults, operating points, calibration. One sample per second."""
+"""Ready runs: fault-free, stepped faults, operating points, calibration; one sample per second.
+
+Between plateaus speeds and valves approach their settings. The liquid follows within milliseconds,
+so every sample is an operating point of its own (quasi-stationary). A sensor fault jumps, because
+nothing moves. Two runs have physics that the plain laws leave out: slip that follows the
+temperature, and a frame that shakes in a band of speeds.
+"""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .faults import Faults
-from .plant import DosingModule, Operation, Plant
-from .units import Array
+from .plant import LIQUID_TEMPERATURE, DosingModule, Operation, Plant
+from .pumps import Displacement
+from .units import RPM, Array
 
 HOLD = 10  # samples per plateau, s
 # Steps back to zero between the plateaus: the plant is healthy again after each fault.
@@ -127,3 +136,102 @@ def _spread(points: int, axis: int) -> Array:
     prime = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)[axis]
     position: Array = np.mod(0.5 + np.arange(points) * math.sqrt(prime), 1.0)
     return position
+
+
+MOVED_BY_A_VALVE = (".leakage", ".clogging", ".widening")
+
+SPEED_TIME, VALVE_TIME = 1.0, 1.5
+"""Time constants, s; assumed: a converter's speed ramp, a motorised valve of a small rig."""
+
+
+def settling(run: Run) -> Run:
+    """Return the run with its values as settings that speeds and valves approach.
+
+    Raises ValueError for a run on the bench, whose throttle is not there afterwards.
+    """
+    operation = run.operation
+    if operation.on_bench is not None:
+        raise ValueError("a run on the maker's bench is set up point by point, without transients")
+    speed = {
+        name: approach(operation.time, value, SPEED_TIME) for name, value in operation.speed.items()
+    }
+    faults = {
+        name: approach(operation.time, degree, VALVE_TIME)
+        if name.endswith(MOVED_BY_A_VALVE)
+        else degree
+        for name, degree in run.faults.items()
+    }
+    return Run(run.plant, replace(operation, speed=speed), faults)
+
+
+def approach(time: Array, setting: Array, time_constant: float) -> Array:
+    """Return the first-order approach to a setting, settled at the first sample; shape (n,).
+
+    The setting of a sample holds since the sample before.
+
+    Source: exact solution of `time_constant dy/dt = setting - y` for a constant setting.
+    """
+    value = np.array(setting, dtype=np.float64)
+    for k, left in enumerate(np.exp(-np.diff(time) / time_constant), start=1):
+        value[k] = setting[k] + left * (value[k - 1] - setting[k])
+    return value
+
+
+def late(value: Array, by: int) -> Array:
+    """Delay a course by `by` samples; it begins with its first value; shape (n,)."""
+    return np.concatenate([np.full(by, value[0]), value[:-by]])
+
+
+RISE = 0.03
+"""Rise of the slip per kelvin: oil loses about 3 % of its viscosity per kelvin [assumed]."""
+
+WARMEST = 30.0
+"""Largest rise above the usual temperature, K."""
+
+PEAK, WIDTH = 850.0 * RPM, 60.0 * RPM
+"""Speed at which the frame shakes most, and the distance at which it shakes a third of that; rev/s
+[assumed]."""
+
+TAKEN = 25.0
+"""Power of the shaking at its peak, W [assumed]."""
+
+POINTS, STAY = 24, 12
+"""Operating points of a run, and samples at each."""
+
+
+def warm_run(plant: Plant, module: str = "A") -> Run:
+    """Visit operating points while a module's liquid warms up and cools down: slip driven by
+    pressure follows 1/viscosity."""
+    run = _tour(plant)
+    time = run.operation.time
+    temperature = LIQUID_TEMPERATURE + WARMEST * np.sin(np.pi * time / time[-1]) ** 2
+    factor = np.exp(RISE * (temperature - LIQUID_TEMPERATURE))
+    pump = plant.modules[module].pump
+    assert isinstance(pump, Displacement)
+    slips = {s: getattr(pump, s) * factor for s in ("slip_linear", "slip_quadratic")}
+    operation = replace(run.operation, temperature={module: temperature})
+    return Run(_with_pump(plant, module, replace(pump, **slips)), operation)
+
+
+def taken(speed: Array) -> Array:
+    """Return the power of the shaking, W, at speeds, rev/s; shape (n,)."""
+    power: Array = TAKEN * np.exp(-(((speed - PEAK) / WIDTH) ** 2))
+    return power
+
+
+def shaken_run(plant: Plant) -> Run:
+    """Visit operating points while the frame below module B shakes and takes power."""
+    run, pump = _tour(plant), plant.modules["B"].pump
+    assert isinstance(pump, Displacement)
+    more = pump.idle_power + taken(run.operation.speed["B"])
+    shaking = replace(pump, idle_power=more)  # type: ignore[arg-type]
+    return Run(_with_pump(plant, "B", shaking), run.operation)
+
+
+def _tour(plant: Plant) -> Run:
+    return settling(visiting_run(plant, operating_points(plant, POINTS), {}, hold=STAY))
+
+
+def _with_pump(plant: Plant, module: str, pump: Displacement) -> Plant:
+    changed = replace(plant.modules[module], pump=pump)
+    return replace(plant, modules={**plant.modules, module: changed})

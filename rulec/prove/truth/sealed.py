@@ -9,13 +9,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from .kinds import STATED
 from .units import Array
 
 Periods = tuple[tuple[float, float], ...]
@@ -85,7 +86,7 @@ class Answer:
         fields = dataclasses.asdict(self)
         if not self.difficulties:
             del fields["difficulties"]
-        return json.dumps(rounded(fields), indent=1, ensure_ascii=False) + "\n"
+        return json.dumps(plain_form(fields, _rounded), indent=1, ensure_ascii=False) + "\n"
 
     @property
     def digest(self) -> str:
@@ -93,27 +94,11 @@ class Answer:
         return hashlib.sha256(self.to_json().encode()).hexdigest()
 
 
-CONCEALMENTS = {
-    "clean": "nothing missing",
-    "calibrated": "calibrated on data that contain it",
-    "correlated": "driver correlated with another",
-    "unrecorded": "driver not recorded",
-    "corner": "in a corner of the operating range",
-    "pair": "two effects",
-    "hiding": "two effects that hide each other",
-    "alike": "fault or sensor error that looks like physics, or the reverse",
-    "unnamed": "no entry names it",
-    "wiring": "wrong in the cables or in the file",
-    "open": "not concealed further",
-}
+CONCEALMENTS: Mapping[str, str] = STATED["concealments"]
+"""Ways of concealment, in words."""
 
-DIFFICULTIES = {
-    "form": "every law is off by 0.5 to 2 % (rms), smoothly over its arguments",
-    "coloured": "noise of order one, coefficients of 0.5 to 0.9 at the sample rate",
-    "drift": "sensors drift inside their class",
-    "wobble": "operating points wobble slowly",
-    "starts": "tanks begin at any level",
-}
+DIFFICULTIES: Mapping[str, str] = STATED["difficulties"]
+"""What makes cases harder, in words."""
 
 HIDES = 0.8
 """Effects hide each other if together they change less than this share of their root sum of
@@ -165,14 +150,18 @@ def verdict_of(sorts: list[str]) -> str:
     return "named" if "physics" in sorts else "fault"
 
 
-def rounded(value: object) -> object:
-    """Round floats to six significant digits, in any nesting; infinite ones become text."""
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def plain_form(value: object, number: Callable[[float], float]) -> object:
+    """Apply a function to all floats, in any nesting; infinite and undefined ones become text."""
     match value:
         case float():
-            return float(f"{value:.6g}") if np.isfinite(value) else str(value)
+            return number(value) if np.isfinite(value) else str(value)
         case dict():
-            return {key: rounded(inner) for key, inner in value.items()}
+            return {key: plain_form(inner, number) for key, inner in value.items()}
         case list() | tuple():
-            return [rounded(inner) for inner in value]
+            return [plain_form(inner, number) for inner in value]
         case _:
             return value

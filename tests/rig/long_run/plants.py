@@ -23,8 +23,7 @@ from rulec.cli import main
 from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.prove.truth import RIGS, TABLE_1, Plant, record, write_csv
 from rulec.prove.truth.plant import Operation
-from rulec.prove.truth.runs import HIGHEST, LOWEST, Run
-from rulec.prove.truth.transients import approach
+from rulec.prove.truth.runs import HIGHEST, LOWEST, Run, approach
 from tests.conftest import ROOT
 from tests.rig.long_run.readings import Columns
 

@@ -12,8 +12,8 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
+from rulec.prove.campaign import CASES
 from rulec.prove.real.rig_folder import rigs_in
-from rulec.prove.run_folder import CASES
 from tests.rig.peers.case import case_of
 from tests.rig.peers.judge import judged
 from tests.rig.peers.told import form

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ..formulas import Names
 from ..recording import write_csv
 from ..sealed import Answer, Reference, Request
 from ..sensors import Sensing, Sensor, read
@@ -39,80 +40,48 @@ PROFILES = drive.steps, drive.ramps, drive.long_constant
 
 Numbers = Mapping[str, float]
 Arrays = Mapping[str, Array]
-Law = Callable[[Numbers, Arrays, Arrays, Numbers], dict[str, Array]]
-"""(parameters, true inputs, law errors as factors, sizes of another form) -> true outputs."""
-
-
-def _pump(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
-    """Affinity laws. Source: Guelich, Centrifugal Pumps."""
-    nu = x["n"] / p["n0"]
-    fall = p["h2"] * (nu * FLOW) ** 2 * (x["Q"] / (nu * FLOW)) ** form.get("m", 2.0)
-    power = (nu**3 * p["p0"] + nu**2 * p["p1"] * x["Q"]) * off["P_law"] + form.get("c", 0.0)
-    return {"dp": (nu**2 * p["h0"] - fall) * off["dp_law"], "P_el": power}
-
-
-def _valve(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
-    """Linear or equal-percentage trim with rangeability R. Source: IEC 60534-2-4."""
-    travel = x["x"] / 100.0
-    share = form["R"] ** (travel - 1.0) if form else travel
-    loss = p["k"] + 1.0 / (p["Kv"] * share * off["opening"]) ** 2
-    return {"Q": np.sqrt(x["dp"] / (loss * off["resistance"]))}
-
-
-def _pipe(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
-    """Loss with a power of the flow. Source: Blasius 1913."""
-    share = x["dp"] / (p["k"] * FLOW**2)
-    return {"Q": FLOW * share ** (1.0 / form.get("m", 2.0)) * off["Q_law"]}
-
-
-def _set(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
-    """Laminar slip; viscosity falls exponentially with temperature. Source: Reynolds 1886."""
-    slip = p["C1"] * x["dp"] * np.exp(form.get("b", 0.0) * (x["T"] - WARM))
-    power = (p["P0"] + p["P1"] * x["dp"]) * off["P_law"]
-    return {"Q": (p["Q0"] - slip) * off["Q_law"], "P_el": power}
-
-
-CLASSES = {
-    "converter-speed": (8.0, "value"),
-    "magnetic-inductive": (0.004, "reading"),
-    "turbine-flow": (0.005, "reading"),
-    "power-meter": (0.002, "reading"),
-    "positioner": (0.005, "full scale"),
-    "process-pressure": (0.005, "full scale"),
-    "industrial-pressure": (0.001, "full scale"),
-    "industrial-thermometer": (0.3, "value"),
-}
-"""Bound of the error, and its reference: in the unit shown, or as a share of it."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A law that may have another form.
+    """A law that may have another form; see `kinds.yaml`."""
 
-    Attributes
-    ----------
-    type, law : the module type, and the true law of its plants
-    ranges : of each setting
-    arguments : of each law, by its name in the module type
-    form : smallest and largest size of the other form, by parameter
-    """
+    kind: Mapping[str, Any]
 
-    type: str
-    law: Law
-    ranges: Mapping[str, tuple[float, float]]
-    arguments: Mapping[str, tuple[str, ...]]
-    form: Mapping[str, tuple[float, float]]
+    @property
+    def type(self) -> str:
+        """The module type of its plants."""
+        return str(self.kind["type"])
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Range of each setting."""
+        return {name: (low, high) for name, (low, high) in self.kind["ranges"].items()}
+
+    @property
+    def arguments(self) -> Mapping[str, Sequence[str]]:
+        """Arguments of each law, by its name in the module type."""
+        found: Mapping[str, Sequence[str]] = self.kind["arguments"]
+        return found
+
+    def law(self, p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
+        """Return true outputs by parameters, true inputs, law errors as factors, and sizes of
+        another form."""
+        given = {**p, **x, **off, **self.kind["ordinary"], **form}
+        names = Names(None, {"FLOW": FLOW, "WARM": WARM}, **given)
+        names.fix(self.kind["laws"])
+        return {name: names[name] for name in self.kind["outputs"]}
+
+    @property
+    def file(self) -> Path:
+        """The file of the module type."""
+        return Path(__file__).with_name(f"{self.type}.yaml")
 
     @functools.cached_property
     def stated(self) -> Mapping[str, Any]:
         """The module type."""
         found: Mapping[str, Any] = yaml.safe_load(self.file.read_text(encoding="utf-8"))
         return found
-
-    @property
-    def file(self) -> Path:
-        """The file of the module type."""
-        return Path(__file__).with_name(f"{self.type}.yaml")
 
     @functools.cached_property
     def sensors(self) -> Mapping[str, Sensor]:
@@ -131,42 +100,12 @@ class Kind:
         return {law: float(text.partition("%")[0]) / 100.0 for law, text in laws.items()}
 
 
-_PUMP: dict[str, Any] = {
-    "type": "contact-pump",
-    "law": _pump,
-    "ranges": {"n": (1600.0, 2900.0), "Q": (3.0, 12.0)},
-    "arguments": {"dp_law": ("n", "Q"), "P_law": ("n", "Q")},
-}
-KINDS: Mapping[str, Kind] = {
-    "valve-characteristic": Kind(
-        "contact-valve",
-        _valve,
-        {"x": (20.0, 100.0), "dp": (0.6, 4.0)},
-        {"opening": ("x",), "resistance": ("dp",)},
-        {"R": (20.0, 50.0)},
-    ),
-    "pump-curve-exponent": Kind(**_PUMP, form={"m": (1.0, 1.3)}),
-    "pipe-exponent": Kind(
-        "contact-pipe", _pipe, {"dp": (0.1, 1.8)}, {"Q_law": ("dp",)}, {"m": (1.6, 1.8)}
-    ),
-    "slip-by-temperature": Kind(
-        "contact-set",
-        _set,
-        {"dp": (60.0, 180.0)},
-        {"Q_law": ("dp",), "P_law": ("dp",)},
-        {"b": (0.03, 0.05)},
-    ),
-    "power-offset": Kind(**_PUMP, form={"c": (100.0, 250.0)}),
-}
+_TABLE = yaml.safe_load(Path(__file__).with_name("kinds.yaml").read_text(encoding="utf-8"))
+
+CLASSES: Mapping[str, tuple[float, str]] = {n: (b, of) for n, (b, of) in _TABLE["classes"].items()}
+
+KINDS: Mapping[str, Kind] = {name: Kind(stated) for name, stated in _TABLE["kinds"].items()}
 """In the order of the issue that asked for them."""
-
-
-@functools.cache
-def _answers() -> Mapping[str, Mapping[str, Sequence[str]]]:
-    """The right names and places for each law of another form."""
-    text = Path(__file__).with_name("answers.yaml").read_text(encoding="utf-8")
-    found: Mapping[str, Mapping[str, Sequence[str]]] = yaml.safe_load(text)
-    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +136,6 @@ class Planned:
     seed: int
     kind: str
     other: bool
-    group = "contact"
 
     @property
     def name(self) -> str:
@@ -220,11 +158,11 @@ class Planned:
             for law, by in kind.arguments.items()
         }
         # Drawn for a sound plant too, so that both have the same operation.
-        form = {name: float(random.uniform(*ends)) for name, ends in kind.form.items()}
+        form = {name: float(random.uniform(*ends)) for name, ends in kind.kind["form"].items()}
         form = form if self.other else {}
         given = _operated(kind, random)
         off = {law: 1.0 + forms[law](*(given[a] for a in kind.arguments[law])) for law in forms}
-        right = _answers()[self.kind] if self.other else {"names": (), "places": ()}
+        right = kind.kind if self.other else {"names": (), "places": ()}
         answer = ContactAnswer(
             case=self.name,
             half="stationary",

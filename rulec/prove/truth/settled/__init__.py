@@ -1,9 +1,8 @@
 """Independent truth of stationary plants for the proof, written from physics.
 
-It shares no code with the packages it tests. Files in order of data flow: `pumps`, `term` (terms
-beyond plain laws), `rig` (the plant), `solve` (its operating points), `rigs` (random plants),
-`drive`, `scene` (a plant and its operation), `effect` and files of effects, `effects`, `key.yaml`
-(their names in the catalogue), `visible` (the limit of detection; `blurred`: of hard cases),
-`sized`, `rivals`, `answer`, `folder`, `reference` (the true model on held-out samples), `plan` (a
-case), `suite`.
+It shares no code with the packages it tests. Files in order of data flow: `pumps.yaml`, `rig` (the
+plant), `solve` (its operating points, and terms beyond plain laws), `rigs` (random plants),
+`drive`, `difficulty`, `operated_plant`, `effects.yaml`, `effect`, `detection_limit`, `effect_size`
+(and rivals), `reference` (the true model on held-out samples), `plan` (a case and its answer),
+`further_recording`, `suite`.
 """

@@ -1,9 +1,13 @@
 """The limit of detection of an effect: expected gain in log likelihood over recalibration.
 
-Laws count as linear in the parameters, samples as independent (see `blurred` for hard cases): a
-bound that no tool reaches. Sensors' systematic errors and all parameters are free within their
-uncertainties. A sample counts if its module is settled, as the model describes settled operation
-only.
+Laws count as linear in the parameters, samples as independent: a bound that no tool reaches.
+Sensors' systematic errors and all parameters are free within their uncertainties. A sample counts
+if its module is settled, as the model describes settled operation only.
+
+In hard cases the residual of a model without the effect has the covariance of coloured noise, of
+all parameters, of each sensor's drifting error, and of each law's form error where the plant runs,
+each with its true size. An analyst who knows these covariances, but none of the values, cannot
+detect more.
 """
 
 from __future__ import annotations
@@ -15,13 +19,19 @@ from typing import Any
 import numpy as np
 
 from ..detection_limit import expected_gain
+from ..smooth import drift_directions, form_directions
 from ..units import Array
 from ..whiten import Whitening
+from .difficulty import term
 from .operated_plant import SENSING, Scene
-from .term import Change
+from .solve import Change
 
 RELATIVE = 1e-4
 """Share of an uncertainty by which a parameter is moved for its derivative."""
+
+
+Outputs = Mapping[str, Array]
+"""By signal, SI, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -74,23 +84,16 @@ class VisibleOutputs:
 
 def visible_outputs(scene: Scene) -> VisibleOutputs:
     """Return the detectability in a scene; derivatives are finite differences."""
-    rig = scene.rig
-    variance: dict[str, Any] = {n: noise_of(scene, n) ** 2 for n in rig.outputs}
-    slopes = slopes_of(scene)
-    for name in rig.inputs:
-        for output in rig.outputs:
-            variance[output] = variance[output] + slopes[name][output] ** 2
-    noise = {n: np.sqrt(v) for n, v in variance.items()}
-    settled = settled_of(scene)
-    bare = VisibleOutputs(scene, noise, np.zeros((0, 0)), settled)
-    columns = [bare.over(change) for change in parameters_moved(scene)]
-    zero = {n: np.zeros_like(scene.time) for n in rig.outputs}
-    for name in rig.outputs:
-        columns.append(bare.over({**zero, name: class_of(scene, name)}))
-    for name in rig.inputs:
-        shift = {n: v / SENSING.statistical for n, v in slopes[name].items()}
-        columns.append(bare.over(shift))
-    return VisibleOutputs(scene, noise, np.stack(columns, 1), settled)
+    rig, slopes = scene.rig, slopes_of(scene)
+    noise = {}
+    for output in rig.outputs:
+        variance: Any = noise_of(scene, output) ** 2
+        for name in rig.inputs:
+            variance = variance + slopes[name][output] ** 2
+        noise[output] = np.sqrt(variance)
+    bare = VisibleOutputs(scene, noise, np.zeros((0, 0)), settled_of(scene))
+    changes = [*parameters_moved(scene), *(change for _, change in sensors_moved(scene, slopes))]
+    return replace(bare, sensitivities=np.stack([bare.over(change) for change in changes], 1))
 
 
 def slopes_of(scene: Scene) -> dict[str, dict[str, Array]]:
@@ -105,6 +108,15 @@ def parameters_moved(scene: Scene) -> Iterator[dict[str, Array]]:
             step = RELATIVE * spread
             moved = scene.truly(values={**scene.values, name: scene.values[name] + step})
             yield {n: (moved[n] - scene.plain[n]) / RELATIVE for n in scene.rig.outputs}
+
+
+def sensors_moved(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[tuple[str, Outputs]]:
+    """Yield the change of the outputs by each sensor's error of the size of its class."""
+    zero = {name: np.zeros_like(scene.time) for name in scene.rig.outputs}
+    for name in scene.rig.outputs:
+        yield name, {**zero, name: class_of(scene, name)}
+    for name in scene.rig.inputs:
+        yield name, {n: slope / SENSING.statistical for n, slope in slopes[name].items()}
 
 
 def settled_of(scene: Scene) -> dict[str, np.ndarray]:
@@ -142,3 +154,56 @@ def _outputs_moved(scene: Scene, name: str, off: Array) -> dict[str, Array]:
     given = {**scene.given, name: scene.given[name] + step * off}
     moved = replace(scene, given=given).truly()
     return {n: (moved[n] - scene.plain[n]) / max(step, 1e-300) for n in scene.rig.outputs}
+
+
+def blurred(sharp: VisibleOutputs) -> VisibleOutputs:
+    """Return the detectability with difficulties as random terms; `sharp` has known form errors,
+    white noise and no drifts."""
+    scene = sharp.scene
+    slopes = slopes_of(scene)
+    whitening = _whitening(sharp, slopes)
+    changes = _uncertain(scene, slopes)
+    columns = [np.stack([c[name] for name in scene.rig.outputs], 1) for c in changes]
+    return replace(sharp, whitening=whitening, sensitivities=whitening(np.stack(columns, 2)))
+
+
+def _whitening(sharp: VisibleOutputs, slopes: Mapping[str, Outputs]) -> Whitening:
+    """Each output has the noise of its sensor, and that of the inputs."""
+    scene, rig = sharp.scene, sharp.scene.rig
+    sources = [*rig.outputs, *rig.inputs]
+    sizes = np.zeros((scene.time.size, len(rig.outputs), len(sources)))
+    for i, output in enumerate(rig.outputs):
+        sizes[:, i, i] = noise_of(scene, output)
+        for k, name in enumerate(rig.inputs, len(rig.outputs)):
+            sizes[:, i, k] = slopes[name][output]
+    colours = np.array([scene.hard.colour.get(name, 0.0) for name in sources])
+    counts = np.stack([sharp.settled[name.partition(".")[0]] for name in rig.outputs], 1)
+    return Whitening.of(sizes, colours, counts)
+
+
+def _uncertain(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]:
+    """Change of the outputs per standard deviation of everything that is uncertain."""
+    yield from parameters_moved(scene)
+    for place, change in sensors_moved(scene, slopes):
+        drift = scene.hard.drift.get(place)
+        if drift is None:
+            yield change
+            continue
+        for course in drift_directions(drift, scene.time.size).T:
+            yield {name: values * course for name, values in change.items()}
+    for law in scene.hard.form:
+        yield from _form(scene, law)
+
+
+def _form(scene: Scene, law: str) -> Iterator[Outputs]:
+    """Change of the outputs by the form error of a law, to first order at each operating point."""
+    met: list[tuple[Array, ...]] = []
+
+    def form(*arguments: Array) -> Array:
+        met.append(arguments)
+        return np.full(np.shape(arguments[0]), RELATIVE)
+
+    truth = scene.truly([term(scene.rig, scene.values, law, form)])
+    change = {name: (truth[name] - scene.plain[name]) / RELATIVE for name in scene.rig.outputs}
+    for course in form_directions(scene.hard.form[law], met[-1]).T:
+        yield {name: values * course for name, values in change.items()}

@@ -5,25 +5,16 @@ They belong to the plant or its sensors, and none of them is an effect to be fou
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..smooth import Drift, Form, drift, form_error
+from ..smooth import Drift, Form, between, colours, drifts, form_errors
 from ..streams import stream
 from ..units import Array
-from .pumps import Values
-from .rig import Rig
-from .solve import Operated, solve
-from .term import Change, State, Term
-
-FORM = 0.005, 0.02
-"""Root mean square of a law's form error, smallest and largest."""
-
-COLOUR = 0.5, 0.9
-"""Coefficient of first-order noise at the sample rate, smallest and largest."""
+from .rig import Rig, Values
+from .solve import Change, Operated, State, Term, solve
 
 WOBBLE = 0.002, 0.01
 """Wobble of a setting over its range, root mean square, smallest and largest."""
@@ -41,10 +32,10 @@ class Difficulty:
     wobble : root mean square over the range, by input
     """
 
-    form: Mapping[str, Form] = field(default_factory=dict)
-    colour: Mapping[str, float] = field(default_factory=dict)
-    drift: Mapping[str, Drift] = field(default_factory=dict)
-    wobble: Mapping[str, float] = field(default_factory=dict)
+    form: Mapping[str, Form]
+    colour: Mapping[str, float]
+    drift: Mapping[str, Drift]
+    wobble: Mapping[str, float]
 
     @property
     def told(self) -> dict[str, dict[str, float]]:
@@ -62,51 +53,29 @@ class Difficulty:
         return tuple(term(rig, values, law, form) for law, form in self.form.items())
 
 
-NONE = Difficulty()
-
-
 def difficulty(rig: Rig, names: Sequence[str], seed: int, load: tuple[float, float]) -> Difficulty:
     """Draw the named difficulties; `load` is the range of the pressure that a load sets, Pa.
 
     Raises Stalled if the plant cannot run at its fastest.
     """
-    form: dict[str, Form] = {}
-    if "form" in names:
-        for law, ranges in _laws(rig, load):
-            random = stream(seed, f"form {law}")
-            form[law] = form_error(random, _between(random, FORM), ranges)
-    colour = {
-        place: float(stream(seed, f"colour {place}").uniform(*COLOUR))
-        for place in rig.sensors
-        if "coloured" in names
-    }
-    drifts = {
-        place: drift(stream(seed, f"drift {place}")) for place in rig.sensors if "drift" in names
-    }
-    wobbles = {
-        place: _between(stream(seed, f"size of wobble {place}"), WOBBLE)
-        for place in rig.inputs
-        if "wobble" in names
-    }
-    return Difficulty(form, colour, drifts, wobbles)
-
-
-def _between(random: np.random.Generator, ends: tuple[float, float]) -> float:
-    """Draw uniformly on a logarithmic scale."""
-    return math.exp(random.uniform(math.log(ends[0]), math.log(ends[1])))
+    wobbling = rig.inputs if "wobble" in names else ()
+    return Difficulty(
+        form_errors(seed, _laws(rig, load)) if "form" in names else {},
+        colours(seed, rig.sensors) if "coloured" in names else {},
+        drifts(seed, rig.sensors) if "drift" in names else {},
+        {n: between(stream(seed, f"size of wobble {n}"), WOBBLE) for n in wobbling},
+    )
 
 
 def _laws(
     rig: Rig, load: tuple[float, float]
 ) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
     """Every law of a plant with the ranges of its arguments, SI."""
+    if rig.by_travel:
+        yield from ((f"{m}.flow", (rig.kind(m).speeds, load)) for m in rig.pumps)
+        return
     if rig.by_load:
-        for m in rig.pumps:
-            if rig.by_travel:
-                yield f"{m}.flow", (rig.kind(m).speeds, load)
-            else:
-                yield f"{m}.flow", (load,)
-                yield f"{m}.power", (load,)
+        yield from ((f"{m}.{law}", (load,)) for m in rig.pumps for law in ("flow", "power"))
         return
     values = {name: value for name, (value, _) in rig.numbers.items()}
     fastest = {f"{m}.n": np.array([rig.kind(m).speeds[1]]) for m in rig.pumps}
@@ -117,7 +86,7 @@ def _laws(
     for m in rig.pumps:
         speeds, flow = rig.kind(m).speeds, (0.0, most[f"{m}.Q"])
         pressure = 0.0, most[f"{m}.dp"]
-        yield f"{m}.flow" if rig.kind(m).head is None else f"{m}.head", (speeds, pressure)
+        yield f"{m}.head" if rig.kind(m).by_head else f"{m}.flow", (speeds, pressure)
         yield f"{m}.power", (speeds, pressure)
         if not rig.by_meter:
             yield f"{m}.loss", (flow,)
@@ -129,17 +98,17 @@ def _laws(
 def term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term:
     """Return a form error as a term; `form` gives the share by the law's arguments."""
     module, _, kind = law.partition(".")
-    by_pump: Callable[[State], Array] = (
-        (lambda s: form(s.pressure))
-        if rig.by_load and not rig.by_travel
-        else (lambda s: form(s.speed, s.pressure))
-    )
+
+    def share(s: State) -> Array:
+        by_pressure = rig.by_load and not rig.by_travel
+        return form(s.pressure) if by_pressure else form(s.speed, s.pressure)
+
     match kind:
         case "flow":
-            return Term("gain", module, lambda s: -by_pump(s))
+            return Term("gain", module, lambda s: -share(s))
         case "head":
-            return Term("head", module, lambda s: -s.pressure * by_pump(s))
+            return Term("head", module, lambda s: -s.pressure * share(s))
         case "power":
-            return Term("power", module, lambda s: s.power * by_pump(s))
+            return Term("power", module, lambda s: s.power * share(s))
     k0, k2 = values[f"{module}.k0"], values[f"{module}.k2"]
     return Term("loss", module, lambda s: (k0 + k2 * s.flow * np.abs(s.flow)) * form(s.flow))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from ..smooth import held
 from ..units import ZERO_CELSIUS, Array
 
 COLD, WARM = 18.0 + ZERO_CELSIUS, 42.0 + ZERO_CELSIUS
@@ -18,7 +19,7 @@ LOW, HIGH = 0.15, 0.8
 
 def steps(random: np.random.Generator, samples: int) -> Array:
     """Random values, each held for 8 to 30 samples."""
-    return _held(random, samples, 8, 30)
+    return held(random, samples, 8, 30)
 
 
 def ramps(random: np.random.Generator, samples: int) -> Array:
@@ -35,12 +36,12 @@ def ramps(random: np.random.Generator, samples: int) -> Array:
 
 def long_constant(random: np.random.Generator, samples: int) -> Array:
     """A few operating points, each held for minutes."""
-    return _held(random, samples, 70, 160)
+    return held(random, samples, 70, 160)
 
 
 def visits(random: np.random.Generator, samples: int) -> Array:
     """Successive operating points, as for a calibration."""
-    return _held(random, samples, 12, 18)
+    return held(random, samples, 12, 18)
 
 
 FEW = 3, 6
@@ -132,7 +133,7 @@ def by_load(random: np.random.Generator, load: Array) -> Array:
 
 def density(random: np.random.Generator, samples: int) -> Array:
     """Successive batches of other concentration, each mixed in within some samples, kg/m3."""
-    batch = LIGHT + (HEAVY - LIGHT) * _held(random, samples, 40, 120)
+    batch = LIGHT + (HEAVY - LIGHT) * held(random, samples, 40, 120)
     mixed, result = float(batch[0]), np.empty(samples)
     for k, now in enumerate(batch.tolist()):
         mixed += (now - mixed) / 4.0
@@ -145,12 +146,3 @@ def level(random: np.random.Generator, samples: int) -> Array:
     period = random.uniform(0.25, 0.6) * samples
     phase = (np.arange(samples) / period + random.uniform()) % 1.0
     return np.asarray(HIGH - (HIGH - LOW) * phase)
-
-
-def _held(random: np.random.Generator, samples: int, shortest: int, longest: int) -> Array:
-    result, begin = np.empty(samples), 0
-    while begin < samples:
-        end = begin + int(random.integers(shortest, longest + 1))
-        result[begin:end] = random.uniform()
-        begin = end
-    return result

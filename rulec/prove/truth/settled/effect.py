@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
@@ -14,13 +14,11 @@ import numpy as np
 import yaml
 
 from ..formulas import Names
-from ..transients import late
+from ..runs import late
 from ..units import BAR, LITRE_PER_HOUR, RPM, Array
 from .operated_plant import Scene
-from .pumps import PUMPS
-from .rig import Rig
-from .solve import Operated, Stalled
-from .term import Change, Column, Kind, Reading, Term
+from .rig import PUMPS, Rig
+from .solve import Change, Column, Kind, Operated, Reading, Stalled, Term
 
 STROKES = ("cavity", "membrane")
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -176,9 +174,7 @@ class Here:
     @property
     def warmer(self) -> Array:
         """Temperature of the liquid above its median, K; for a mixer, at the first pump."""
-        values = self.scene.temperature.get(self.module)
-        if values is None:
-            values = next(iter(self.scene.temperature.values()))
+        values = self.scene.plain.get(f"{self.module}.T", self.scene.warmth)
         return np.asarray(values - self.median(values))
 
     @property
@@ -232,9 +228,7 @@ class Here:
 
     def head_of(self, speed: Array, flow: Array) -> Array:
         """Return the head of the pump's plain law."""
-        head = self.scene.rig.kind(self.module).head
-        assert head is not None
-        return head(self.own, speed, flow)
+        return self.scene.rig.kind(self.module).head(self.own, speed, flow)
 
     def widened(self, static: float, friction: float, behind: Array, flow: Array) -> Array:
         """Return the change of a hose's friction; size is the share of the flow per bar."""
@@ -267,7 +261,8 @@ def known(here: Here) -> Mapping[str, Any]:
         **CONSTANTS,
         **{"time": scene.time, "length": scene.length, "pace": scene.pace, "days": scene.days},
         **{"grown": size * scene.time / scene.length, "per_day": size / scene.days},
-        **{"suction": scene.suction.get(module), "density": scene.density.get(module)},
+        "suction": scene.plain.get(f"{module}.{'p_1' if scene.rig.by_travel else 'p_s'}"),
+        "density": scene.plain.get(f"{module}.rho"),
         "samples_late": max(round(size), 1),
     }
 
@@ -306,15 +301,6 @@ def _column(place: str, source: str, names: Names, formula: str) -> Column:
     return Column(place, lambda c: np.asarray(names.with_(own=c[source], columns=c).of(formula)))
 
 
-@cache
-def _tables() -> dict[str, dict[str, Effect]]:
-    text = Path(__file__).with_name("effects.yaml").read_text(encoding="utf-8")
-    return {
-        table: {name: _effect(name, stated) for name, stated in effects.items()}
-        for table, effects in yaml.safe_load(text).items()
-    }
-
-
 def _effect(name: str, stated: Mapping[str, Any]) -> Effect:
     words = stated.get("of", [])
     kinds = [KINDS.get(word, (word,)) for word in ([words] if isinstance(words, str) else words)]
@@ -326,18 +312,17 @@ def _effect(name: str, stated: Mapping[str, Any]) -> Effect:
     return Effect(name, stated["title"], stated, low, high, kinds=(*chain(*kinds),), **own)
 
 
-EFFECTS: Mapping[str, Effect] = _tables()["effects"]
+_TABLES = yaml.safe_load(Path(__file__).with_name("effects.yaml").read_text(encoding="utf-8"))
 
-WIRING: Mapping[str, Effect] = _tables()["wiring"]
+EFFECTS: Mapping[str, Effect] = {n: _effect(n, stated) for n, stated in _TABLES["effects"].items()}
+
+WIRING: Mapping[str, Effect] = {n: _effect(n, stated) for n, stated in _TABLES["wiring"].items()}
 """Mistakes of wiring and files: they have cases of their own and are no rivals of effects."""
-
-CONNECTIONS: Mapping[str, Effect] = _tables()["connections"]
-"""Mistakes in the plant file, likewise."""
 
 
 def effect_of(name: str) -> Effect:
     """Return an effect or a mistake by its name."""
-    return {**EFFECTS, **WIRING, **CONNECTIONS}[name]
+    return {**EFFECTS, **WIRING}[name]
 
 
 def places_of(rig: Rig, effect: Effect) -> list[Placed]:

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..transients import SPEED_TIME, approach
+from ..runs import SPEED_TIME, approach
 from ..units import Array
 from .effect_size import made_of
-from .operated_plant import SENSING, Scene, ambient
-from .solve import Operated, solve
-from .term import shown_by
+from .operated_plant import SENSING, Scene
+from .solve import Operated, shown_by, solve
 
 if TYPE_CHECKING:
     from .plan import SettledCase
@@ -92,49 +91,31 @@ def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:
     """Continue a scene with courses of all inputs, SI."""
     rig, count = scene.rig, len(next(iter(courses.values())))
     given = {name: np.concatenate([scene.given[name], courses[name]]) for name in rig.inputs}
-    densities = {m: _back(values, count) for m, values in scene.density.items()}
-    suction = {m: _back(values, count) for m, values in scene.suction.items()}
-    if rig.by_travel:
-        behind = {m: _back(v - scene.given[f"{m}.dp"], count) for m, v in scene.suction.items()}
-        suction = {m: given[f"{m}.dp"] + values for m, values in behind.items()}
-    added = slice(scene.time.size, None)
-    temperatures = {m: _warmed(scene, m, given, count) for m in scene.temperature}
-    levels = {m: _back(values, count) for m, values in scene.level.items()}
+    around = {place: _continued(scene, place, given, count) for place in scene.around}
+    added = {name: values[scene.time.size :] for name, values in given.items()}
     laws = scene.hard.terms(rig, scene.values)
-    found = solve(Operated(rig, scene.values, {n: v[added] for n, v in given.items()}, laws))
-    around = ambient(rig, temperatures, levels, suction, densities)
-    plain = {**around, **given}
-    for name, values in found.items():
-        if name not in plain:
-            plain[name] = np.concatenate([scene.plain[name], values])
+    found = solve(Operated(rig, scene.values, added, laws))
+    caused = {n: np.concatenate([scene.plain[n], found[n]]) for n in found if n not in given}
     return replace(
         scene,
         time=np.concatenate([scene.time, scene.time[-1] + 1.0 + np.arange(count)]),
         given=given,
-        temperature=temperatures,
-        level=levels,
-        suction=suction,
-        density=densities,
+        around=around,
         running=np.concatenate([scene.running, np.ones(count, dtype=bool)]),
-        plain=plain,
+        plain={**around, **given, **caused},
         further=count,
     )
 
 
-def _back(values: Array, count: int) -> Array:
-    """A course, continued by `count` samples in which it returns the way it came."""
-    return np.asarray(np.pad(values, (0, count), mode="symmetric"))
-
-
-def _warmed(scene: Scene, module: str, given: Mapping[str, Array], count: int) -> Array:
-    """Temperature of the liquid at a pump, K."""
-    values = scene.temperature[module]
-    if scene.rig.by_temperature:
-        return given[f"{module}.T"]
-    if not scene.correlated:
+def _continued(scene: Scene, place: str, given: Mapping[str, Array], count: int) -> Array:
+    """A signal that nobody sets, continued by `count` samples beside longer inputs."""
+    values, known, module = scene.around[place], scene.time.size, place.partition(".")[0]
+    if place.endswith(".p_1"):
+        across = given[f"{module}.dp"]
+        return np.asarray(across + _back(values - across[:known], count))
+    if not (place.endswith(".T") and scene.correlated):
         return _back(values, count)
     load = given[f"{module}.{'dp' if scene.rig.by_load else 'n'}"]
-    known = values.size
     # T rises by (a + b load - T) / MEMORY per sample; a and b follow from its course so far.
     wanted = values[:-1] + MEMORY * np.diff(values)
     slope, level = np.polyfit(load[1:known], wanted, 1)
@@ -143,3 +124,8 @@ def _warmed(scene: Scene, module: str, given: Mapping[str, Array], count: int) -
     for k in range(known, known + count):
         found[k] = found[k - 1] + (level + slope * load[k] - found[k - 1]) / MEMORY
     return found
+
+
+def _back(values: Array, count: int) -> Array:
+    """A course, continued by `count` samples in which it returns the way it came."""
+    return np.asarray(np.pad(values, (0, count), mode="symmetric"))

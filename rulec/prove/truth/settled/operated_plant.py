@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..runs import SPEED_TIME, approach
 from ..sensors import Sensing, read
 from ..smooth import wobble
 from ..streams import stream
-from ..transients import SPEED_TIME, approach
 from ..units import BAR, LITRE_PER_HOUR, Array
 from . import drive
-from .difficulty import NONE, Difficulty, difficulty
-from .pumps import Values
-from .rig import Rig
-from .solve import Operated, solve
-from .term import Change, shown_by, written_by
+from .difficulty import Difficulty, difficulty
+from .rig import Rig, Values
+from .solve import Change, Operated, shown_by, solve, written_by
 
 SENSING = Sensing(law="truncated")
 """Errors of sensors stay inside the bounds of their class."""
@@ -56,9 +54,8 @@ class Scene:
     first : first sample of the recording; earlier ones are of a run for calibration
     time : samples since the recording began, shape (n,), never negative
     given : true inputs, SI, by signal
-    temperature, level : of each pump module, K and m
-    suction : gauge pressure before each metered pump or valve, Pa
-    density : of the liquid in each valve, kg/m3
+    around : signals that the plant neither gets nor causes, SI: temperatures, levels, gauge
+        pressures before a metered pump or valve, densities
     running : bool; while the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
     hard : its difficulties; the form errors are in `plain`
@@ -74,15 +71,12 @@ class Scene:
     first: int
     time: Array
     given: Mapping[str, Array]
-    temperature: Mapping[str, Array]
-    level: Mapping[str, Array]
-    suction: Mapping[str, Array]
-    density: Mapping[str, Array]
+    around: Mapping[str, Array]
     running: np.ndarray
     plain: Mapping[str, Array]
-    hard: Difficulty = NONE
-    pace: float = 1.0
-    correlated: bool = False
+    hard: Difficulty
+    pace: float
+    correlated: bool
     further: int = 0
 
     @property
@@ -105,6 +99,11 @@ class Scene:
         """Time of all samples, also those before the recording, s."""
         return np.arange(self.time.size, dtype=np.float64) * self.pace
 
+    @property
+    def warmth(self) -> Array:
+        """Temperature of the liquid at the first pump, K."""
+        return self.plain[f"{next(iter(self.rig.pumps))}.T"]
+
     def truly(self, terms: Sequence[Change] = (), values: Values | None = None) -> dict[str, Array]:
         """Return the true values of all signals with some terms, SI.
 
@@ -113,8 +112,7 @@ class Scene:
         values = values or self.values
         laws = (*self.hard.terms(self.rig, values), *terms)
         found = solve(Operated(self.rig, values, self.given, laws), self.plain)
-        around = ambient(self.rig, self.temperature, self.level, self.suction, self.density)
-        return {**around, **self.given, **found}
+        return {**self.around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
         """Return the columns of the file for sensors without errors of their class, SI."""
@@ -161,73 +159,77 @@ def scene(
     """
     random = stream(seed, "course")
     share = drive.shares(random, list(rig.pumps), profile, samples, before)
-    make = drive.PROFILES[profile]
-    load = ACROSS if rig.by_travel else LOAD
-    hard = difficulty(rig, difficulties, seed, load)
+    hard = difficulty(rig, difficulties, seed, ACROSS if rig.by_travel else LOAD)
     samples += before
     seconds = np.arange(samples, dtype=np.float64)
-    given = {}
+
+    def setting() -> Array:
+        return drive.PROFILES[profile](random, samples)
+
+    def reached(setting: Array) -> Array:
+        return approach(seconds, setting, SPEED_TIME)
+
+    given: dict[str, Array] = {}
+    around: dict[str, Array] = {}
     for m in rig.pumps:
-        low, high = load if rig.by_load else rig.kind(m).speeds
-        setting = low + (high - low) * (USED[0] + (USED[1] - USED[0]) * share[m])
-        place = f"{m}.{'dp' if rig.by_load else 'n'}"
-        given[place] = approach(seconds, setting, SPEED_TIME)
+        place, low, high = _main_setting(rig, m)
+        given[place] = reached(low + (high - low) * (USED[0] + (USED[1] - USED[0]) * share[m]))
         if place in hard.wobble:
             course = wobble(stream(seed, f"wobble {place}"), samples)
             given[place] = given[place] + (high - low) * hard.wobble[place] * course
         if rig.by_travel:
-            travel = TRAVEL[0] + (TRAVEL[1] - TRAVEL[0]) * make(random, samples)
-            given[f"{m}.x"] = approach(seconds, travel, SPEED_TIME)
+            given[f"{m}.x"] = reached(TRAVEL[0] + (TRAVEL[1] - TRAVEL[0]) * setting())
         if rig.by_meter:
-            opened = OPENED[0] + (OPENED[1] - OPENED[0]) * make(random, samples)
-            reached, usual = approach(seconds, opened, SPEED_TIME), rig.numbers[f"{m}.n0"][0]
-            given[f"{m}.Q"] = FLOW * reached * given[f"{m}.n"] / usual
-    temperatures = {
-        m: drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
-        for m in rig.pumps
-    }
-    if rig.by_temperature:
-        given |= {f"{m}.T": values for m, values in temperatures.items()}
-    levels = {m: drive.level(random, samples) for m in rig.pumps}
-    suctions = {m: _throttled(random, seconds, make) for m in rig.pumps if rig.by_meter}
-    if rig.by_travel:
-        suctions = {m: given[f"{m}.dp"] + _behind(random, seconds, make) for m in rig.pumps}
-    densities = {m: drive.density(random, samples) for m in rig.pumps if rig.by_travel}
+            opened = reached(OPENED[0] + (OPENED[1] - OPENED[0]) * setting())
+            given[f"{m}.Q"] = FLOW * opened * given[f"{m}.n"] / rig.numbers[f"{m}.n0"][0]
+    for m in rig.pumps:
+        warm = drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
+        (given if rig.by_temperature else around)[f"{m}.T"] = warm
+    around |= {f"{m}.l": drive.level(random, samples) for m in rig.pumps}
+    for m in rig.pumps if rig.by_meter else ():
+        around[f"{m}.p_s"] = SUCTION[0] + (SUCTION[1] - SUCTION[0]) * reached(setting()) ** 2
+    for m in rig.pumps if rig.by_travel else ():
+        behind = BEHIND[0] + (BEHIND[1] - BEHIND[0]) * reached(setting())
+        around[f"{m}.p_1"] = given[f"{m}.dp"] + behind
+    around |= {f"{m}.rho": drive.density(random, samples) for m in rig.pumps if rig.by_travel}
+    around = {place: values for place, values in around.items() if place in rig.sensors}
     running = np.ones(samples, dtype=bool)
     if profile == "start-stop":
         running = drive.stops(random, samples) > 0
         running[:before] = True
     values = drawn(rig, stream(seed, "parameters"))
     found = solve(Operated(rig, values, given, hard.terms(rig, values)))
-    around = ambient(rig, temperatures, levels, suctions, densities)
-    time = np.maximum(seconds - before, 0.0)
     return Scene(
         rig,
         profile,
         seed,
         values,
-        before,
-        time,
-        given,
-        temperatures,
-        levels,
-        suctions,
-        densities,
-        running,
-        {**around, **given, **found},
-        hard,
-        pace,
-        correlated,
+        first=before,
+        time=np.maximum(seconds - before, 0.0),
+        given=given,
+        around=around,
+        running=running,
+        plain={**around, **given, **found},
+        hard=hard,
+        pace=pace,
+        correlated=correlated,
     )
+
+
+def _main_setting(rig: Rig, module: str) -> tuple[str, float, float]:
+    """The input that is set by shares of its range, and that range, SI."""
+    if rig.by_load:
+        return f"{module}.dp", *(ACROSS if rig.by_travel else LOAD)
+    return f"{module}.n", *rig.kind(module).speeds
 
 
 def may_be_set(rig: Rig) -> dict[str, tuple[float, float]]:
     """Return the limits of inputs, SI: the range that operation uses. Nobody sets temperatures."""
     found = {}
     for m in rig.pumps:
-        low, high = (ACROSS if rig.by_travel else LOAD) if rig.by_load else rig.kind(m).speeds
+        place, low, high = _main_setting(rig, m)
         ends = low + (high - low) * USED[0], low + (high - low) * USED[1]
-        found[f"{m}.{'dp' if rig.by_load else 'n'}"] = ends
+        found[place] = ends
         if rig.by_travel:
             found[f"{m}.x"] = TRAVEL
         if rig.by_meter:
@@ -244,32 +246,4 @@ def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:
         # The slip of an oil set must not be negative; its stated value is only a first guess.
         if value > 0 and u > 0.5 * value:
             found[name] = value * float(random.uniform(0.4, 1.6))
-    return found
-
-
-def _throttled(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
-    """Gauge pressure behind a suction valve that is closed in steps."""
-    opened, shut = SUCTION
-    return opened + (shut - opened) * approach(seconds, make(random, seconds.size), SPEED_TIME) ** 2
-
-
-def _behind(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
-    """Gauge pressure behind a valve."""
-    low, high = BEHIND
-    return low + (high - low) * approach(seconds, make(random, seconds.size), SPEED_TIME)
-
-
-def ambient(
-    rig: Rig,
-    temperature: Mapping[str, Array],
-    level: Mapping[str, Array],
-    suction: Mapping[str, Array],
-    density: Mapping[str, Array],
-) -> dict[str, Array]:
-    """Return the true values of signals that the plant does not cause, SI."""
-    found = {f"{m}.T": v for m, v in temperature.items() if f"{m}.T" in rig.sensors}
-    found |= {f"{m}.{rig.gauge}": values for m, values in suction.items()}
-    found |= {f"{m}.rho": values for m, values in density.items()}
-    if not (rig.by_load or rig.by_meter):
-        found |= {f"{m}.l": values for m, values in level.items()}
     return found

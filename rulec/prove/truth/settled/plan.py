@@ -1,4 +1,4 @@
-"""A planned case (its effects, their strength and concealment), and how it is made."""
+"""A planned case (its effects, their strength and concealment), how it is made, and its answer."""
 
 from __future__ import annotations
 
@@ -6,39 +6,25 @@ import contextlib
 import math
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ..detection_limit import expected_gain
 from ..recording import write_csv
-from ..sealed import HIDES, Answer, Reference, Request
+from ..sealed import HIDES, Answer, Planted, Reference, Request, verdict_of
+from ..smooth import between
 from ..streams import FURTHER, stream
 from ..units import Array
-from .answer import answer_of, connection_of
-from .connections import WAYS
-from .detection_limit import VisibleOutputs, visible_outputs
+from .detection_limit import VisibleOutputs, blurred, visible_outputs
 from .drive import PRODUCTION
-from .effect import Made, Placed, effect_of, places_of
-from .effect_size import sized
-from .folder import write_limits, write_plant
-from .hard_detection_limit import blurred
+from .effect import WIRING, Made, Placed, effect_of, places_of
+from .effect_size import margin_of, sized
 from .operated_plant import Scene, may_be_set, scene
 from .reference import reference
 from .rig import Rig
-from .rigs import bench_rig, dosing_rig, oil_rig, valve_rig, warm_rig
-from .solve import Stalled
-from .term import Change
-
-FAMILIES = {
-    "dosing": dosing_rig,
-    "oil": oil_rig,
-    "bench": bench_rig,
-    "warm": warm_rig,
-    "valve": valve_rig,
-}
-"""Random plants by family."""
+from .rigs import drawn_rig, write_limits, write_plant
+from .solve import Change, Stalled
 
 ATTEMPTS = 40
 """Most plants that are drawn until one shows its effects as planned."""
@@ -59,8 +45,7 @@ class Planned:
 
     Attributes
     ----------
-    group : `clean`, `single`, `pair`, `hiding`, `fault`, `sensor`, `unnamed`, `unrecorded`,
-        `connection` or another of the suite
+    group : of `cases.yaml`
     family : `dosing`, `oil`, `warm`, `bench` or `valve`
     effects : names, all in one plant
     aim : target of the expected gain in log likelihood of each effect
@@ -97,17 +82,13 @@ class Planned:
 
 @dataclass(frozen=True)
 class SettledCase:
-    """A recording of a stationary plant with its answer.
-
-    `stated` is the plant in the file, if that differs; `planted` are effects with their sizes.
-    """
+    """A recording of a stationary plant with its answer; `planted` are effects with their sizes."""
 
     plan: Planned
     scene: Scene
     terms: tuple[Change, ...]
     answer: Answer
-    stated: Rig | None = None
-    planted: tuple[tuple[Placed, float], ...] = ()
+    planted: tuple[tuple[Placed, float], ...]
 
     @property
     def may_be_set(self) -> dict[str, tuple[float, float]]:
@@ -118,7 +99,7 @@ class SettledCase:
         """Write `plant/` and `recording.csv`, `earlier.csv` for a calibration, if any, and
         `limits.yaml` if inputs may be set beyond the recording."""
         scene_, first = self.scene, self.scene.first
-        write_plant(self.stated or scene_.rig, folder / "plant")
+        write_plant(scene_.rig, folder / "plant")
         if self.may_be_set:
             write_limits(scene_.rig, self.may_be_set, folder / "limits.yaml")
         columns = scene_.recorded(scene_.truly(self.terms), self.terms)
@@ -143,9 +124,7 @@ class SettledCase:
 def _attempt(plan: Planned, seed: int) -> SettledCase:
     """Draw one plant; raises Stalled if it cannot have or show an effect, or cannot run so."""
     random = stream(seed, "plan")
-    rig = FAMILIES[plan.family](random, plan.small)
-    if plan.group == "connection":
-        return _misstated(plan, rig, seed, random)
+    rig = drawn_rig(plan.family, random, plan.small)
     placed = _placed(rig, plan.effects, random)
     samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
     before = BEFORE if _is_calibrated(plan, rig, random) else 0
@@ -167,33 +146,15 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
     # Effects are as strong as planned on a plant that obeys its laws. Difficulties hide a part of
     # them, which the answer states, but nothing makes up for it.
     limit = blurred(seen) if found and drawn.hard.told else seen
-    answer = answer_of(plan.name, plan.group, plan.conceal, limit, found)
     planted = tuple((one, made.size) for one, made in found)
-    return SettledCase(plan, seen.scene, terms, answer, planted=planted)
-
-
-def _misstated(plan: Planned, rig: Rig, seed: int, random: np.random.Generator) -> SettledCase:
-    """A plant whose connections differ from its file; raises Stalled if that does not show."""
-    (name,) = plan.effects
-    true, stated, module = WAYS[name](rig, random)
-    samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
-    drawn = scene(true, seed, samples, plan.profile)
-    seen = visible_outputs(drawn)
-    believed = replace(drawn, rig=stated).truly()
-    off = seen.over({n: drawn.plain[n] - believed[n] for n in true.outputs})
-    gain = expected_gain(off, seen.sensitivities, np.zeros((len(off), 0)))
-    if gain < plan.aim:
-        raise Stalled("the connection does not show")
-    answer = connection_of(plan.name, plan.group, seen, Placed(effect_of(name), module), gain)
-    return SettledCase(plan, drawn, (), answer, stated)
+    return SettledCase(plan, seen.scene, terms, _answer_of(plan, limit, found), planted)
 
 
 def _pace(plan: Planned, seed: int) -> float:
     """Sampling interval, s: fouling, wear and creep do not show within minutes."""
     if not any(effect_of(name).slow for name in plan.effects):
         return 1.0
-    low, high = (math.log(pace) for pace in PACES)
-    return round(math.exp(stream(seed, "pace").uniform(low, high)))
+    return round(between(stream(seed, "pace"), PACES))
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
@@ -228,3 +189,50 @@ def _added(seen: VisibleOutputs, found: Sequence[Made]) -> float:
     together = seen.gain([t for made in found for t in made.changes])
     alone = sum(seen.gain(made.changes) for made in found)
     return math.sqrt(together / alone)
+
+
+def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed, Made]]) -> Answer:
+    """The report of a perfect analysis."""
+    scene, planted = seen.scene, []
+    for placed, made in found:
+        others = [seen.change(m.changes) for p, m in found if p is not placed]
+        flat = np.stack(others, 1) if others else np.zeros((len(seen.sensitivities), 0))
+        margin, rival = margin_of(seen, placed, made, flat, scene.seed)
+        effect = placed.effect
+        planted.append(
+            Planted(
+                effect=effect.name,
+                title=effect.title,
+                sort=effect.sort,
+                module=placed.module,
+                place=effect.title,
+                names=tuple(effect.entries),
+                places=(*placed.places, *made.elsewhere),
+                parameters=made.parameters,
+                gain=seen.gain(made.changes, flat),
+                margin=margin,
+                rival=rival,
+            )
+        )
+    unrecorded, effects = plan.group == "unrecorded", [placed.effect for placed, _ in found]
+    ways = (
+        ("clean", not planted),
+        ("corner", any(effect.corner for effect in effects)),
+        (plan.group, plan.group in ("pair", "hiding", "unrecorded")),
+        ("wiring", any(effect.name in WIRING for effect in effects)),
+        ("unnamed", any(effect.sort == "unnamed" for effect in effects)),
+        ("alike", any(p.margin < 0.1 * p.gain for p in planted)),
+    )
+    return Answer(
+        case=plan.name,
+        half="stationary",
+        plant=scene.rig.name,
+        profile=scene.profile,
+        seed=scene.seed,
+        samples=scene.time.size,
+        verdict="unnamed" if unrecorded else verdict_of([p.sort for p in planted]),
+        concealed=(*plan.conceal, *(way for way, holds in ways if holds)) or ("open",),
+        effects=tuple(planted),
+        unrecorded=effects[0].driver if unrecorded else "",
+        difficulties=scene.hard.told,
+    )

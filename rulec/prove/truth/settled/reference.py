@@ -15,8 +15,7 @@ import numpy as np
 from ..sealed import Reference, Request
 from ..units import Array
 from .operated_plant import SENSING, Scene
-from .solve import Operated, solve
-from .term import Change
+from .solve import Change, Operated, solve
 
 STEP = 1e-5
 ROUNDS = 30
@@ -35,7 +34,7 @@ def reference(
     driver = None
     if unrecorded:
         own = truth.get(f"{module}.{unrecorded}")
-        course = next(iter(scene.temperature.values())) if own is None else own
+        course = scene.warmth if own is None else own
         driver = (_clock(scene), course[scene.first :])
     return Reference(errors, driver)
 

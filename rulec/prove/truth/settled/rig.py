@@ -1,39 +1,91 @@
-"""A stationary plant: its modules and its sensors."""
+"""A stationary plant: kinds of pumps from `pumps.yaml`, its modules, its sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
-from ..sensors import DOSING_SIGNALS, MIXER_SIGNALS, Sensor
-from ..units import BAR, LITRE_PER_HOUR, ZERO_CELSIUS, Array
-from .pumps import LM, MIXER, PUMPS, Numbers, PumpKind
+from .. import units
+from ..formulas import Names
+from ..sensors import MIXER_SIGNALS, Sensor
+from ..units import Array
 
-LOAD_SIGNALS = {
-    "dp": Sensor("bar", BAR, bound=0.25),
-    "P_el": Sensor("W", 1.0, bound=0.002, relative=True),
-    "T": Sensor("degC", 1.0, bound=0.3, offset=ZERO_CELSIUS),
-    "Q": Sensor("l/min", LM, bound=0.005, relative=True),
-}
-"""Of an oil set; bounds of the sensor classes."""
+Values = Mapping[str, float]
+Numbers = Mapping[str, tuple[float, float]]
+"""Value and standard uncertainty, SI."""
 
-BENCH_SIGNALS = {
-    **{name: DOSING_SIGNALS[name] for name in ("n", "Q", "dp", "P_el", "T")},
-    "p_s": Sensor("bar", BAR, bound=0.003),
-}
-"""Of a metered pump with a throttle before it."""
+UNITS = Names(None, {**vars(units), "LH": units.LITRE_PER_HOUR, "LM": 1e-3 / 60.0})
 
-VALVE_SIGNALS = {
-    "x": Sensor("%", 0.01, bound=0.5),
-    "Q": Sensor("m3/h", 1e3 * LITRE_PER_HOUR, bound=0.004, relative=True),
-    "dp": DOSING_SIGNALS["dp"],
-    "p_1": Sensor("bar", BAR, bound=0.016),
-    "rho": Sensor("kg/m3", 1.0, bound=1.0),
-}
-"""Of a control valve between two taps; bounds of the sensor classes."""
+
+@dataclass(frozen=True)
+class PumpKind:
+    """A kind of pump and its dosing line; a valve likewise. See `pumps.yaml`."""
+
+    stated: Mapping[str, Any]
+    numbers: Numbers
+    sensors: Mapping[str, Sensor]
+    speeds: tuple[float, float]
+
+    @classmethod
+    def of(cls, stated: Mapping[str, Any]) -> PumpKind:
+        """Read an entry of the table."""
+        slowest, fastest = map(UNITS.of, stated["rev/s"])
+        sensors = {name: _sensor(*entry) for name, entry in stated["sensors"].items()}
+        return cls(stated, _numbers(stated), sensors, (float(slowest), float(fastest)))
+
+    @property
+    def type(self) -> str:
+        """Module type of the tool that describes it."""
+        return str(self.stated["type"])
+
+    @property
+    def rising(self) -> bool:
+        """Whether the power rises with the pressure."""
+        return bool(self.stated.get("rising", True))
+
+    @property
+    def by_head(self) -> bool:
+        """Whether the root search needs the head."""
+        return "head" in self.stated
+
+    def flow(self, p: Mapping[str, Any], speed: Array, pressure: Array) -> tuple[Array, Array]:
+        """Return the flow without slip by pressure, and that slip, by parameters and speed."""
+        names = Names(None, {}, **p, speed=speed, pressure=pressure)
+        names.fix(self.stated["flow"])
+        return names["free"], names["slip"]
+
+    def power(self, p: Mapping[str, Any], speed: Array, pressure: Array, flow: Array) -> Array:
+        """Return the power, W."""
+        names = Names(None, {}, **p, speed=speed, pressure=pressure, flow=flow)
+        return np.asarray(names.of(self.stated["power"]))
+
+    def head(self, p: Mapping[str, Any], speed: Array, flow: Array) -> Array:
+        """Return the pressure, Pa."""
+        return np.asarray(Names(None, {}, **p, speed=speed, flow=flow).of(self.stated["head"]))
+
+
+def _numbers(stated: Mapping[str, Any]) -> Numbers:
+    numbers = {name: (v, u, UNITS.of(unit)) for name, (v, u, unit) in stated["numbers"].items()}
+    return {name: (value * unit, u * unit) for name, (value, u, unit) in numbers.items()}
+
+
+def _sensor(unit: str, scale: str, bound: float, more: str = "") -> Sensor:
+    relative = more == "relative"
+    offset = UNITS.of(more) if more and not relative else 0.0
+    return Sensor(unit, UNITS.of(scale), bound, offset, relative)
+
+
+_TABLE = yaml.safe_load(Path(__file__).with_name("pumps.yaml").read_text(encoding="utf-8"))
+
+PUMPS: Mapping[str, PumpKind] = {k: PumpKind.of(stated) for k, stated in _TABLE["pumps"].items()}
+
+MIXER = _numbers(_TABLE["mixer"])
 
 
 @dataclass(frozen=True)
@@ -57,34 +109,30 @@ class Rig:
         return PUMPS[self.pumps[module]]
 
     @property
+    def _set(self) -> Sequence[str]:
+        """Signals that are set, the same for all pumps."""
+        found: Sequence[str] = PUMPS[next(iter(self.pumps.values()))].stated["inputs"]
+        return found
+
+    @property
     def by_load(self) -> bool:
         """Whether the load sets the pressure, and the flow is metered."""
-        return self.by_temperature or self.by_travel or "oil-set" in self.pumps.values()
+        return "dp" in self._set
 
     @property
     def by_travel(self) -> bool:
         """Whether valves, set by their travel, take the place of pumps."""
-        return "valve" in self.pumps.values()
-
-    @property
-    def setting(self) -> str:
-        """Signal that sets a pump or valve."""
-        return "x" if self.by_travel else "n"
-
-    @property
-    def gauge(self) -> str:
-        """Signal of the pressure before a metered pump or a valve."""
-        return "p_1" if self.by_travel else "p_s"
+        return "x" in self._set
 
     @property
     def by_temperature(self) -> bool:
         """Whether the laws of its pumps depend on the temperature."""
-        return "oil-warm" in self.pumps.values()
+        return "T" in self._set
 
     @property
     def by_meter(self) -> bool:
         """Whether a valve behind the pump sets the flow, which is metered."""
-        return "metered" in self.pumps.values()
+        return "Q" in self._set
 
     @cached_property
     def feeds(self) -> Array:
@@ -115,27 +163,21 @@ class Rig:
     @cached_property
     def sensors(self) -> Mapping[str, Sensor]:
         """All sensors by `module.signal`, in the order of the columns."""
-        signals = LOAD_SIGNALS if self.by_load else DOSING_SIGNALS
-        signals = BENCH_SIGNALS if self.by_meter else signals
-        signals = VALVE_SIGNALS if self.by_travel else signals
         found = {}
         for module in self.pumps:
-            for name, sensor in signals.items():
-                bound = sensor.bound / (self.kind(module).gear if name == "n" else 1.0)
-                found[f"{module}.{name}"] = replace(sensor, bound=bound)
+            for name, sensor in self.kind(module).sensors.items():
+                gear = self.kind(module).stated.get("gear", 1.0) if name == "n" else 1.0
+                found[f"{module}.{name}"] = replace(sensor, bound=sensor.bound / gear)
         return found | {f"{mixer}.dp": MIXER_SIGNALS["dp"] for mixer in self.mixers}
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """Signals that are set, not caused."""
-        set_: tuple[str, ...] = ("dp",) if self.by_load else ("n", "Q") if self.by_meter else ("n",)
-        set_ += ("T",) if self.by_temperature else ("x",) if self.by_travel else ()
-        return tuple(f"{module}.{name}" for module in self.pumps for name in set_)
+        return tuple(f"{module}.{name}" for module in self.pumps for name in self._set)
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
         """Signals that the plant's physics causes, without flow meters unused in diagnosis."""
-        caused: tuple[str, ...] = ("P_el", "Q") if self.by_load else ("dp", "P_el")
-        caused = ("Q",) if self.by_travel else caused
-        names = [f"{module}.{name}" for module in self.pumps for name in caused]
-        return (*names, *(f"{mixer}.dp" for mixer in self.mixers))
+        caused = [(m, name) for m in self.pumps for name in self.kind(m).stated["outputs"]]
+        caused += [(mixer, "dp") for mixer in self.mixers]
+        return tuple(f"{module}.{name}" for module, name in caused)

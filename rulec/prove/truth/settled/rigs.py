@@ -1,17 +1,40 @@
-"""Random plants: pumps of several kinds feed mixers, or oil sets work against a load."""
+"""Random plants, and their files as a plant engineer writes them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
+from ..units import BAR, LITRE_PER_HOUR
 from .rig import Rig
 
 FIRST = "ABDEFGHK"
 KINDS = ("cavity", "cavity", "cavity", "membrane", "centrifugal")
 
+ALONE: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "oil": ("oil-set", ("main", "aux")),
+    "bench": ("metered", ("A", "B")),
+    "valve": ("valve", ("A", "B")),
+}
+"""Kind and names of one or two pumps or valves, each between its own pressures, by family."""
 
-def dosing_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """Draw two to five pumps that feed one to three mixers, in series or parallel.
+
+def drawn_rig(family: str, random: np.random.Generator, small: bool = False) -> Rig:
+    """Draw a plant of a family: `dosing`, `warm`, or one of ALONE; a small one has fewer pumps."""
+    if family == "dosing":
+        return _dosing(random, small)
+    if family == "warm":
+        return Rig("warm", {"A": "oil-warm"}, {}, {"A": None})
+    kind, names = ALONE[family]
+    names = names[: 1 if small else int(random.choice([1, 1, 2]))]
+    return Rig(f"{family}-{len(names)}", dict.fromkeys(names, kind), {}, dict.fromkeys(names))
+
+
+def _dosing(random: np.random.Generator, small: bool) -> Rig:
+    """Two to five pumps that feed one to three mixers, in series or parallel.
 
     A small plant has two pumps and one mixer. The size of a mixer follows from its flow.
     """
@@ -20,57 +43,46 @@ def dosing_rig(random: np.random.Generator, small: bool = False) -> Rig:
     pumps = {name: str(random.choice(KINDS)) for name in names}
     shapes = ["one"] if count == 2 else ["one", "series", "series"]
     shape = str(random.choice(shapes if count < 4 else [*shapes, "parallel"]))
-    downstream: dict[str, str | None]
+    behind: dict[str, str | None]
     if shape == "one":
-        downstream = {**dict.fromkeys(names, "M"), "M": None}
+        cut, behind = count, {"M": None}
     elif shape == "series":
-        cut = int(random.integers(1, count)) if count > 2 else 1
-        cut = max(cut, 2) if count > 2 else cut
-        downstream = {n: "M1" if i < cut else "M2" for i, n in enumerate(names)}
-        downstream |= {"M1": "M2", "M2": None}
+        cut, behind = max(int(random.integers(1, count)), 2), {"M1": "M2", "M2": None}
     else:
-        half = count // 2
-        downstream = {n: "M1" if i < half else "M2" for i, n in enumerate(names)}
-        downstream |= {"M1": "M3", "M2": "M3", "M3": None}
-    mixers = [m for m in ("M", "M1", "M2", "M3") if m in downstream]
-    weak = "centrifugal" in pumps.values()
-    sizes: dict[str, float] = {m: _size(m, names, downstream, weak, len(mixers)) for m in mixers}
-    letters = "".join(k[0] for k in pumps.values())
-    return Rig(f"{shape}-{letters}", pumps, sizes, downstream)
+        cut, behind = count // 2, {"M1": "M3", "M2": "M3", "M3": None}
+    mixers = list(behind)
+    downstream = {n: mixers[0 if i < cut else 1] for i, n in enumerate(names)} | behind
+    rig = Rig(f"{shape}-{''.join(k[0] for k in pumps.values())}", pumps, {}, downstream)
+    # Friction as multiple of that of a DN15 mixer, which suits two pumps.
+    loss = (0.3 if "centrifugal" in pumps.values() else 1.0) / len(mixers)
+    feeding = {m: sum(m in rig.path(n) for n in names) for m in mixers}
+    return replace(rig, mixers={m: round(loss * (2.0 / n) ** 2, 3) for m, n in feeding.items()})
 
 
-def oil_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """Draw one or two oil sets, each with its own load; small: one."""
-    names = ["main", "aux"][: 1 if small else int(random.choice([1, 1, 2]))]
-    return Rig(f"oil-{len(names)}", dict.fromkeys(names, "oil-set"), {}, dict.fromkeys(names, None))
+def write_plant(rig: Rig, folder: Path) -> None:
+    """Write `plant.yaml`: instances and connections only."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = ["plant: concealed", "title: A plant of the proof", "modules:"]
+    lines += [f"  {name}: {{type: {rig.kind(name).type}}}" for name in rig.pumps]
+    for name, size in rig.mixers.items():
+        if size == 1.0:
+            lines.append(f"  {name}: {{type: static-mixer}}")
+        else:
+            value, u = (number / (BAR / LITRE_PER_HOUR**2) for number in rig.numbers[f"{name}.k2"])
+            stated = f'value: {value:.6g}, unit: bar/(l/h)**2, u: {u:.3g}, source: "data sheet"'
+            lines += [f"  {name}:", "    type: static-mixer", "    parameters:"]
+            lines.append(f"      k2: {{{stated}}}")
+    links = [f"  - {a} -> {b}" for a, b in rig.downstream.items() if b is not None]
+    if links:
+        lines += ["connections:", *links]
+    (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def warm_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """Return an oil set whose laws depend on the temperature of the oil."""
-    return Rig("warm", {"A": "oil-warm"}, {}, {"A": None})
-
-
-def bench_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """Draw one or two metered centrifugal pumps, each between two valves; small: one."""
-    names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]
-    return Rig(f"bench-{len(names)}", dict.fromkeys(names, "metered"), {}, dict.fromkeys(names))
-
-
-def valve_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """Draw one or two control valves, each between its own pressures; small: one."""
-    names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]
-    return Rig(f"valve-{len(names)}", dict.fromkeys(names, "valve"), {}, dict.fromkeys(names))
-
-
-def _size(
-    mixer: str, names: list[str], downstream: dict[str, str | None], weak: bool, mixers: int
-) -> float:
-    """Friction as multiple of that of a DN15 mixer, which suits two pumps."""
-    feeding = 0
-    for name in names:
-        at: str | None = name
-        while at is not None and at != mixer:
-            at = downstream[at]
-        feeding += at == mixer
-    loss = (0.3 if weak else 1.0) / mixers
-    return round(loss * (2.0 / feeding) ** 2, 3)
+def write_limits(rig: Rig, ranges: Mapping[str, tuple[float, float]], file: Path) -> None:
+    """Write the limits of the inputs; `ranges` in SI."""
+    lines = ["limits: concealed", "inputs:"]
+    for name, ends in ranges.items():
+        sensor = rig.sensors[name]
+        low, high = ((end - sensor.offset) / sensor.scale for end in ends)
+        lines.append(f'  {name}: {{lowest: {low:.6g}, highest: {high:.6g}, unit: "{sensor.unit}"}}')
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Operating points of a stationary plant, for all samples at once.
+"""Operating points of a stationary plant, for all samples at once, and terms beyond its plain laws.
 
 Unknown is the flow of each pump, which must be its delivery at the pressure that the flows cause.
 Newton's method with finite differences. If the load sets the pressure (oil sets), nothing is
@@ -7,16 +7,14 @@ unknown.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ..units import BAR, LITRE_PER_HOUR, Array
-from .pumps import Values
-from .rig import Rig
-from .term import Change, Kind, State, total
+from .rig import Rig, Values
 
 ITERATIONS = 60
 TOLERANCE = 1e-11
@@ -34,6 +32,82 @@ HEAD_SCALE = 200.0 * LITRE_PER_HOUR / BAR
 
 class Stalled(ValueError):
     """A pump cannot overcome its back-pressure, or there is no operating point."""
+
+
+Kind = Literal["slip", "gain", "head", "loss", "power", "shaft", "leak", "friction"]
+"""Where a term acts: `slip` lost flow of the pump, m3/s; `gain` lost share of the delivered flow;
+`head` lost pressure of a centrifugal pump, Pa; `loss` of a line or mixer, Pa; `power` at the motor,
+W; `shaft` lost share of the shown speed; `leak` share of the pump's flow that returns; `friction`
+added share of the friction of a line or mixer."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Operating point of one module or mixer; arrays of shape (n,).
+
+    Attributes
+    ----------
+    speed : of the shaft, rev/s
+    flow : net flow, m3/s
+    pressure : across the pump, or behind a line, Pa
+    power, idle : of the plain law, W, at the pressure and at none
+    slip : of the plain law driven by pressure, m3/s
+    """
+
+    speed: Array
+    flow: Array
+    pressure: Array
+    power: Array
+    idle: Array
+    slip: Array
+
+
+Law = Callable[[State], Array]
+
+
+@dataclass(frozen=True)
+class Term:
+    """A law that is added in a module or mixer."""
+
+    kind: Kind
+    module: str
+    law: Law
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The reading of a sensor by its true value, both SI, shape (n,); `place` such as `A.dp`."""
+
+    place: str
+    shown: Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Column:
+    """The column of `place` in the file by the correct columns, each of shape (n,).
+
+    The columns include noise. Units play no part.
+    """
+
+    place: str
+    written: Callable[[Mapping[str, Array]], Array]
+
+
+Change = Term | Reading | Column
+
+
+def written_by(terms: Sequence[Change], columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the columns in the file by place."""
+    wrong = {t.place: t.written(columns) for t in terms if isinstance(t, Column)}
+    return {**columns, **wrong}
+
+
+def shown_by(terms: Sequence[Change], place: str, value: Array) -> Array:
+    """Return the reading of a sensor with all its errors beyond its class."""
+    for term in terms:
+        if isinstance(term, Reading) and term.place == place:
+            value = term.shown(value)
+    return value
 
 
 @dataclass(frozen=True)
@@ -61,7 +135,11 @@ class Operated:
 
     def total(self, kind: Kind, module: str, state: State) -> Array | float:
         """Return the sum of all terms of a kind in a module."""
-        return total(self.terms, kind, module, state)
+        own = (
+            t for t in self.terms if isinstance(t, Term) and (t.kind, t.module) == (kind, module)
+        )
+        found = [term.law(state) for term in own]
+        return np.sum(found, axis=0) if found else 0.0
 
     def delivered(self, module: str, pressure: Array, flow: Array) -> tuple[Array, State]:
         """Return the flow of a pump before a leak, m3/s, and its operating point."""
@@ -92,7 +170,8 @@ class Operated:
         """Operating point of a pump at a pressure."""
         kind, p = self.rig.kind(module), self.parameters(module)
         zero = np.zeros_like(pressure)
-        speed = self.given.get(f"{module}.{self.rig.setting}", np.ones_like(pressure))
+        setting = "x" if self.rig.by_travel else "n"
+        speed = self.given.get(f"{module}.{setting}", np.ones_like(pressure))
         plain = State(speed, flow, pressure, zero, zero, zero)
         pressure = pressure + self.total("head", module, plain)
         speed = speed * (1.0 - self.total("shaft", module, plain))
@@ -160,13 +239,13 @@ def _imbalance(plant: Operated, flow: Array) -> Array:
 def _off(plant: Operated, module: str, pressure: Array, flow: Array) -> Array:
     """Error that vanishes at the operating point of a pump, m3/s."""
     given_flow, state = plant.delivered(module, pressure, flow)
-    curve = plant.rig.kind(module).head
-    if curve is None:
+    kind = plant.rig.kind(module)
+    if not kind.by_head:
         return flow - given_flow
     inner = flow + plant.total("slip", module, state)
     inner = inner / (1.0 - plant.total("gain", module, state))
     wanted = pressure + plant.total("head", module, state)
-    head = curve(plant.parameters(module), state.speed, inner)
+    head = kind.head(plant.parameters(module), state.speed, inner)
     return np.asarray((wanted - head) * HEAD_SCALE)
 
 
@@ -217,7 +296,6 @@ def _by_meter(plant: Operated) -> dict[str, Array]:
     found = {}
     for m in plant.rig.pumps:
         kind, p = plant.rig.kind(m), plant.parameters(m)
-        assert kind.head is not None
         shown, net = plant.given[f"{m}.n"], plant.given[f"{m}.Q"]
         zero = np.zeros_like(net)
         flow = net / (1.0 - plant.total("leak", m, _of_flow(net)))

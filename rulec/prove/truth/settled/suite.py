@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ..kinds import counts, difficulties, hiding
+from ..formulas import Names
+from ..kinds import STATED, counts, difficulties, hiding
+from ..smooth import between
 from .drive import PRODUCTION
-from .effect import CONNECTIONS, EFFECTS, WIRING, Effect, effect_of
+from .effect import EFFECTS, WIRING, Effect, effect_of
 from .plan import Planned
 
 WEAKEST, STRONGEST = 8.0, 2e4
@@ -28,18 +29,14 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
     for group, count in counts.items():
         random = np.random.default_rng([seed, *group.encode()])
         for i, effects in enumerate(_drawn(group, count, random)):
-            aim = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
+            aim = between(random, (WEAKEST, STRONGEST))
             if group in ("hiding", "pair", "unrecorded"):
                 aim = max(aim, 100.0)
             profile = str(random.choice(PROFILES))
-            kinds = [effect_of(e).kinds for e in effects]
-            in_oil = all(
-                e.at == "pump" and (not e.kinds or "oil-set" in e.kinds)
-                for e in map(effect_of, effects)
-            )
-            oil = in_oil and group != "unrecorded"
+            wanted = [effect_of(e) for e in effects]
+            oil = group != "unrecorded" and all(_on(e, "oil-set") for e in wanted)
             family = "oil" if oil and random.uniform() < 0.3 else "dosing"
-            family = next((ALONE[k] for k in kinds if k in ALONE), family)
+            family = next((ALONE[e.kinds] for e in wanted if e.kinds in ALONE), family)
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
@@ -54,15 +51,14 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
 
 def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[str, ...]]:
     """Names of effects of each case: all in turn, in a drawn order."""
-    pools: dict[str, Sequence[tuple[str, ...]]] = {
-        "clean": [()],
-        **{g: [()] for g in (*HARD, *PRODUCED) if g.endswith("-clean")},
+    pairs = _pairs(random)
+    pools: Mapping[str, Sequence[tuple[str, ...]]] = {
         "hiding": hiding("settled"),
         "wiring": [(name,) for name in WIRING],
-        "connection": [(name,) for name in CONNECTIONS],
-        "pair": _pairs(random),
+        "pair": pairs,
     }
-    pool = pools.get(group) or [(e.name,) for e in EFFECTS.values() if _fits(e, group)]
+    fitting = [(e.name,) for e in EFFECTS.values() if _fits(e, group)]
+    pool = pools.get(group) or fitting or [()]
     order = list(random.permutation(len(pool)))
     return [pool[order[i % len(order)]] for i in range(count)]
 
@@ -81,26 +77,15 @@ def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
 
 def _meet(one: Effect, other: Effect) -> bool:
     """Whether one plant can have both."""
-    alone = [e.kinds for e in (one, other) if e.kinds in ALONE]
-    rest = [e for e in (one, other) if e.kinds not in ALONE]
-    fit = all(e.at == "pump" and (not e.kinds or alone[0][0] in e.kinds) for e in rest if alone)
-    return fit and len(set(alone)) < 2
+    alone = {e.kinds[0] for e in (one, other) if e.kinds in ALONE}
+    return len(alone) < 2 and all(_on(e, kind) for e in (one, other) for kind in alone)
+
+
+def _on(effect: Effect, kind: str) -> bool:
+    """Whether a kind of pump can have an effect."""
+    return effect.at == "pump" and (not effect.kinds or kind in effect.kinds)
 
 
 def _fits(effect: Effect, group: str) -> bool:
-    match group.removeprefix("production-"):
-        case "single" | "production":
-            return effect.sort == "physics"
-        case "calibrated":
-            # The effect must be on a pump that is calibrated during operation.
-            fixed = effect.kinds == ("centrifugal",) or effect.kinds in ALONE
-            return effect.sort == "physics" and not effect.timed and not fixed
-        case "correlated":
-            return effect.driver == "T"
-        case "unrecorded":
-            # By its readings, an effect that acts now and then is an intermittent fault.
-            return effect.sort == "physics" and effect.driver != "" and not effect.corner
-        case "form" | "coloured" | "drift" | "all":
-            return True
-        case sort:
-            return effect.sort == sort
+    formula = STATED["settled"][group].get("of", 0)
+    return bool(Names(effect, {"alone": effect.kinds in ALONE}).of(formula))

@@ -118,8 +118,8 @@ def build(
     shown = np.round(course * flow / plant.feed.gain, 3 if layout.metered else 4)
     ranges = {t.name: _level_at(t, flow) for t in plant.tanks}
     ranges[layout.feed] = flow / plant.feed.gain
-    hard = hardened(plant, difficulties, seed, ranges, layout.metered)
-    return Setup(layout, hard.plant, kind, time, shown, hard.meter, hard.told)
+    plant, meter, told = hardened(plant, difficulties, seed, ranges, layout.metered)
+    return Setup(layout, plant, kind, time, shown, meter, told)
 
 
 def parameters(setup: Setup) -> dict[str, tuple[float, str]]:

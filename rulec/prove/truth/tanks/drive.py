@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ..smooth import held
 from ..units import Array
 
 LOWEST = 0.3
@@ -14,7 +15,7 @@ LOWEST = 0.3
 
 def steps(random: np.random.Generator, samples: int) -> Array:
     """Random values, each held for 10 to 60 samples."""
-    return _held(random, samples, lambda: float(random.uniform(LOWEST, 1.0)))
+    return held(random, samples, 10, 60, lambda: float(random.uniform(LOWEST, 1.0)))
 
 
 def multisine(random: np.random.Generator, samples: int) -> Array:
@@ -23,7 +24,7 @@ def multisine(random: np.random.Generator, samples: int) -> Array:
     period = np.geomspace(25.0, max(0.4 * samples, 60.0), 8)
     phase = random.uniform(0.0, 2.0 * np.pi, 8)
     waves: Array = np.sum(np.sin(2.0 * np.pi * time[:, None] / period + phase), axis=1)
-    on_top = _held(random, samples, lambda: float(random.choice([-0.2, 0.0, 0.0, 0.2])))
+    on_top = held(random, samples, 10, 60, lambda: float(random.choice([-0.2, 0.0, 0.0, 0.2])))
     return np.asarray(np.clip(0.62 + 0.16 * waves / waves.std() + on_top, 0.1, 1.0))
 
 
@@ -76,13 +77,3 @@ PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
 
 DRAWN = ("steps", "multisine", "ramps", "start-stop")
 """One of these is drawn if no profile is given."""
-
-
-def _held(random: np.random.Generator, samples: int, draw: Callable[[], float]) -> Array:
-    """Successive draws, each held for 10 to 60 samples."""
-    result, begin = np.empty(samples), 0
-    while begin < samples:
-        end = begin + int(random.integers(10, 61))
-        result[begin:end] = draw()
-        begin = end
-    return result

@@ -6,22 +6,13 @@ They belong to the plant or its sensors, and none of them is an effect to be fou
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from ..smooth import Drift, drift, form_error
+from ..smooth import Drift, colours, drifts, form_errors
 from ..streams import stream
-from .form_error import Bend
+from .feed import Bend
 from .plant import Plant, Tank
-
-FORM = 0.005, 0.02
-"""Root mean square of a law's form error, smallest and largest."""
-
-COLOUR = 0.5, 0.9
-"""Coefficient of first-order noise at the sample rate, smallest and largest."""
 
 STARTS = 1.0, 25.0
 """Lowest and highest first level, cm; the first reading is at most HIGHEST."""
@@ -44,66 +35,34 @@ class Meter:
     wander: Drift | None = None
 
 
-@dataclass(frozen=True)
-class Hardened:
-    """A plant with its difficulties."""
-
-    plant: Plant
-    meter: Meter
-    told: Told
-
-
 def hardened(
-    plant: Plant,
-    names: Sequence[str],
-    seed: int,
-    ranges: Mapping[str, float],
-    metered: bool,
-) -> Hardened:
+    plant: Plant, names: Sequence[str], seed: int, ranges: Mapping[str, float], metered: bool
+) -> tuple[Plant, Meter, Told]:
     """Draw the named difficulties; `ranges` has the largest settled level of each tank, cm, and the
     largest input of a pump, V, by its name."""
     told: dict[str, dict[str, float]] = {}
+    feed = plant.feed.name
     if "form" in names:
-        bends = {
-            law: _bend(seed, law, ABOVE * most)
-            for law, most in ranges.items()
-            if law != plant.feed.name or not metered
-        }
-        told["form"] = {law: bend.rms for law, bend in bends.items()}
-        plant = replace(
-            plant,
-            feed=replace(plant.feed, form=bends.get(plant.feed.name)),
-            tanks=tuple(replace(tank, form=bends[tank.name]) for tank in plant.tanks),
+        laws = (
+            (law, ((0.0, ABOVE * ranges[law]),)) for law in ranges if law != feed or not metered
         )
-    sensors = [s.tank for s in plant.sensors] + [plant.feed.name] * metered
-    if "coloured" in names:
-        told["coloured"] = {
-            place: float(stream(seed, f"colour {place}").uniform(*COLOUR)) for place in sensors
-        }
-    wanders: dict[str, Drift] = {}
-    if "drift" in names:
-        wanders = {place: drift(stream(seed, f"drift {place}")) for place in sensors}
-        told["drift"] = {place: one.extent for place, one in wanders.items()}
-    colours = told.get("coloured", {})
-    meter = Meter(colours.get(plant.feed.name, 0.0), wanders.get(plant.feed.name))
-    plant = replace(
-        plant,
-        sensors=tuple(
-            replace(s, colour=colours.get(s.tank, 0.0), wander=wanders.get(s.tank))
-            for s in plant.sensors
-        ),
+        forms = {law: Bend.of(form) for law, form in form_errors(seed, laws).items()}
+        told["form"] = {law: bend.rms for law, bend in forms.items()}
+        tanks = tuple(replace(tank, form=forms[tank.name]) for tank in plant.tanks)
+        plant = replace(plant, feed=replace(plant.feed, form=forms.get(feed)), tanks=tanks)
+    places = [s.tank for s in plant.sensors] + [feed] * metered
+    noise = colours(seed, places) if "coloured" in names else {}
+    wander = drifts(seed, places) if "drift" in names else {}
+    told |= {"coloured": noise} if noise else {}
+    told |= {"drift": {place: one.extent for place, one in wander.items()}} if wander else {}
+    sensors = (
+        replace(s, colour=noise.get(s.tank, 0.0), wander=wander.get(s.tank)) for s in plant.sensors
     )
+    plant = replace(plant, sensors=tuple(sensors))
     if "starts" in names:
-        tanks = tuple(_begun(plant, tank, seed) for tank in plant.tanks)
-        told["starts"] = {tank.name: tank.level for tank in tanks}
-        plant = replace(plant, tanks=tanks)
-    return Hardened(plant, meter, told)
-
-
-def _bend(seed: int, law: str, most: float) -> Bend:
-    random = stream(seed, f"form {law}")
-    rms = math.exp(random.uniform(*np.log(FORM)))
-    return Bend.of(form_error(random, rms, ((0.0, most),)))
+        plant = replace(plant, tanks=tuple(_begun(plant, tank, seed) for tank in plant.tanks))
+        told["starts"] = {tank.name: tank.level for tank in plant.tanks}
+    return plant, Meter(noise.get(feed, 0.0), wander.get(feed)), told
 
 
 def _begun(plant: Plant, tank: Tank, seed: int) -> Tank:

@@ -1,18 +1,122 @@
-"""A true plant as a model: expected readings over their noise, and their derivatives."""
+"""A true plant as a model: its parameters, expected readings over their noise, derivatives."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..units import Array
 from .balance import Course, integrate
-from .plant import LevelSensor, Plant
+from .build import CARD_ZERO, LITRE_PER_HOUR, METER_SLOPE, Layout
+from .plant import LEVEL_ZERO, LevelSensor, Plant
 from .sensing import shown
-from .varied_parameters import Knob
+
+Path = tuple[str | int, ...]
+
+TANK = {"area": (15.0, 1.0, 0.1), "outlet": (0.05, 0.04, 1e-4), "level": (10.0, 8.0, 1e-6)}
+"""Mean, standard uncertainty and least value in `open-tank`: cm2, cm2, cm."""
+
+GAIN = (0.5, 0.2, 0.01)
+ZERO = (0.0, math.hypot(0.5, LEVEL_ZERO), -math.inf)
+"""Of a level transmitter; the zero combines that of the module type and that of its class."""
+
+VOLTAGE_GAIN = (2.5, 2.0, 0.01)
+"""In `voltage-pump`, cm3/s/V."""
+
+NOT_VARIED = ("begin", "stuck", "step")
+"""Parameters of effects by which readings jump, or have no derivative."""
+
+STEP = 0.01
+"""Finite difference as share of the prior uncertainty, or of the value if the prior is flat."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A parameter of the plant.
+
+    `path` leads to it; `u` is infinite for a flat prior; `least` is its lower bound.
+    """
+
+    path: Path
+    mean: float
+    u: float
+    least: float
+
+    def of(self, plant: Plant) -> float:
+        """Return its value."""
+        found: Any = plant
+        for part in self.path:
+            found = found[part] if isinstance(part, int) else getattr(found, part)
+        return float(found)
+
+    def set(self, plant: Plant, value: float) -> Plant:
+        """Return the plant with another value."""
+        changed: Plant = _set(plant, self.path, max(value, self.least))
+        return changed
+
+    def step(self, plant: Plant) -> float:
+        """Return the step of a finite difference."""
+        return STEP * (self.u if math.isfinite(self.u) else max(abs(self.of(plant)), 1e-6))
+
+
+def base_knobs(layout: Layout, plant: Plant) -> Iterator[Knob]:
+    """Yield all that the plain model may fit: parameters, first levels, errors of sensors."""
+    if layout.metered:
+        yield Knob(("feed", "gain"), LITRE_PER_HOUR, METER_SLOPE * LITRE_PER_HOUR, 0.0)
+    else:
+        yield Knob(("feed", "gain"), *VOLTAGE_GAIN)
+        yield Knob(("feed", "zero"), 0.0, CARD_ZERO, -math.inf)
+    for i in range(len(plant.tanks)):
+        for name, prior in TANK.items():
+            yield Knob(("tanks", i, name), *prior)
+    for j in range(len(plant.sensors)):
+        yield Knob(("sensors", j, "gain"), *GAIN)
+        yield Knob(("sensors", j, "zero"), *ZERO)
+
+
+def effect_knobs(plain: Plant, plant: Plant) -> Iterator[Knob]:
+    """Yield every number in which a plant differs from the plain one, with a flat prior."""
+    for path, value in _numbers(plant, ()):
+        if not set(path) & set(NOT_VARIED) and _at(plain, path) != value:
+            yield Knob(path, value, math.inf, -math.inf if value < 0.0 else 0.0)
+
+
+def _numbers(part: Any, path: Path) -> Iterator[tuple[Path, float]]:
+    """Finite numbers of a plant, with the path to each."""
+    match part:
+        case float() if math.isfinite(part):
+            yield path, part
+        case tuple():
+            for i, inner in enumerate(part):
+                yield from _numbers(inner, (*path, i))
+        case _ if dataclasses.is_dataclass(part):
+            for field in dataclasses.fields(part):
+                yield from _numbers(getattr(part, field.name), (*path, field.name))
+
+
+def _at(part: Any, path: Path) -> Any:
+    """The value at a path, or None."""
+    for key in path:
+        if part is None:
+            return None
+        part = part[key] if isinstance(key, int) else getattr(part, key)
+    return part
+
+
+def _set(part: Any, path: Path, value: float) -> Any:
+    """A copy with one number changed."""
+    if not path:
+        return value
+    key, *rest = path
+    if isinstance(key, int):
+        return (*part[:key], _set(part[key], tuple(rest), value), *part[key + 1 :])
+    return dataclasses.replace(part, **{key: _set(getattr(part, key), tuple(rest), value)})
+
 
 ONLY_READ = ("gain", "zero")
 """Parameters of a sensor that do not change the course of a plant."""

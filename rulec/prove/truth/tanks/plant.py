@@ -10,8 +10,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from ..smooth import Drift
-from .feed import Feed
-from .form_error import Bend
+from .feed import Bend, Feed
 
 BODY_EDGE = 0.05
 """cm over which a body ends; a step would slow the solver down."""

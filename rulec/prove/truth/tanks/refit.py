@@ -15,10 +15,9 @@ from ..sealed import Periods
 from ..units import Array
 from .balance import Course
 from .case import Case
-from .effects import SENSOR
-from .model import Model, noise_of
+from .effect import SENSOR
+from .model import Knob, Model, base_knobs, effect_knobs, noise_of
 from .plant import Plant
-from .varied_parameters import Knob, base_knobs, effect_knobs
 
 STEPS = 3
 HALVINGS = 3

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from ..formulas import Names
 from .build import Setup
-from .effect_size import Planted
-from .effects import facts
+from .case import Planted
+from .effect import facts
 
 FEED = {True: {"set": "Q", "flow": "flow"}, False: {"set": "u", "flow": "pump"}}
 """Places of a feed in its module type, metered or not."""

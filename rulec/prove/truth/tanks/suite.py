@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..formulas import Names
 from ..kinds import STATED, counts, difficulties, hiding
 from ..streams import stream
 from .build import CASCADED, Layout
 from .case import Case, case
-from .effects import Placed, possible_effects
+from .effect import possible_effects
 from .sealed import SealedCase
 
 WEAKEST, STRONGEST = 0.03, 2.0
@@ -39,9 +40,6 @@ OWN_PLANT = 0.5
 
 SETTLED = 0.2
 """Share of cases with long constant inputs."""
-
-CORNER = ("overflow-sharp", "saturation", "clipping")
-"""Their size is the share of samples in which they act."""
 
 UNSEEN = ("gain-high", "gain-low")
 """Effects that a recalibration compensates, so that nothing is missing."""
@@ -170,7 +168,11 @@ def _chosen(
     if group == "hiding":
         pairs = hiding("tanks")
         return pairs[number % len(pairs)]
-    fitting = [p for p in possible_effects(layout).values() if _fits(group, p)]
+    formula = STATED["tanks"][group]["of"]
+    possible = possible_effects(layout).values()
+    fitting = [
+        p for p in possible if Names(p.effect, {"plain": p.effect.name not in UNSEEN}).of(formula)
+    ]
     # Kinds first, then places, so that many tanks do not make one kind more frequent.
     kinds = sorted({(p.effect.name, p.effect.at) for p in fitting})
     order = random.permutation(len(kinds))[: 2 if group == "pair" else 1]
@@ -179,23 +181,3 @@ def _chosen(
         places = [p.id for p in fitting if (p.effect.name, p.effect.at) == kinds[i]]
         found.append(places[int(random.integers(len(places)))])
     return tuple(found)
-
-
-def _fits(group: str, placed: Placed) -> bool:
-    name, sort = placed.effect.name, placed.effect.sort
-    plain = name not in UNSEEN
-    match group:
-        case "single":
-            return sort == "physics"
-        case "corner":
-            return name in CORNER
-        case "alike":
-            return name in STATED["alike"]
-        case "unnamed":
-            return sort == "unnamed"
-        case "pair":
-            return sort != "unnamed" and plain
-        case _ if group in HARD:
-            return plain
-        case _:
-            return sort == group and plain
