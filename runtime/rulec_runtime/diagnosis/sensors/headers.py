@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import compress
 
 import numpy as np
 
@@ -21,10 +20,14 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Agreement, Bench, Explained
-from rulec_runtime.diagnosis.sensors.chi_square_if_changed import Changed
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
-from rulec_runtime.diagnosis.sensors.nearest_residuals import Near
-from rulec_runtime.diagnosis.sensors.units import Mixup, like_a_reading, mixups, of_one_dimension
+from rulec_runtime.diagnosis.sensors.units import (
+    Mixup,
+    exchangeable,
+    like_a_reading,
+    mixups,
+    of_one_dimension,
+)
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -62,10 +65,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         return None
     plain = _with_all(raw, bench)
     best, least = None, (0, np.inf)
-    changed = Changed(bench)
-    every = (
-        one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one, changed)
-    )
+    every = (one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one))
     for misread, found in bench.agreements(every, partial(_read, bench)):
         if not _makes_sense(bench, misread, found):
             continue
@@ -112,7 +112,7 @@ def _read(bench: Bench, misread: Misread) -> Points:
     return bench.with_readings(misread.values, misread.noise)
 
 
-def _may_agree(bench: Bench, misread: Misread, changed: Changed) -> bool:
+def _may_agree(bench: Bench, misread: Misread) -> bool:
     """Whether it differs from the record and may make estimates agree, by a part of them."""
     points = _read(bench, misread)
     apart = _apart(misread, points)
@@ -133,27 +133,7 @@ def _may_agree(bench: Bench, misread: Misread, changed: Changed) -> bool:
             found = replace(bench, ruleset=part.ruleset).agreement(points)
             left = np.where(found.freedom > 0, found.excess * found.limit, 0.0)
             apart &= left <= bench.widest_limit
-    return bool(apart.any()) and _may_make_sense(bench, misread, points, changed)
-
-
-def _may_make_sense(bench: Bench, misread: Misread, points: Points, changed: Changed) -> bool:
-    """The same by everything that it changes, where that needs no full evaluation."""
-    before, apart = bench.recorded, _apart(misread, points)
-    found = changed.outcome(points, misread.signals)
-    running, fewer = apart & found.used & (before.freedom > 0), found.fewer
-    few = fewer & (before.freedom <= _readers(bench, misread).sum())
-    if (found.more | few)[apart].any():
-        return True
-    if not running.any() or fewer[running].mean() > 1.0 - common.NEARLY_ALL:
-        return False
-    if before.sound[running].mean() > limits.AGREES_AS_RECORDED:
-        return False
-    left = found.chi * (1.0 - limits.CHANGED_ROUGHLY)
-    sound = left <= before.limit
-    return bool(
-        sound[running].mean() >= limits.AGREES_OTHERWISE
-        and not _rival(bench, misread, bench.rivals_as_recorded, left)
-    )
+    return bool(apart.any())
 
 
 def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
@@ -246,16 +226,16 @@ def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) ->
 
 
 def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> Iterator[Misread]:
-    """Other readings of columns that the nearest residuals allow in some stretch."""
-    ruleset, near = bench.ruleset, Near(bench)
+    """Other readings of columns that look like readings."""
+    ruleset = bench.ruleset
     known = {n for n in plain.noise if np.isfinite(plain.points.values[n]).any()}
     names = (ruleset.observed & known) - still
     used = [s for s in ruleset.signals if s.id in names]
     for name in (s.id for s in used):
         in_units = (_in_unit(ruleset, plain, {name: m}) for m in _mixups(raw, ruleset, name))
-        yield from _near_ones(near, name, [one for one in in_units if one is not None])
+        yield from (one for one in in_units if one is not None)
     yield from _all_in_other_units(raw, ruleset, plain, used)
-    for one, other in _swapped(near, plain, used):
+    for one, other in ((a.id, b.id) for a, b in exchangeable(used, ruleset.units)):
         a, b = plain.points.values[one], plain.points.values[other]
         text = f"{one} and {other} are swapped: each shows the other's values"
         yield Misread(
@@ -268,61 +248,6 @@ def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> 
             texts=(text, text),
             mended=f"{one} and {other} exchanged",
         )
-
-
-def _near_ones(near: Near, name: str, misreads: Sequence[Misread]) -> Iterator[Misread]:
-    """Those that the residuals nearest to a reading allow in some stretch."""
-    values = np.array([one.values[name] for one in misreads])
-    noise = np.array([one.noise[name] for one in misreads])
-    if len(values):
-        apart = np.array([_apart(one, _read(near.bench, one)) for one in misreads])
-        verdicts = near.judge(name, values, noise, [None] * len(values))
-        left = _left(apart, verdicts.allowed, verdicts.lost & ~near.gains(name), verdicts.stays)
-        yield from compress(misreads, [bool(flag) for flag in left])
-
-
-def _left(
-    apart: np.ndarray, allowed: np.ndarray, lost: np.ndarray, stays: np.ndarray
-) -> np.ndarray:
-    """Flags, shape (k,), of readings that may agree somewhere and lose next to nothing.
-
-    All of shape (k, n): stretches in which a reading differs, is allowed, loses an estimate that
-    others check, and keeps one that reads it.
-    """
-    most = (1.0 - common.NEARLY_ALL) * apart.sum(axis=-1)
-    flags: np.ndarray = (apart & allowed).any(axis=-1) & (apart & ~lost).any(axis=-1)
-    flags &= (apart & lost & stays).sum(axis=-1) <= most
-    return flags
-
-
-def _swapped(near: Near, plain: Bench, used: Sequence[SignalSpec]) -> Iterator[tuple[str, str]]:
-    """Pairs of columns that differ and may be each other, in order of the columns."""
-    pairs: set[tuple[str, str]] = set()
-    for group in of_one_dimension(used, near.bench.ruleset.units):
-        names = [signal.id for signal in group]
-        values = np.array([plain.points.values[name] for name in names])
-        noise = np.array([plain.noise[name] for name in names])
-        apart = np.zeros((len(names), *values.shape), dtype=bool)
-        gains = np.array([near.gains(name) for name in names])
-        for i, name in enumerate(names):
-            with np.errstate(invalid="ignore"):
-                off = np.abs(values - values[i])
-                apart[i] = off > limits.READS_OTHERWISE * near.u(name, values, noise)
-        apart |= apart.transpose(1, 0, 2)
-        allowed, left = apart.copy(), np.triu(apart.any(axis=2), 1)
-        lost, stays = np.zeros((2, *apart.shape), dtype=bool)
-        for i, name in enumerate(names):
-            (tried,) = np.nonzero(left[i])
-            verdicts = near.judge(name, values[tried], noise[tried], [names[j] for j in tried])
-            allowed[i, tried] &= verdicts.allowed
-            lost[i, tried] |= verdicts.lost & ~gains[i] & ~gains[tried]
-            stays[i, tried] |= verdicts.stays
-            left[i, tried] = _left(*(table[i, tried] for table in (apart, allowed, lost, stays)))
-            for table in (allowed, lost, stays, left):
-                table[tried, i] = table[i, tried]
-        pairs |= {(names[i], names[j]) for i, j in np.argwhere(np.triu(left, 1))}
-    place = {signal.id: i for i, signal in enumerate(used)}
-    yield from sorted(pairs, key=lambda pair: (place[pair[0]], place[pair[1]]))
 
 
 def _all_in_other_units(

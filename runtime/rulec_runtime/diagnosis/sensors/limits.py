@@ -82,17 +82,9 @@ AGREES_OTHERWISE = 0.1
 """Share of stretches in which readings must agree when read differently, without any fault. Origin:
 assumed."""
 
-NEAREST_RESIDUALS = 12
-"""Residuals that are asked first whether a reading may have shown another value; abc has nine in
-all. Origin: numerical, more cost more and those of few readings tell most."""
-
 HEADER_ODDS = 6.0
 """Chi-square that a fault must leave beyond what another reading of the columns leaves, to be no
 rival: odds of 20 to 1 at one operating point. Origin: assumed."""
-
-CHANGED_ROUGHLY = 0.01
-"""Share of chi-square of readings read differently by which it may be off where only what changes
-is worked out. Origin: numerical; what is left in is worked out in full."""
 
 SWAP_GAIN = 30.0
 """Chi-square, beside the best single fault, that swapping two columns back must take away at a
