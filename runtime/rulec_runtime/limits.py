@@ -180,33 +180,6 @@ MOST_KEPT_BYTES = 400_000_000
 """Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
 0.1 MB. Origin: assumed."""
 
-# Plan ------------------------------------------------------------------------------------------
-
-PLAN_TILE = 256
-"""Samples at a time where machine code of a plan has several loops: what one leaves for the next
-stays in the cache. Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
-
-PLAN_LOOP = 2048
-"""Operations in one loop of such code; LLVM takes longer for each of longer ones.
-Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
-
-PLAN_CALL = 1200
-"""Samples in whose time numpy is called for an operation once.
-Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
-
-PLAN_CODE_WORTH = 400_000
-"""Samples for which a plan has been run before machine code is made of it: half as long again as
-making it takes. Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
-
-KEPT_CODE_WORTH = 200_000_000
-"""Operations times samples that a plan has been run for before code is looked for that an earlier
-start kept: half as long again as loading LLVM takes.
-Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
-
-KEPT_CODE_EFFORT = 1
-"""How much LLVM is asked for where code is kept, of 0 to 3: with 0 code is a third slower, with 2
-making it takes longer and gives nothing. Origin: assumed, from single runs."""
-
 # Integrator ------------------------------------------------------------------------------------
 
 KERNEL_WORTH = 12_000

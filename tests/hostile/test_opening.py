@@ -53,7 +53,6 @@ BESIDE = {
     "runtime/rulec_runtime/commands/frame.py": "the null device",
     "runtime/rulec_runtime/live/journal/watcher.py": "what the system says of itself",
     "runtime/rulec_runtime/live/view/terminal_keys.py": "the terminal",
-    "runtime/rulec_runtime/contract/plan_kernel.py": "sources of this tool",
     "runtime/rulec_runtime/output/append_file.py": "to append; it looks for itself",
     "runtime/rulec_runtime/output/private_folder.py": "the user's own folder; it looks for itself",
     "runtime/rulec_runtime/output/write_file.py": "to write",

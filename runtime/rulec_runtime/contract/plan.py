@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rulec_runtime import limits
-from rulec_runtime.contract.plan_code import Step
-from rulec_runtime.contract.plan_kernel import PlanKernel
 
 Array = NDArray[np.float64]
 
@@ -45,6 +43,9 @@ ABSENT = np.asarray(np.nan)
 """Value of a missing input."""
 
 Operation = tuple[str, int, int]
+
+Step = tuple[Callable[..., Any], int, int, int]
+"""``(ufunc, a, b, value)``; `b` is -1 for unary ones."""
 
 
 @dataclass(frozen=True)
@@ -174,8 +175,7 @@ class Plan:
         with np.errstate(all="ignore"):
             fixed = self._fixed(given, schedule)
             if schedule.steps:
-                by_code = schedule.kernel.run(fixed, out, n)
-                found = _run_steps(schedule, fixed, out, n) if by_code is None else by_code
+                found = _run_steps(schedule, fixed, out, n)
         results = {}
         for name, i in self.outputs.items():
             if schedule.targets.get(i) == name:
@@ -226,7 +226,6 @@ class Plan:
             if is_array[i] and i not in targets:
                 rows[i] = held[i] = free.pop() if free else count
                 count = max(count, rows[i] + 1)
-        arrays = [i for i, is_array_ in enumerate(varying) if is_array_]
         return _Schedule(
             scalars=tuple(steps[False]),
             steps=tuple(steps[True]),
@@ -234,7 +233,6 @@ class Plan:
             rows=rows,
             count=count,
             targets=targets,
-            kernel=PlanKernel(steps[True], arrays, targets),
         )
 
 
@@ -252,8 +250,7 @@ class _Schedule:
     """How to run a plan once it is known which inputs are arrays.
 
     `scalars` work on numbers alone and run once, `steps` run on chunks. The value of a step goes to
-    a row of the buffer (`rows`) or straight into an output (`targets`). `kernel` does all steps at
-    once where that pays.
+    a row of the buffer (`rows`) or straight into an output (`targets`).
     """
 
     scalars: tuple[Step, ...]
@@ -262,7 +259,6 @@ class _Schedule:
     rows: Mapping[int, int]
     count: int
     targets: Mapping[int, str]
-    kernel: PlanKernel
 
 
 def _run_steps(

@@ -8,9 +8,6 @@ from collections.abc import Callable
 LANES = 4
 """Numbers at a time: an AVX2 register holds so many."""
 
-LINE = 8
-"""Numbers in a cache line."""
-
 WIDE = f"<{LANES} x double>"
 
 
@@ -70,11 +67,11 @@ class Code:
             return base
         return self.calc("fadd", base, self.calc("fmul", scale, by, kind), kind)
 
-    def by_columns(self, end: int | str, body: Callable[[], None], begin: int | str = 0) -> None:
+    def by_columns(self, end: int, body: Callable[[], None]) -> None:
         """A loop over columns, `LANES` at a time; the only and last one of a function."""
         self.do("br label %columns")
         self.lines.append("columns:")
-        self.do(f"%column = phi i64 [ {begin}, %start ], [ %next_column, %columns ]")
+        self.do("%column = phi i64 [ 0, %start ], [ %next_column, %columns ]")
         body()
         self.do(f"%next_column = add i64 %column, {LANES}")
         self.do(f"%more_columns = icmp ult i64 %next_column, {end}")
