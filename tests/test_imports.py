@@ -27,7 +27,6 @@ INTEGRATOR = "rulec_runtime.simulation.integrator"
 
 COMPILED = {
     INTEGRATOR,
-    "rulec_runtime.machine_code.engine",
     "rulec_runtime.simulation.kernel",
     "rulec_runtime.simulation.kernel_call",
 }
@@ -35,8 +34,8 @@ COMPILED = {
 LLVM = {"numba", "llvmlite"}
 
 ROOMS = (
-    "rulec_runtime.limits", "rulec_runtime.output", "rulec_runtime.machine_code",
-    "rulec_runtime.contract", "rulec_runtime.recordings", "rulec_runtime.recordings.readers",
+    "rulec_runtime.limits", "rulec_runtime.output", "rulec_runtime.contract",
+    "rulec_runtime.recordings", "rulec_runtime.recordings.readers",
     "rulec_runtime.simulation", "rulec_runtime.diagnosis.steady", "rulec_runtime.diagnosis.stores",
     "rulec_runtime.diagnosis.sensors", "rulec_runtime.diagnosis", "rulec_runtime.report",
     "rulec_runtime.fleet", "rulec_runtime.live", "rulec_runtime.live.sources",

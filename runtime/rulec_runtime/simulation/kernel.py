@@ -6,13 +6,15 @@ the same, so the moment does not matter.
 
 from __future__ import annotations
 
+import importlib.util
+import itertools
 import math
+import threading
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
 from rulec_runtime.limits import KERNEL_WORTH
-from rulec_runtime.machine_code.engine import made, there_is_llvm
 from rulec_runtime.simulation.kernel_code import (
     ADVANCE,
     EVALUATE,
@@ -27,6 +29,10 @@ from rulec_runtime.simulation.tape import Kernel, Tape
 
 Key = tuple[str, int]
 """A function of `kernel_code`, and the number of columns."""
+
+_NUMBERS = itertools.count()
+_ONE_AT_A_TIME = threading.RLock()
+"""Held while something is made: all threads share LLVM's engine."""
 
 
 class Kernels:
@@ -111,3 +117,46 @@ def _function(name: str) -> Any:
         "tanh": (one, tanh),
     }[name]
     return cfunc(kind, error_model="numpy")(function)
+
+
+@cache
+def there_is_llvm() -> bool:
+    """Whether machine code can be made here: it comes with numba, an extra."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def made(name: str, code: str) -> int:
+    """The address of a function, made for this machine; it lives as long as the process.
+
+    The source is released: a function takes 30 kB, with its source 0.8 MB.
+    """
+    import llvmlite.binding as llvm
+
+    with _ONE_AT_A_TIME:
+        engine = _engine()
+        module = llvm.parse_assembly(code)
+        own = f"{name}_{next(_NUMBERS)}"
+        module.get_function(name).name = own
+        engine.add_module(module)
+        engine.finalize_object()
+        address = int(engine.get_function_address(own))
+        engine.remove_module(module)
+        module.close()
+    return address
+
+
+@cache
+def _engine() -> Any:
+    """An engine for this machine.
+
+    LLVM optimises little: more would take longer than it saves.
+    """
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features().flatten()
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=features, opt=0, jit=True
+    )
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)

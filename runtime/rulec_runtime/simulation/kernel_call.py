@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from rulec_runtime.machine_code.code import LANES
+from rulec_runtime.simulation.llvm_code import LANES
 
 __all__ = ["LANES", "advance", "evaluate"]
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from rulec_runtime.contract.plan import UNARY
-from rulec_runtime.machine_code.code import LANES, WIDE, Code, number
 from rulec_runtime.simulation.kernel_rules import CALLED, DECLARED, MINUS, ONE, RULES, Numbers
+from rulec_runtime.simulation.llvm_code import LANES, WIDE, Code, number
 from rulec_runtime.simulation.tape import CODES, Tape
 
 EVALUATE = "evaluate"

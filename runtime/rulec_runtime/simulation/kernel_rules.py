@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from rulec_runtime.machine_code.code import Code, number
+from rulec_runtime.simulation.llvm_code import Code, number
 
 ONE, MINUS = "one", "minus"
 """Factors that need no multiplication."""

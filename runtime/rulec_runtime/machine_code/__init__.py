@@ -1,1 +1,0 @@
-"""Machine code: written for LLVM, made for this machine, kept for the next start."""
