@@ -1,9 +1,8 @@
 """A cache for the next start, in a folder that only the user can access.
 
-Entries are bytes with their checksum: JSON, or machine code that LLVM made here, named by the hash
-of its inputs. Nothing is unpickled. An entry is valid only if this user wrote it here under this
-name; anything else is ignored and overwritten. Several processes may read and write at once, as
-files appear as a whole.
+Entries are bytes with their checksum. Nothing is unpickled. An entry is valid only if this user
+wrote it here under this name; anything else is ignored and overwritten. Several processes may read
+and write at once, as files appear as a whole.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ CHOSEN, OFF = "RULEC_CACHE", "off"
 
 _MARK = b"rulec kept 1"
 HAS_OWNERS = hasattr(os, "geteuid")
-"""Whether files have owners; without owners no machine code is cached."""
+"""Whether files have owners."""
 
 
 def kept(name: str) -> bytes | None:
