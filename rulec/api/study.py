@@ -14,6 +14,7 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.report.page_origin import made_now
+from rulec_runtime.report.text import listed
 
 from rulec.api.arguments import Plant, folder_of
 from rulec.api.result import Columns, PageResult, table_of
@@ -232,8 +233,10 @@ def _announced(
     loud = float(np.mean([seconds(f) for f in ids[:: max(1, len(ids) // 3)]])) if ids else 0.0
     total = START * (jobs > 1) + (quiet * healthy + loud * faulty) / jobs
     where = f"{len(points)} operating point{'s' * (len(points) > 1)}"
+    outside = [f for f in ids if not degrees_of(ruleset, f, settings)]
+    without = f"; without {listed(outside)}, which cannot have such a degree" if outside else ""
     lost = f" ({points.tried - len(points)} more have none)" if points.tried > len(points) else ""
     return (
-        f"{ruleset.plant}: {faulty} faulty and {healthy} healthy recordings at {where}{lost}; "
-        f"about {max(total, 1.0):.0f} s on {jobs} process{'es' * (jobs > 1)}"
+        f"{ruleset.plant}: {faulty} faulty and {healthy} healthy recordings at {where}{lost}"
+        f"{without}; about {max(total, 1.0):.0f} s on {jobs} process{'es' * (jobs > 1)}"
     )

@@ -54,7 +54,6 @@ def run(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
                 progress(ASKING, done, len(tasks))
     rows = answers.rows(tasks)
     table = answers.write_table(rows)
-    _show(console(options), rows, table)
     write_json(
         options,
         {
@@ -67,6 +66,7 @@ def run(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
             ],
         },
     )
+    _show(console(options), rows, table)
     return 0
 
 

@@ -37,6 +37,11 @@ def run(options: argparse.Namespace) -> int:
     if options.online and len(files) > 1:
         raise MtpRefused("--online with an address is for one file; each module has its own server")
     modules, refused = import_files(files, knowledge, options.online)
+    for name, text in files_of(modules).items() if modules else ():
+        file = target / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(file, text)
+    write_json(options, machine_form(modules, refused))
     out = console(options)
     out.print(_table(modules, refused))
     for _, why in refused:
@@ -44,17 +49,12 @@ def run(options: argparse.Namespace) -> int:
     for module in modules:
         _tell_odd(out, module)
     if modules:
-        for name, text in files_of(modules).items():
-            file = target / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_text(file, text)
         count = plural(len(modules), "module", "modules")
         where = f"{count} in {target}/modules, their nodes in {target}/map.yaml"
         out.print(styled("[green]✓[/] {}", where), soft_wrap=True)
         out.print("What to do next:")
         for number, step in enumerate(_steps(modules, target), 1):
             out.print(Padding(one_line(f"{number}. {step}"), (0, 0, 0, 2)))
-    write_json(options, machine_form(modules, refused))
     return 1 if refused else 0
 
 

@@ -21,6 +21,9 @@ __all__ = ["Changed", "Repair"]
 
 NAN = float("nan")
 
+UNDECIDED = "cannot be told"
+"""Where the recording does not show whether a place has a memory."""
+
 
 @dataclass(frozen=True)
 class Region:
@@ -50,7 +53,7 @@ class Shape:
 
     `at` is the driver, `value` the missing term relative to the level at which it begins, and `u`
     its standard uncertainty; `means`, shape (m, 3), are the same for single operating states.
-    `monotone`: it has no turning point. `memory` is ``yes``, ``no`` or ``cannot be told``: whether
+    `monotone`: it has no turning point. `memory` is ``yes``, ``no`` or `UNDECIDED`: whether
     it matters from which side the driver came. `beaten` are named effects that were tried instead,
     the nearest first.
     """

@@ -13,7 +13,7 @@ from rulec.effects.candidate import TIME
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import quantity, suffix
 from rulec.mismatch.evidence.model import Model, Variable
-from rulec.mismatch.result import Beaten, Region, Shape
+from rulec.mismatch.result import UNDECIDED, Beaten, Region, Shape
 from rulec.mismatch.search.curve_found import Branches, CurveFound, RejectedCandidate
 
 LEGS = 3
@@ -100,11 +100,11 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
     branches = found.branches
     if branches is None:
         if found.driver == TIME:
-            return "cannot be told", "it was examined over time only"
+            return UNDECIDED, "it was examined over time only"
         if not model.samples.timed:
             because = "the samples have no common time, so the direction of the driver is unknown"
-            return "cannot be told", because
-        return "cannot be told", "its driver was not approached from both sides often enough"
+            return UNDECIDED, because
+        return UNDECIDED, "its driver was not approached from both sides often enough"
     gap, u = (abs(v / found.place.factor) for v in (branches.gap, branches.u))
     side = "risen" if branches.gap / found.place.factor > 0 else "fallen"
     return answer_of(branches, float(np.ptp(found.value))), (
@@ -118,7 +118,7 @@ def answer_of(branches: Branches, height: float) -> str:
     gap, least = abs(branches.gap), limits.CURVE_COUNTS * height
     if gap > limits.CURVE_CLEAR * branches.u and gap > least:
         return "yes"
-    return "no" if gap + limits.NORMAL_95 * branches.u < least else "cannot be told"
+    return "no" if gap + limits.NORMAL_95 * branches.u < least else UNDECIDED
 
 
 def _beaten(lost: RejectedCandidate, name: str, driver: Variable) -> Beaten:

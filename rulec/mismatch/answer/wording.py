@@ -9,7 +9,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
 from rulec_runtime.report.wording import STATUS
 
-from rulec.mismatch.result import Estimate, Finding, Mismatch, Period, Region, Shape
+from rulec.mismatch.result import UNDECIDED, Estimate, Finding, Mismatch, Period, Region, Shape
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 VERDICTS = {
@@ -102,7 +102,8 @@ def region_words(region: Region) -> str:
 
 def hysteresis(shape: Shape) -> str:
     """Whether it matters from which side the driver came, and why."""
-    return f"{shape.memory.replace('cannot be told', 'undecided')}: {shape.memory_text}"
+    known = "undecided" if shape.memory == UNDECIDED else shape.memory
+    return f"{known}: {shape.memory_text}"
 
 
 def periods_words(periods: Sequence[tuple[float, float]]) -> str:
