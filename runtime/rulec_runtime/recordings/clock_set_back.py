@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import runs_of_same
-from rulec_runtime.recordings.larger_than_memory import blocks
+from rulec_runtime.recordings.columns import runs_of_same
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Ordered:
 
 def in_order(time: Array) -> Ordered:
     """Put rows in order; each has a time."""
-    back = _steps_back(time)
+    back = np.flatnonzero(time[1:] < time[:-1]) + 1
     same, _ = runs_of_same(time, limits.CLOCK_STOOD)
     stood = tuple(ClockSet(float(time[a]), 0.0, b - a) for a, b in same)
     if not len(back):
@@ -70,12 +69,3 @@ def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
         return bool(first[0] - second[-1] > limits.CLOCK_LOST * (np.ptp(first) + np.ptp(second)))
     twice = min(int((first >= second[0]).sum()), int((second <= first[-1]).sum()))
     return twice >= limits.WRITTEN_TWICE
-
-
-def _steps_back(time: Array) -> NDArray[np.intp]:
-    """Rows with an earlier time than the row before."""
-    found = [np.zeros(0, dtype=np.intp)]
-    for low, high in blocks(len(time), time):
-        first = max(low, 1)
-        found.append(np.flatnonzero(time[first:high] < time[first - 1 : high - 1]) + first)
-    return np.concatenate(found)

@@ -17,7 +17,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.blockwise import means_between
+from rulec_runtime.recordings.columns import means_between
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.point_table import is_point_table

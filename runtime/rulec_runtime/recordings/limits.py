@@ -28,18 +28,6 @@ BLOCK = 2**17
 """Samples that a pass over a column takes at a time. Origin: numerical, what is found is the
 same."""
 
-SORTED_AT_ONCE = 2**19
-"""Numbers whose median is found by sorting them; of more by a sample. Origin: numerical, the
-median is the same."""
-
-SAMPLED = 251
-"""Numbers of which one is taken into the sample that tells where a median is. Origin: numerical,
-the median is the same; a prime, so that nothing repeats with it."""
-
-MEDIAN_WITHIN = 4.0
-"""Standard deviations of the rank of a median in a sample, within which it is looked for. Origin:
-numerical, the median is the same."""
-
 # Reading files ---------------------------------------------------------------------------------
 
 LARGEST_PIPE = 2**30

@@ -17,13 +17,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.blockwise import interval_of
 from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
+from rulec_runtime.recordings.columns import interval_of
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign, parts_of
 from rulec_runtime.recordings.larger_than_memory import (
     array,
-    blocks,
     chosen,
     give_back,
     let_go,
@@ -215,19 +214,10 @@ def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) ->
         columns = {name: picked(v, ordered.order) for name, v in columns.items()}
     columns[""] = ordered.time
     reason = ("repeats", "repeat"), "the time of another row"
-    columns = _without(columns, _first_of_a_time(ordered.time), file.path, *reason, notes, lost)
+    later = np.concatenate([[True], ordered.time[1:] > ordered.time[:-1]])
+    columns = _without(columns, later, file.path, *reason, notes, lost)
     time, zones = columns.pop(""), columns.pop(_ZONES, None)
     return _Part(file.path.name, time, columns, zones, ordered.sets)
-
-
-def _first_of_a_time(time: Array) -> NDArray[np.bool_]:
-    """Rows with a later time than the row before."""
-    first = array(len(time), bool)
-    for low, high in blocks(len(time), time, first):
-        behind = max(low, 1)
-        first[behind:high] = time[behind:high] > time[behind - 1 : high - 1]
-        first[:1] = True
-    return first
 
 
 def _without(

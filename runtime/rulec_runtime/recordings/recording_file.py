@@ -17,11 +17,11 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.nearest import near_file
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import any_of
+from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
-from rulec_runtime.recordings.larger_than_memory import blocks
+from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
@@ -171,25 +171,23 @@ def _readings(
             f"{path.name}: {plural(column.words, f'{cell} is a word', f'{cells} are words')} (the "
             f"first, in data row {row}: '{word}'{_others(column)}); there it has no reading"
         )
-    values, count, row = column.numbers(), 0, 0
+    values = column.numbers()
     if missing and (absent := int(np.isin(values, missing).sum())):
         shown = " or ".join(f"{number:g}" for number in missing)
         notes.append(
             f"{path.name}: {plural(absent, f'{cell} is', f'{cells} are')} {shown}, which the "
             "column map calls missing"
         )
-    for low, high in blocks(len(values), values):
-        values[low:high], absurd = in_si(values[low:high], target, most, missing)
-        if not count and absurd.any():
-            row = low + int(np.argmax(absurd)) + 1
-        count += int(absurd.sum())
-    if count:
+    values[:], absurd = in_si(values, target, most, missing)
+    if absurd.any():
+        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
         notes.append(
             f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "
             f"first in data row {row}); there it has no reading"
         )
     if not any_of(values):
         notes.append(f"{path.name}: {target.signal} has not one reading")
+    let_go(values)
     return values
 
 

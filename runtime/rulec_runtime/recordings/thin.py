@@ -10,6 +10,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.recordings import limits
+from rulec_runtime.recordings.columns import first_reading, held
 
 
 def glitches_in(values: Array) -> np.ndarray:
@@ -62,11 +63,8 @@ def thinned(
 
 def filled(values: Array) -> Array:
     """Gaps hold the last value; those at the beginning take the first."""
-    known = np.isfinite(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    first = int(np.argmax(known))
-    result: Array = values[np.maximum(last, first)]
-    return result
+    found, first = held(values), first_reading(values)
+    return found if first is None else np.where(np.isnan(found), first, found)
 
 
 def resolution(values: Array, signal: SignalSpec) -> float:

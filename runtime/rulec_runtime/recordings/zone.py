@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.larger_than_memory import arrays, blocks
 
 _STEP = 900.0
 """Zones change at whole quarters of an hour."""
@@ -30,9 +29,7 @@ def in_zone(
     `dates`, shape (n,), are local where `zones` is NaN.
     """
     clock = ZoneClock(path, zone)
-    utc, ahead = arrays([((len(dates),), float)] * 2)
-    for low, high in blocks(len(dates), dates, zones, utc, ahead):
-        utc[low:high], ahead[low:high] = clock.read(dates[low:high], zones[low:high])
+    utc, ahead = clock.read(dates, zones)
     if clock.twice and not clock.again:
         count = plural(clock.twice, "row is", "rows are")
         notes.append(

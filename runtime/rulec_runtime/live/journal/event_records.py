@@ -8,8 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.event_forms import form_of
+from rulec_runtime.live.episode import Episode, Event, form_of
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.output.terminal import SHOWN_INSTEAD, machine_text

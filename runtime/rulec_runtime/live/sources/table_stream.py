@@ -12,13 +12,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.line_cutter import LineCutter
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
-from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
+from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import places_of
-from rulec_runtime.recordings.counted_times import Counting, counting_of, dated
 from rulec_runtime.recordings.csv_table import (
     Column,
     RecordingRefused,
@@ -33,7 +31,14 @@ from rulec_runtime.recordings.numbers import UNKNOWN, Convention
 from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
 from rulec_runtime.recordings.text_table import conventions
-from rulec_runtime.recordings.time_column import factor_of_time, order_in, plain_times
+from rulec_runtime.recordings.time_column import (
+    Counting,
+    counting_of,
+    dated,
+    factor_of_time,
+    order_in,
+    plain_times,
+)
 from rulec_runtime.recordings.titles import left_out_above
 from rulec_runtime.recordings.zone import ZoneClock
 

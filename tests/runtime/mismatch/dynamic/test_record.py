@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.blockwise import runs_of_same
+from rulec_runtime.recordings.columns import runs_of_same
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.thin import glitches_in
