@@ -10,7 +10,7 @@ from typing import Any
 
 from rulec_runtime.live.sources.map import Access
 from rulec_runtime.live.sources.map import Server as Source
-from rulec_runtime.live.sources.refused import extra
+from rulec_runtime.live.sources.remarks import extra
 from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.terminal import is_shown
 

@@ -21,7 +21,7 @@ from rulec_runtime.output.open_file import (
     text_of,
 )
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings import limits, recording_path
+from rulec_runtime.recordings import formats, limits
 
 from tests.conftest import ROOT
 from tests.hostile.test_writing import SOURCES
@@ -103,7 +103,7 @@ def test_standard_input_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     for length in (10, 11):
         monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"x" * length)))
         with contextlib.nullcontext() if length == 10 else pytest.raises(Refusal, match="give a f"):
-            assert b"x" * 10 == recording_path.bytes_of(Path("-"))
+            assert b"x" * 10 == formats.bytes_of(Path("-"))
 
 
 def test_what_is_near(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

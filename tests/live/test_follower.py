@@ -20,9 +20,9 @@ from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, nothing_yet
 from rulec_runtime.live.journal.lines import LinesFile
+from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.state import ReplayedSource, replayed
-from rulec_runtime.live.view.present_moment import Present
 from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 

@@ -53,67 +53,56 @@ def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
     for finding in diagnosis.findings:
         yield _of_fault(diagnosis.ruleset, finding)
     for sensor in diagnosis.sensors:
-        yield Episode(
-            id=_id(sensor.id, sensor.since),
-            kind="sensor",
-            subject=sensor.id,
-            module=sensor.module,
-            status=sensor.condition.status,
-            since=sensor.since,
-            until=sensor.until,
-            active=sensor.active,
-            text=sensor.text,
-            action=sensor.condition.action,
-            probability=sensor.probability,
-        )
-    for one in diagnosis.regimes:
-        yield Episode(
-            id=_id(one.regime.id, one.since),
-            kind="regime",
-            subject=one.regime.id,
-            module=one.regime.module,
-            status=one.regime.status,
-            since=one.since,
-            until=one.until,
-            active=one.active,
-            text=one.regime.text,
-            action=one.regime.action,
-        )
+        span, condition = (sensor.since, sensor.until, sensor.active), sensor.condition
+        one = _lasting("sensor", sensor.id, span, condition.status, sensor.text, condition.action)
+        yield replace(one, module=sensor.module, probability=sensor.probability)
+    for found in diagnosis.regimes:
+        span, regime = (found.since, found.until, found.active), found.regime
+        one = _lasting("regime", regime.id, span, regime.status, regime.text, regime.action)
+        yield replace(one, module=regime.module)
     for blind in diagnosis.blind:
         if blind.until - blind.since >= horizon.usual:
             # The readings identify it, whichever faults currently need them.
-            yield Episode(
-                id=_id("blind", blind.since),
-                kind="blind",
-                subject=" ".join(blind.readings),
-                module="",
-                status="C",
-                since=blind.since,
-                until=blind.until,
-                active=blind.active,
-                text=f"{unseen(diagnosis.ruleset, blind)}: {blind.because}",
-                action=brought_back(blind),
-            )
-    others: tuple[tuple[Kind, str, tuple[Period, ...]], ...] = (
+            readings, span = " ".join(blind.readings), (blind.since, blind.until, blind.active)
+            text = f"{unseen(diagnosis.ruleset, blind)}: {blind.because}"
+            one = _lasting("blind", readings, span, "C", text, brought_back(blind))
+            yield replace(one, id=_id("blind", blind.since))
+    others: tuple[tuple[Kind, str, Iterable[Period]], ...] = (
         ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", tuple(p for p in told_else(diagnosis) if not p.partly)),
+        ("blind", "C", (p for p in told_else(diagnosis) if not p.partly)),
     )
     for kind, status, periods in others:
         for period in periods:
             active = period.until >= horizon.settled
             until = horizon.until if active else period.until
             if until - period.since >= horizon.usual:
-                yield Episode(
-                    id=_id(kind, period.since),
-                    kind=kind,
-                    subject=period.text if kind == "blind" else "",
-                    module="",
-                    status=status,
-                    since=period.since,
-                    until=until,
-                    active=active,
-                    text=period.text,
-                )
+                subject = period.text if kind == "blind" else ""
+                one = _lasting(kind, subject, (period.since, until, active), status, period.text)
+                yield replace(one, id=_id(kind, period.since))
+
+
+def _lasting(
+    kind: Kind,
+    subject: str,
+    span: tuple[float, float, bool],
+    status: str,
+    text: str,
+    action: str = "",
+) -> Episode:
+    """An episode without a degree; `span` is when it began, its last time, and whether it lasts."""
+    since, until, active = span
+    return Episode(
+        id=_id(subject, since),
+        kind=kind,
+        subject=subject,
+        module="",
+        status=status,
+        since=since,
+        until=until,
+        active=active,
+        text=text,
+        action=action,
+    )
 
 
 def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:

@@ -23,7 +23,6 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign, parts_of
 from rulec_runtime.recordings.larger_than_memory import (
     array,
-    chosen,
     give_back,
     let_go,
     mapped,
@@ -236,7 +235,7 @@ def _without(
     one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
     notes.append(f"{path.name}: {plural(len(stay) - count, one, many)} left out")
     lost.append((len(stay) - count, f"they {verb[1]} {what}"))
-    return {name: chosen(values, stay, count) for name, values in columns.items()}
+    return {name: picked(values, stay) for name, values in columns.items()}
 
 
 def _one_behind_the_other(

@@ -19,10 +19,15 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
-from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
+from rulec_runtime.recordings.formats import (
+    CSV,
+    STANDARD_INPUT,
+    is_called_recording,
+    opened_sheet,
+    place_of,
+)
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.larger_than_memory import let_go
-from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
 

@@ -18,11 +18,17 @@ from rulec_runtime.contract.ruleset import UnitSpec
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
-from rulec_runtime.recordings.dates import Ambiguous, date_of, dates_of, order_of, time_of_day
+from rulec_runtime.recordings.dates import (
+    Ambiguous,
+    date_of,
+    dates_of,
+    in_zone,
+    order_of,
+    time_of_day,
+)
 from rulec_runtime.recordings.larger_than_memory import mapped
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
-from rulec_runtime.recordings.zone import in_zone
 
 
 @dataclass(frozen=True)
@@ -99,7 +105,7 @@ def _ends(numbers: Array) -> tuple[float, float, float]:
     """Smallest and largest number, and the median step of the first block."""
     known = numbers[np.isfinite(numbers)]
     low, high = known.min(initial=np.inf), known.max(initial=-np.inf)
-    first = numbers[: limits.BLOCK]
+    first = numbers[: limits.FIRST_STEPS]
     steps = np.diff(first[np.isfinite(first)])
     return float(low), float(high), float(np.median(steps)) if len(steps) else 0.0
 

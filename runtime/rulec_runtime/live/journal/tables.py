@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.event_records import name_of
+from rulec_runtime.live.journal.event_records import NUMBERS, TEXTS, name_of
 from rulec_runtime.live.journal.refused import JournalRefused
 
 METADATA = sa.MetaData()
@@ -29,24 +29,10 @@ EVENTS = sa.Table(
     sa.Column("number", sa.BigInteger, primary_key=True, autoincrement=False),
     sa.Column("time", sa.Double, nullable=False),
     sa.Column("iso", sa.Text),
-    sa.Column("what", sa.Text, nullable=False),
-    sa.Column("episode", sa.Text, nullable=False),
-    sa.Column("kind", sa.Text, nullable=False),
-    sa.Column("subject", sa.Text, nullable=False),
-    sa.Column("module", sa.Text, nullable=False),
-    sa.Column("status", sa.Text, nullable=False),
-    sa.Column("since", sa.Double),
-    sa.Column("until", sa.Double),
     sa.Column("active", sa.Boolean, nullable=False),
-    sa.Column("degree", sa.Double),
-    sa.Column("lower", sa.Double),
-    sa.Column("upper", sa.Double),
-    sa.Column("unit", sa.Text, nullable=False),
-    sa.Column("probability", sa.Double),
     sa.Column("alternatives", sa.JSON, nullable=False),
-    sa.Column("text", sa.Text, nullable=False),
-    sa.Column("told", sa.Text, nullable=False),
-    sa.Column("action", sa.Text, nullable=False),
+    *(sa.Column(n, sa.Text, nullable=False) for n in ("what", "text", "episode", "told", *TEXTS)),
+    *(sa.Column(name, sa.Double) for name in NUMBERS),
     sa.Index("events_of_an_episode", "plant", "episode", "number"),
     sa.Index("events_in_time", "time"),
 )

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.refused import SourceRefused, extra
+from rulec_runtime.live.sources.remarks import SourceRefused, extra
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.open_file import begin_of, text_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit

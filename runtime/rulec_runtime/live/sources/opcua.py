@@ -36,8 +36,7 @@ from rulec_runtime.live.sources.opcua_session import (
     seconds,
     subscribed,
 )
-from rulec_runtime.live.sources.refused import SourceRefused
-from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.live.sources.remarks import Remarks, SourceRefused, notice
 from rulec_runtime.live.steady_clock import Standstill, steady, steady_loop
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
