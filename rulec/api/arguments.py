@@ -10,10 +10,15 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.recordings.in_memory import different, file_of
 from rulec_runtime.recordings.join_recordings import read_recordings, together
 from rulec_runtime.recordings.recording import Recording, recording_of
-from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+from rulec_runtime.recordings.recording_file import (
+    RecordingFile,
+    different,
+    file_of,
+    files_of,
+    read_file,
+)
 
 from rulec.api.result import columns_of
 

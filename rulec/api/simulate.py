@@ -17,9 +17,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import written
-from rulec_runtime.recordings.formats import csv_name
+from rulec_runtime.recordings.formats import csv_name, is_there, place_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
-from rulec_runtime.recordings.recording_path import is_there, place_of
 
 from rulec.api.arguments import (
     AnyPath,

@@ -14,8 +14,7 @@ from rulec_runtime.commands.destinations import console, note_aside, write_json,
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.formats import is_called_recording
-from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
+from rulec_runtime.recordings.formats import STANDARD_INPUT, is_called_recording, place_of
 
 from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
 from rulec.language.diagnostics import Diagnostic, Place, render_all

@@ -24,7 +24,7 @@ from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import SourceRefused
 from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text

@@ -14,7 +14,7 @@ from typing import Any
 
 from rulec_runtime.output.open_file import FOLDERS, is_below, is_named
 from rulec_runtime.output.refusal import Misused, Refusal, to_install
-from rulec_runtime.recordings.recording_path import place_of
+from rulec_runtime.recordings.formats import place_of
 
 ABOUT = """\
 Fault diagnosis of modular hydraulic plants. A plant is a folder with a plant.yaml, a recording a

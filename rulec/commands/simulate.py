@@ -13,8 +13,7 @@ from rulec_runtime.commands.destinations import (
     write_to,
 )
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.recordings.formats import OTHERS
-from rulec_runtime.recordings.recording_path import place_of
+from rulec_runtime.recordings.formats import OTHERS, place_of
 
 from rulec.api.simulate import parse_fault, simulate
 

@@ -17,9 +17,8 @@ import numpy as np
 import sympy
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.nearest import did_you_mean
-from rulec_runtime.recordings.autocorrelation_time import memory_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import spread_about
+from rulec_runtime.recordings.robust_statistics import memory_of, spread_about
 from scipy.optimize import lsq_linear
 
 from rulec.algebra.derivative import derivative

@@ -15,9 +15,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.json_file import Damaged, read_json
 from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings.formats import STANDARD_INPUT, bytes_of, is_there
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording_file import files_of
-from rulec_runtime.recordings.recording_path import STANDARD_INPUT, bytes_of, is_there
 
 from rulec.effects.candidate import CurveTerm
 from rulec.knowledge.sources import Sources

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.columns import thinned
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import white_noise
-from rulec_runtime.recordings.thin import thinned
 from rulec_runtime.report.text import counted, listed
 from rulec_runtime.simulation.balances import RanAway
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime.live.sources.map import Access
 from rulec_runtime.live.sources.map import Server as Source
-from rulec_runtime.live.sources.map_access import Access
-from rulec_runtime.live.sources.refused import extra
+from rulec_runtime.live.sources.remarks import extra
 from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.terminal import is_shown
 
@@ -252,7 +252,7 @@ def read_online(package: Package, endpoint: str) -> Package:
 def _read(
     package: Package, address: str, asked: Sequence[str], odd: list[Oddity]
 ) -> Mapping[str, str]:
-    from rulec_runtime.live.sources.opcua_once import read_once
+    from rulec_runtime.live.sources.opcua_nodes import read_once
 
     try:
         found = read_once(Source(name="", endpoint=address, access=Access()), asked, limits.ONLINE)

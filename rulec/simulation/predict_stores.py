@@ -16,8 +16,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.limits import ABSURD, PAUSE
 from rulec_runtime.output.nearest import did_you_mean
+from rulec_runtime.recordings.columns import filled
 from rulec_runtime.recordings.recording_file import RecordingFile
-from rulec_runtime.recordings.thin import filled
 from rulec_runtime.simulation.balances import Balances, RanAway
 
 from rulec.simulation import limits

@@ -21,7 +21,7 @@ from rulec_runtime.output.open_file import (
     text_of,
 )
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings import limits, recording_path
+from rulec_runtime.recordings import formats, limits
 
 from tests.conftest import ROOT
 from tests.hostile.test_writing import SOURCES
@@ -51,8 +51,8 @@ BESIDE = {
     "runtime/rulec_runtime/live/journal/mqtt_out.py": "a file that was looked into",
     "runtime/rulec_runtime/live/sources/mqtt.py": "files that were found to be regular",
     "runtime/rulec_runtime/commands/frame.py": "the null device",
-    "runtime/rulec_runtime/live/journal/watcher.py": "what the system says of itself",
-    "runtime/rulec_runtime/live/view/terminal_keys.py": "the terminal",
+    "runtime/rulec_runtime/live/journal/tables.py": "what the system says of itself",
+    "runtime/rulec_runtime/live/view/live_screen.py": "the terminal",
     "runtime/rulec_runtime/output/append_file.py": "to append; it looks for itself",
     "runtime/rulec_runtime/output/private_folder.py": "the user's own folder; it looks for itself",
     "runtime/rulec_runtime/output/write_file.py": "to write",
@@ -103,7 +103,7 @@ def test_standard_input_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     for length in (10, 11):
         monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"x" * length)))
         with contextlib.nullcontext() if length == 10 else pytest.raises(Refusal, match="give a f"):
-            assert b"x" * 10 == recording_path.bytes_of(Path("-"))
+            assert b"x" * 10 == formats.bytes_of(Path("-"))
 
 
 def test_what_is_near(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

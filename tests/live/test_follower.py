@@ -15,17 +15,16 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
-from rulec_runtime.live.changes import changes
+from rulec_runtime.live.changes import Horizon, changes
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, nothing_yet
-from rulec_runtime.live.horizon import Horizon
 from rulec_runtime.live.journal.lines import LinesFile
-from rulec_runtime.live.journal_replay import ReplayedSource, replayed
+from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Notice, Rows
-from rulec_runtime.live.view.present_moment import Present
+from rulec_runtime.live.state import ReplayedSource, replayed
+from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
-from rulec_runtime.recordings.time_text import BRIEFLY_GONE
 
 from tests.conftest import ROOT, compiled
 from tests.rig.follower.agreement import first_rows

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings import csv_file, text_parts, text_table
+from rulec_runtime.recordings import text_parts, text_table
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.table import Table
 
@@ -28,7 +28,7 @@ def read(text: str) -> Table | str:
     """Times as they are kept and two columns of numbers, or why the file is refused."""
     file = Path("x.csv")
     try:
-        (sheet,) = csv_file.sheets(io.BytesIO(text.encode()), file, ("time",))
+        (sheet,) = text_table.sheets(io.BytesIO(text.encode()), file, ("time",))
         return sheet.read([0], [1, 2])
     except RecordingRefused as error:
         return str(error)

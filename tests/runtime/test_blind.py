@@ -18,7 +18,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.detectable_faults import visible_of
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.hidden_faults import blind_of, coverage_of
-from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.live.follower import follow
+from rulec_runtime.live.memory import nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.blindness import blindness, brought_back, unseen

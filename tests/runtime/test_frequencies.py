@@ -17,7 +17,8 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.verdict_per_sample import trace
-from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.live.follower import follow
+from rulec_runtime.live.memory import nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording, read_recording

@@ -31,8 +31,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Makes pieces small, and puts all arrays into files."""
 
     def set_to() -> None:
-        for name, value in (("IN_MEMORY", 0), ("BLOCK", 11), ("SORTED_AT_ONCE", 5)):
-            monkeypatch.setattr(of_recordings, name, value)
+        monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
         for name in ("POINTS_AT_ONCE", "RUNS_AT_ONCE"):
             monkeypatch.setattr(of_steady, name, 2)
         for module in (text_parts, text_table):

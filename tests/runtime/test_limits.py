@@ -25,7 +25,7 @@ LAYOUT = {
     "recordings.recording recordings.formats recordings.recording_file",
     "version of a format": "contract.ruleset fleet.plant_day",
     "units of time": "recordings.plant_calendar diagnosis.sensors.units recordings.long_table "
-    "recordings.zone",
+    "recordings.dates",
     "rows or bytes at a time: speed and memory alone": "contract.plan recordings.text_parts "
     "recordings.readers diagnosis.steady.evaluated_points simulation.llvm_code",
     "compiled in: numba's cache sees no other file": "simulation.integrator",

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from rulec_runtime.contract.ruleset import Junction, Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.plant_calendar import Calendar
+from rulec_runtime.recordings.plant_calendar import Calendar, course
 from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.recordings.time_text import course
 from rulec_runtime.report.chart import axis
 from rulec_runtime.report.page_origin import EPOCH
 from rulec_runtime.report.sketch import MOST, sketch, topology_of

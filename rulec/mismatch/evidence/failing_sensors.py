@@ -15,10 +15,10 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import STUCK, SensorFinding
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.points import outside_range
+from rulec_runtime.recordings.columns import glitches_in
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.recordings.thin import glitches_in
 
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.result import Finding, Location, Period

@@ -9,8 +9,7 @@ from rich.console import Console
 
 from rulec_runtime.commands.destinations import check_outputs, console
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.export import csv_pieces, json_pieces, put
-from rulec_runtime.live.journal.listing import tell
+from rulec_runtime.live.journal.listing import csv_pieces, json_pieces, put, tell
 from rulec_runtime.live.journal.refused import JournalRefused, needs
 from rulec_runtime.output.terminal import styled
 

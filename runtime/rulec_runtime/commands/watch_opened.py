@@ -16,13 +16,13 @@ from rulec_runtime.commands.watch_storage import KeptFiles, KeptJournal, kept_fi
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
 from rulec_runtime.live.journal.sinks import WatchSink
-from rulec_runtime.live.journal_replay import ReplayedSource, replayed
 from rulec_runtime.live.memory import Memory, nothing_yet
+from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
-from rulec_runtime.live.sources.refused import extra
+from rulec_runtime.live.sources.remarks import extra
+from rulec_runtime.live.state import ReplayedSource, replayed
 from rulec_runtime.live.view.live_screen import LiveScreen
-from rulec_runtime.live.view.present_moment import Present
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.recording import RecordingRefused
 

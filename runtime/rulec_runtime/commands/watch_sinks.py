@@ -9,10 +9,9 @@ from pathlib import Path
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
-from rulec_runtime.live.journal.outbox import Outbox, Sink
+from rulec_runtime.live.journal.outbox import Outbox, Sink, spill_beside
 from rulec_runtime.live.journal.refused import JournalRefused, needs
 from rulec_runtime.live.journal.sinks import HealthSink, MqttSink, WatchSink
-from rulec_runtime.live.journal.spill import spill_beside
 from rulec_runtime.output.terminal import say_aside
 from rulec_runtime.report.text import counted
 

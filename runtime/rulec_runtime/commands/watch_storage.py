@@ -15,8 +15,8 @@ from rulec_runtime.live.journal.lines import Files, LinesFile
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble, needs
 from rulec_runtime.live.journal.sinks import KeptSink, WatchSink
-from rulec_runtime.live.view.limits import PAST
-from rulec_runtime.live.view.present_moment import Present
+from rulec_runtime.live.limits import PAST
+from rulec_runtime.live.moment import Present
 from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import say_aside
 from rulec_runtime.report.text import counted

@@ -21,7 +21,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_observed
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.recordings.blockwise import runs_where
+from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import ModuleResults
 from rulec_runtime.recordings.stationary import Timeline
@@ -85,7 +85,7 @@ def _blind(results: ModuleResults, ruleset: Ruleset, points: Points) -> tuple[Bl
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    return runs_where(len(flags), lambda low, high: flags[low:high], 1)
+    return runs_where(flags, 1)
 
 
 def points_of(results: ModuleResults, ruleset: Ruleset) -> Points:

@@ -19,10 +19,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.detectable_faults import visible_of
 from rulec_runtime.diagnosis.steady.points import is_bad
-from rulec_runtime.recordings.blockwise import runs_where
+from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.larger_than_memory import let_go
+from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.time_text import ENDED, TO_THE_END
 
 Runs = Sequence[tuple[int, int]]
 """Pairs of the first row and the row after the last."""
@@ -184,21 +184,13 @@ def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
 
 def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
     """Rows in which most neighbours are flagged, in runs as long as a finding needs."""
-    beside, n = limits.PERSISTENCE - 1, len(values)
-    if n < limits.PERSISTENCE:
+    beside = limits.PERSISTENCE - 1
+    if len(values) < limits.PERSISTENCE:
         return ()
     width = 2 * beside + 1
-
-    def mostly(low: int, high: int) -> np.ndarray:
-        first, last = max(low - beside, 0), min(high + beside, n)
-        with np.errstate(invalid="ignore"):
-            here = flags(values[first:last])
-        let_go(values)
-        if not here.any():
-            return np.zeros(high - low, dtype=bool)
-        # A recording is mirrored at its ends.
-        here = np.pad(here, (beside - (low - first), beside - (last - high)), mode="reflect")
-        count = np.concatenate([[0], np.cumsum(here)])
-        return np.asarray(2 * (count[width:] - count[:-width]) > width)
-
-    return runs_where(n, mostly, limits.PERSISTENCE)
+    with np.errstate(invalid="ignore"):
+        here = flags(values)
+    let_go(values)
+    # A recording is mirrored at its ends.
+    count = np.concatenate([[0], np.cumsum(np.pad(here, beside, mode="reflect"))])
+    return runs_where(2 * (count[width:] - count[:-width]) > width, limits.PERSISTENCE)

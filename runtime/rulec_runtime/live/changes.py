@@ -1,4 +1,4 @@
-"""Changes from one diagnosis to the next: episodes that began, grew or ended.
+"""The episodes of a diagnosis, and their changes to the next: what began, grew or ended.
 
 Each diagnosis reports a fault anew, perhaps in parts or under another name now that more is known.
 An episode is what an operator would call one and the same event.
@@ -6,18 +6,132 @@ An episode is what an operator would call one and the same event.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from rulec_runtime.contract.degree import degree_in_figures
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.growth import next_level
 from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
 from rulec_runtime.limits import HEADLINE_RIVAL
 from rulec_runtime.live import limits
-from rulec_runtime.live.episode import Episode, Event, What
-from rulec_runtime.live.horizon import Horizon, episodes_of
+from rulec_runtime.live.episode import Episode, Event, Kind, What
+from rulec_runtime.report.blindness import brought_back, told_else, unseen
+from rulec_runtime.report.growth import grown
+from rulec_runtime.report.json_form import growth_form
+from rulec_runtime.report.wording import actions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Horizon:
+    """The time that a diagnosis covers, s: from `since` to the last row, and the last settled row.
+
+    `usual` is how long a condition other than a fault must last to be reported, s. `time` are the
+    times of the rows, shape (n,); `pause` is the most rows that may interrupt an episode.
+    """
+
+    since: float
+    until: float
+    settled: float
+    usual: float
+    time: Array
+    pause: int
+
+    def rows_between(self, first: float, last: float) -> int:
+        """The number of rows after one time and before another."""
+        after = np.searchsorted(self.time, first, "right")
+        return int(np.searchsorted(self.time, last, "left") - after)
+
+
+def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
+    """All episodes that a diagnosis reports."""
+    for finding in diagnosis.findings:
+        yield _of_fault(diagnosis.ruleset, finding)
+    for sensor in diagnosis.sensors:
+        span, condition = (sensor.since, sensor.until, sensor.active), sensor.condition
+        one = _lasting("sensor", sensor.id, span, condition.status, sensor.text, condition.action)
+        yield replace(one, module=sensor.module, probability=sensor.probability)
+    for found in diagnosis.regimes:
+        span, regime = (found.since, found.until, found.active), found.regime
+        one = _lasting("regime", regime.id, span, regime.status, regime.text, regime.action)
+        yield replace(one, module=regime.module)
+    for blind in diagnosis.blind:
+        if blind.until - blind.since >= horizon.usual:
+            # The readings identify it, whichever faults currently need them.
+            readings, span = " ".join(blind.readings), (blind.since, blind.until, blind.active)
+            text = f"{unseen(diagnosis.ruleset, blind)}: {blind.because}"
+            one = _lasting("blind", readings, span, "C", text, brought_back(blind))
+            yield replace(one, id=_id("blind", blind.since))
+    others: tuple[tuple[Kind, str, Iterable[Period]], ...] = (
+        ("unknown", "S", diagnosis.unknown),
+        ("blind", "C", (p for p in told_else(diagnosis) if not p.partly)),
+    )
+    for kind, status, periods in others:
+        for period in periods:
+            active = period.until >= horizon.settled
+            until = horizon.until if active else period.until
+            if until - period.since >= horizon.usual:
+                subject = period.text if kind == "blind" else ""
+                one = _lasting(kind, subject, (period.since, until, active), status, period.text)
+                yield replace(one, id=_id(kind, period.since))
+
+
+def _lasting(
+    kind: Kind,
+    subject: str,
+    span: tuple[float, float, bool],
+    status: str,
+    text: str,
+    action: str = "",
+) -> Episode:
+    """An episode without a degree; `span` is when it began, its last time, and whether it lasts."""
+    since, until, active = span
+    return Episode(
+        id=_id(subject, since),
+        kind=kind,
+        subject=subject,
+        module="",
+        status=status,
+        since=since,
+        until=until,
+        active=active,
+        text=text,
+        action=action,
+    )
+
+
+def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
+    fault, growth = finding.fault, finding.growth
+    return Episode(
+        id=_id(fault.id, finding.since),
+        kind="fault",
+        subject=fault.id,
+        module=fault.module,
+        status=fault.status,
+        since=finding.since,
+        until=finding.until,
+        active=finding.active,
+        text=finding.text,
+        action=actions(ruleset, finding),
+        degree=finding.degree,
+        lower=finding.lower,
+        upper=finding.upper,
+        unit=fault.unit,
+        probability=finding.probability,
+        alternatives=finding.alternatives,
+        grows=grown(finding),
+        rate=0.0 if growth is None or growth.rate is None else growth.rate[0],
+        growth={} if growth is None else growth_form(fault, growth, None),
+    )
+
+
+def _id(subject: str, since: float) -> str:
+    return f"{subject}@{since:.3f}"
 
 
 def changes(

@@ -26,8 +26,8 @@ from rulec_runtime.diagnosis.steady.findings import Found, Period
 from rulec_runtime.diagnosis.steady.growing_faults import found_of
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.live import limits
+from rulec_runtime.live.changes import Horizon
 from rulec_runtime.live.history import History, history_of, joined, only, some
-from rulec_runtime.live.horizon import Horizon
 from rulec_runtime.live.last_evaluation import Evaluation, LastEvaluation, PartEvaluation, due_after
 from rulec_runtime.live.levels import levels_of
 from rulec_runtime.live.memory import Memory

@@ -81,3 +81,9 @@ STATE_FORM = 1
 
 LAST_PORT = 65535
 """Largest port. Origin: standard, TCP (RFC 9293)."""
+
+PAST = 500
+"""Latest events in memory. Origin: assumed; the journal has all."""
+
+KEEP_ALIVE = 10
+"""Seconds of silence after which an MQTT broker is pinged. Origin: assumed."""

@@ -1,12 +1,21 @@
-"""Everything an operator can see at one moment, and how old it is."""
+"""Everything an operator can see at one moment, and how old it is; updated after each change."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
+from rulec_runtime.live.connection import is_away
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.follower import diagnosis_of
+from rulec_runtime.live.limits import PAST
+from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.plant_calendar import Calendar
+from rulec_runtime.report.wording import STATUS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,3 +69,74 @@ class Arrival:
     def age(self, time: float) -> float | None:
         """Seconds since the last row arrived; None before any."""
         return None if self._since is None else max(time - self._since, 0.0)
+
+
+class Present:
+    """The present moment, at first from the memory of an earlier process; for several threads."""
+
+    def __init__(self, ruleset: Ruleset, source: str, memory: Memory) -> None:
+        self._lock = threading.Lock()
+        self._past: deque[Event] = deque(maxlen=PAST)
+        active, time = _active(memory), memory.recent.time
+        self._now = Now(
+            plant=ruleset.plant,
+            title=ruleset.title,
+            time=float(time[-1]) if len(time) else None,
+            calendar=memory.recent.calendar,
+            status=worst({one.status for one in active}),
+            source=source,
+            connected=bool(memory.count) and not any(map(is_away, active)),
+            remark="",
+            rows=memory.count,
+            active=active,
+            past=(),
+            acknowledged=frozenset(),
+            diagnosis=diagnosis_of(ruleset, memory),
+        )
+
+    def now(self) -> Now:
+        """The present moment."""
+        return self._now
+
+    def update(self, memory: Memory, events: Sequence[Event], diagnosis: Diagnosis | None) -> None:
+        """Update after rows or a notice, with the events."""
+        active = _active(memory)
+        away = any(map(is_away, active))
+        remarks = [event.text for event in events if event.episode.kind == "source"]
+        with self._lock:
+            self._past.extendleft(events)
+            time = memory.recent.time
+            self._now = replace(
+                self._now,
+                time=float(time[-1]) if len(time) else None,
+                calendar=memory.recent.calendar,
+                status=worst({one.status for one in active}),
+                connected=not away,
+                remark=remarks[-1] if remarks else self._now.remark,
+                rows=memory.count,
+                active=active,
+                past=tuple(self._past),
+                diagnosis=diagnosis or self._now.diagnosis,
+            )
+
+    def recall(self, events: Sequence[Event]) -> None:
+        """Add events of an earlier process, oldest first."""
+        with self._lock:
+            self._past.extendleft(events)
+            self._now = replace(self._now, past=tuple(self._past))
+
+    def acknowledge(self, episode: str, by: str) -> None:
+        """Mark an episode as acknowledged."""
+        self.acknowledged(frozenset([episode]))
+
+    def acknowledged(self, episodes: frozenset[str]) -> None:
+        """Mark episodes as acknowledged, here or elsewhere."""
+        with self._lock:
+            known = self._now.acknowledged | episodes
+            self._now = replace(self._now, acknowledged=known)
+
+
+def _active(memory: Memory) -> tuple[Episode, ...]:
+    """Active episodes, the worst first."""
+    order, active = list(STATUS), [one for one in memory.episodes if one.active]
+    return tuple(sorted(active, key=lambda one: (order.index(one.status), one.since)))

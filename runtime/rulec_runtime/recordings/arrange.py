@@ -13,8 +13,7 @@ from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import Pair, Places, places_of
 from rulec_runtime.recordings.csv_table import Column
-from rulec_runtime.recordings.hold_last_value import held, rows_written
-from rulec_runtime.recordings.long_table import LongTable, Readings, long_sheet
+from rulec_runtime.recordings.long_table import LongTable, Readings, held, long_sheet, rows_written
 from rulec_runtime.recordings.quality import codes_remark, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
 from rulec_runtime.recordings.time_column import comparable, seconds_in, time_of_parts

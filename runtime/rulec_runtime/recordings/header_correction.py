@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.blockwise import interval_of, nearest
+from rulec_runtime.recordings.columns import interval_of, nearest
 from rulec_runtime.recordings.recording import Recording
 
 

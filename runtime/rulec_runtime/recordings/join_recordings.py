@@ -17,13 +17,13 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.blockwise import means_between
+from rulec_runtime.recordings.columns import means_between
 from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.formats import bytes_of, place_of
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import Recording, read_recording, starts_behind
 from rulec_runtime.recordings.recording_file import files_of
-from rulec_runtime.recordings.recording_path import bytes_of, place_of
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
 OWN_CLOCKS = (

@@ -1,8 +1,8 @@
 """Arrays that may be larger than memory.
 
 Small arrays stay in memory. Large ones are mapped from an unnamed file in the folder for temporary
-files (``TMPDIR``). A pass goes through them block by block and releases what it has read, so that a
-process holds little at a time.
+files (``TMPDIR``). A pass over a column releases what it has read, so that a process holds a few
+columns at a time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import ctypes
 import mmap
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import prod
 from typing import Any
@@ -76,73 +76,48 @@ def let_go(*held: np.ndarray) -> None:
             room.madvise(mmap.MADV_DONTNEED)
 
 
-def blocks(count: int, *held: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and end (excluded) of blocks of `count` numbers; after each block the memory of the
-    arrays `held` is released."""
-    for low in range(0, count, limits.BLOCK):
-        yield low, min(low + limits.BLOCK, count)
-        let_go(*held)
-
-
 def give_back() -> None:
     """Return free memory to the system that its allocator keeps for later."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
-    """A function of each number, shape (n,)."""
-    found = array(len(values), kind)
-    for low, high in blocks(len(values), values, found):
-        found[low:high] = function(values[low:high])
+def kept(values: np.ndarray) -> np.ndarray:
+    """A copy, in a file if it is large."""
+    found = array(len(values), values.dtype)
+    found[:] = values
+    let_go(found)
     return found
 
 
-def copied(values: np.ndarray) -> np.ndarray:
-    """A copy."""
-    return mapped(values, lambda part: part, values.dtype)
+def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
+    """A function of each number, shape (n,)."""
+    found = kept(np.asarray(function(values), kind))
+    let_go(values)
+    return found
 
 
 def picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """``values[at]``; indices in order are read block by block."""
-    found = array(len(at), values.dtype)
-    for low, high in blocks(len(at), found):
-        here = at[low:high]
-        edges = np.flatnonzero(np.diff(here // limits.BLOCK)) + 1
-        for first, last in zip([0, *edges], [*edges, len(here)], strict=True):
-            found[low + first : low + last] = values[here[first:last]]
-            let_go(values)
-    return found
-
-
-def chosen(values: np.ndarray, flags: np.ndarray, count: int) -> np.ndarray:
-    """``values[flags]``, `count` of them."""
-    found, done = array(count, values.dtype), 0
-    for low, high in blocks(len(values), values, found):
-        part = values[low:high][flags[low:high]]
-        found[done : done + len(part)] = part
-        done += len(part)
+    """``values[at]``, by indices or flags."""
+    found = kept(values[at])
+    let_go(values)
     return found
 
 
 def mark(flags: np.ndarray, first: np.ndarray, last: np.ndarray, value: bool = True) -> None:
     """Set flags ``first : last``, in order."""
-    for low in range(0, len(first), limits.MARKED_AT_ONCE):
-        high = low + limits.MARKED_AT_ONCE
-        for a, b in zip(first[low:high].tolist(), last[low:high].tolist(), strict=True):
-            flags[a:b] = value
-        let_go(flags)
+    for a, b in zip(first.tolist(), last.tolist(), strict=True):
+        flags[a:b] = value
+    let_go(flags)
 
 
 def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
     """Join at least one array."""
     if len(parts) == 1:
         return parts[0]
-    found, done = array(sum(map(len, parts)), np.result_type(*parts)), 0
-    for part in parts:
-        for low, high in blocks(len(part), part, found):
-            found[done + low : done + high] = part[low:high]
-        done += len(part)
+    found = array(sum(map(len, parts)), np.result_type(*parts))
+    np.concatenate(parts, out=found)
+    let_go(found, *parts)
     return found
 
 

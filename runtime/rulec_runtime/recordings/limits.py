@@ -21,25 +21,6 @@ is the same."""
 ALIGNED = 64
 """Bytes at whose multiples arrays in a file begin, as in memory. Origin: numerical."""
 
-MARKED_AT_ONCE = 4096
-"""Stretches that are marked before memory is let go. Origin: numerical."""
-
-BLOCK = 2**17
-"""Samples that a pass over a column takes at a time. Origin: numerical, what is found is the
-same."""
-
-SORTED_AT_ONCE = 2**19
-"""Numbers whose median is found by sorting them; of more by a sample. Origin: numerical, the
-median is the same."""
-
-SAMPLED = 251
-"""Numbers of which one is taken into the sample that tells where a median is. Origin: numerical,
-the median is the same; a prime, so that nothing repeats with it."""
-
-MEDIAN_WITHIN = 4.0
-"""Standard deviations of the rank of a median in a sample, within which it is looked for. Origin:
-numerical, the median is the same."""
-
 # Reading files ---------------------------------------------------------------------------------
 
 LARGEST_PIPE = 2**30
@@ -96,6 +77,10 @@ LAST_CENTURY = 69
 FIRST_YEAR, LAST_YEAR = 2000, 2060
 """Years between which numbers are looked at as dates: as Unix time in any unit, days of a
 spreadsheet, and their like. Origin: assumed, the time of digital recordings."""
+
+FIRST_STEPS = 2**17
+"""First samples of a column of times by which the time from row to row is known. Origin: assumed.
+"""
 
 BRIEFEST_ROW = 1e-3
 """Seconds from row to row below which days of a spreadsheet are meant: no logger of a plant writes

@@ -20,12 +20,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.formats import opened_sheet
+from rulec_runtime.recordings.formats import is_there, opened_sheet, place_of
 from rulec_runtime.recordings.header import Header, Target, parts_of, result_of
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording_file import form_of
-from rulec_runtime.recordings.recording_path import is_there, place_of
 from rulec_runtime.recordings.time_column import read_times
 
 KINDS = frozenset({"q", "valid", "s", "dq", "apart", "fit", "noise", "systematic", "beyond", "lag"})

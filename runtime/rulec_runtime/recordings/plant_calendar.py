@@ -1,4 +1,4 @@
-"""Convert times of a recording to the clock of the plant."""
+"""Times of a recording by the clock of the plant if it has dates, else in seconds; their words."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.larger_than_memory import blocks
 
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
 
@@ -70,14 +69,10 @@ def _offset(seconds: float) -> str:
 
 def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
     """Calendar of samples: `time`, in order, is s after `start`; `offset` is NaN without a zone."""
-    found: list[tuple[float, float]] = []
-    for low, high in blocks(len(time), time, offset):
-        known = np.isfinite(offset[low:high])
-        when, shown = time[low:high][known], offset[low:high][known]
-        before = np.concatenate([[found[-1][1] if found else np.nan], shown[:-1]])
-        first = np.flatnonzero(shown != before[: len(shown)])
-        found += zip(when[first].tolist(), shown[first].tolist(), strict=True)
-    return Calendar(start, tuple(found))
+    known = np.isfinite(offset)
+    when, shown = time[known], offset[known]
+    first = np.flatnonzero(np.diff(shown, prepend=np.nan) != 0.0)
+    return Calendar(start, tuple(zip(when[first].tolist(), shown[first].tolist(), strict=True)))
 
 
 def duration(seconds: float) -> str:
@@ -98,3 +93,60 @@ def duration(seconds: float) -> str:
             rest = int(whole % big // small)
             return f"{int(whole // big)} {name}" + (f" {rest} {second}" if rest else "")
     return f"{whole} s"
+
+
+ENDED, TO_THE_END, UNSETTLED, UNJUDGED = None, "", "not settled", "not judged"
+BRIEFLY_GONE = "not seen, too briefly to be over"
+"""What follows a finding: stretches that no longer show it, the end of the recording, or a part
+that moves, cannot be judged, or is too short, in which it may continue."""
+
+
+def moment(calendar: Calendar | None, time: float, before: float | None = None) -> str:
+    """A time of the recording; `before` is the time mentioned last.
+
+    >>> moment(None, 11.0)
+    '11 s'
+    """
+    return f"{time:g} s" if calendar is None else calendar.clock(time, before)
+
+
+def span(calendar: Calendar | None, since: float, until: float) -> str:
+    """A period in short form.
+
+    >>> span(None, 11.0, 19.0), span(Calendar(86390.0), 0.0, 20.0)
+    ('11-19 s', '1970-01-01 23:59:50 to 1970-01-02 00:00:10')
+    """
+    if calendar is None:
+        return f"{since:g}-{until:g} s"
+    return f"{calendar.clock(since)} to {calendar.clock(until, since)}"
+
+
+def course(
+    calendar: Calendar | None, since: float, until: float, behind: str | None, short: bool = False
+) -> str:
+    """A period and what follows it.
+
+    >>> course(None, 11.0, 19.0, ENDED), course(None, 11.0, 19.0, UNSETTLED)
+    ('11-19 s (8 s)', 'since 11 s, still active after 8 s at 19 s; from 19 s on not settled')
+    """
+    if behind is ENDED and since == until:
+        return f"at {_in_hours(calendar, since)}"
+    if behind is ENDED:
+        text = span(calendar, since, until)
+        return text if short else f"{text} ({duration(until - since)})"
+    if short:
+        return f"since {moment(calendar, since)}, still active"
+    last = _in_hours(calendar, until, since)
+    lasts = f"since {_in_hours(calendar, since)}, still active after {duration(until - since)}"
+    lasts = f"{lasts} at {last}"
+    return f"{lasts}; from {last} on {behind}" if behind else f"{lasts}, the end of the recording"
+
+
+def _in_hours(calendar: Calendar | None, time: float, before: float | None = None) -> str:
+    """A moment; many seconds also as hours.
+
+    >>> _in_hours(None, 50520.0)
+    '50520 s (14 h 2 min)'
+    """
+    text = moment(calendar, time, before)
+    return text if calendar is not None or time < HOUR else f"{text} ({duration(time)})"

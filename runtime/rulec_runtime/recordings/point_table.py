@@ -11,15 +11,12 @@ standard uncertainties of the sensor, in tables of pump curves 4 to 90.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import partial
-
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import differences, median_of, parts_of
+from rulec_runtime.recordings.columns import median_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, systematic_u, working
 
@@ -62,14 +59,11 @@ def _leap(values: Array) -> float:
 
 def _moves(signal: SignalSpec, recording: Recording) -> bool:
     """Whether a reading usually changes from row to row while its module works."""
-
-    def at_work() -> Iterator[Array]:
-        return parts_of(recording.values[signal.id], partial(working, signal))
-
-    if sum(map(len, at_work())) < limits.FEWEST_POINTS:
+    values = recording.values[signal.id]
+    at_work = values[working(signal, values)]
+    if len(at_work) < limits.FEWEST_POINTS:
         return False
-    usual = median_of(lambda: map(np.abs, at_work()))
-    change = median_of(lambda: map(np.abs, differences(at_work(), 1)))
+    usual, change = median_of(np.abs(at_work)), median_of(np.abs(np.diff(at_work)))
     return change > limits.MOVING_ROWS * float(systematic_u(signal, usual))
 
 

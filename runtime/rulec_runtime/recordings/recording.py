@@ -1,4 +1,9 @@
-"""A recording: readings over time, in SI, with remarks on their flaws."""
+"""A recording: readings over time, in SI, with remarks on their flaws; rows in order of time.
+
+Rows that a program wrote out of order are sorted. A clock that was set back, as at the end of
+summer time without a zone, repeats times: sorting would mix rows from before and after. There the
+order of rows stays, and later times are shifted.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +17,17 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.blockwise import interval_of
-from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
+from rulec_runtime.recordings import limits
+from rulec_runtime.recordings.columns import interval_of, runs_of_same
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign, parts_of
 from rulec_runtime.recordings.larger_than_memory import (
     array,
-    blocks,
-    chosen,
     give_back,
     let_go,
     mapped,
@@ -33,6 +36,60 @@ from rulec_runtime.recordings.larger_than_memory import (
 )
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+
+
+@dataclass(frozen=True)
+class ClockSet:
+    """At a time of the recording, s, the clock was set back by `seconds`, or stood for `rows`."""
+
+    time: float
+    seconds: float
+    rows: int = 0
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """Rows in order of time.
+
+    `order` are the rows, None if unchanged; `time` are their times, s, which never decrease; `sets`
+    are changes of the clock; `sorted`: the rows were out of order.
+    """
+
+    order: NDArray[np.intp] | None
+    time: Array
+    sets: tuple[ClockSet, ...]
+    sorted: bool
+
+
+def in_order(time: Array) -> Ordered:
+    """Put rows in order; each has a time."""
+    back = np.flatnonzero(time[1:] < time[:-1]) + 1
+    same, _ = runs_of_same(time, limits.CLOCK_STOOD)
+    stood = tuple(ClockSet(float(time[a]), 0.0, b - a) for a, b in same)
+    if not len(back):
+        return Ordered(None, time, stood, False)
+    runs = list(pairwise([0, *back.tolist(), len(time)]))
+    many = len(time) < limits.ROWS_PER_STEP_BACK * len(back)
+    if many or not any(_set(time, a, b) for a, b in pairwise(runs)):
+        order = np.argsort(time, kind="stable")
+        return Ordered(order, time[order], stood, True)
+    usual = float(np.median(np.diff(time)))
+    moved, sets = time.copy(), []
+    for before, here in pairwise(runs):
+        start, end = time[here[0]], time[before[1] - 1]
+        moved[here[0] : here[1]] += moved[before[1] - 1] + usual - start
+        sets.append(ClockSet(float(moved[here[0]]), float(end + usual - start)))
+    return Ordered(None, moved, (*stood, *sets), False)
+
+
+def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
+    """Whether the clock was set between two ordered runs of rows."""
+    first, second = time[slice(*before)], time[slice(*here)]
+    if second[-1] < first[0]:
+        return bool(first[0] - second[-1] > limits.CLOCK_LOST * (np.ptp(first) + np.ptp(second)))
+    twice = min(int((first >= second[0]).sum()), int((second <= first[-1]).sum()))
+    return twice >= limits.WRITTEN_TWICE
+
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
 
@@ -200,7 +257,7 @@ def _meant(title: str, missing: Sequence[str]) -> str:
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
     """A file in order of time, without unusable rows."""
-    has_time = mapped(file.time, lambda t: np.isfinite(t) & (np.abs(t) < limits.ABSURD), bool)
+    has_time = mapped(file.time, lambda t: np.isfinite(t) & (np.abs(t) < common.ABSURD), bool)
     if not has_time.any():
         raise RecordingRefused(f"{file.path}: no row has a usable time")
     columns = {"": file.time, **file.values}
@@ -215,19 +272,10 @@ def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) ->
         columns = {name: picked(v, ordered.order) for name, v in columns.items()}
     columns[""] = ordered.time
     reason = ("repeats", "repeat"), "the time of another row"
-    columns = _without(columns, _first_of_a_time(ordered.time), file.path, *reason, notes, lost)
+    later = np.concatenate([[True], ordered.time[1:] > ordered.time[:-1]])
+    columns = _without(columns, later, file.path, *reason, notes, lost)
     time, zones = columns.pop(""), columns.pop(_ZONES, None)
     return _Part(file.path.name, time, columns, zones, ordered.sets)
-
-
-def _first_of_a_time(time: Array) -> NDArray[np.bool_]:
-    """Rows with a later time than the row before."""
-    first = array(len(time), bool)
-    for low, high in blocks(len(time), time, first):
-        behind = max(low, 1)
-        first[behind:high] = time[behind:high] > time[behind - 1 : high - 1]
-        first[:1] = True
-    return first
 
 
 def _without(
@@ -246,7 +294,7 @@ def _without(
     one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
     notes.append(f"{path.name}: {plural(len(stay) - count, one, many)} left out")
     lost.append((len(stay) - count, f"they {verb[1]} {what}"))
-    return {name: chosen(values, stay, count) for name, values in columns.items()}
+    return {name: picked(values, stay) for name, values in columns.items()}
 
 
 def _one_behind_the_other(

@@ -1,8 +1,11 @@
-"""Read one file: which column is which signal, and its numbers in the order of its rows."""
+"""Read one file: which column is which signal, and its numbers in the order of its rows.
+
+Readings in memory, by the titles that a file would have, are treated like a file of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -17,13 +20,19 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.nearest import near_file
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import any_of
-from rulec_runtime.recordings.csv_table import Column, RecordingRefused
-from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
+from rulec_runtime.recordings.columns import any_of
+from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_cells
+from rulec_runtime.recordings.formats import (
+    CSV,
+    STANDARD_INPUT,
+    is_called_recording,
+    opened_sheet,
+    place_of,
+)
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
-from rulec_runtime.recordings.larger_than_memory import blocks
-from rulec_runtime.recordings.recording_path import STANDARD_INPUT, place_of
-from rulec_runtime.recordings.time_column import read_times
+from rulec_runtime.recordings.larger_than_memory import let_go
+from rulec_runtime.recordings.table import Dates
+from rulec_runtime.recordings.time_column import factor_of_time, read_times
 from rulec_runtime.recordings.titles import names_of_times
 
 SHOWN = 5
@@ -171,25 +180,23 @@ def _readings(
             f"{path.name}: {plural(column.words, f'{cell} is a word', f'{cells} are words')} (the "
             f"first, in data row {row}: '{word}'{_others(column)}); there it has no reading"
         )
-    values, count, row = column.numbers(), 0, 0
+    values = column.numbers()
     if missing and (absent := int(np.isin(values, missing).sum())):
         shown = " or ".join(f"{number:g}" for number in missing)
         notes.append(
             f"{path.name}: {plural(absent, f'{cell} is', f'{cells} are')} {shown}, which the "
             "column map calls missing"
         )
-    for low, high in blocks(len(values), values):
-        values[low:high], absurd = in_si(values[low:high], target, most, missing)
-        if not count and absurd.any():
-            row = low + int(np.argmax(absurd)) + 1
-        count += int(absurd.sum())
-    if count:
+    values[:], absurd = in_si(values, target, most, missing)
+    if absurd.any():
+        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
         notes.append(
             f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "
             f"first in data row {row}); there it has no reading"
         )
     if not any_of(values):
         notes.append(f"{path.name}: {target.signal} has not one reading")
+    let_go(values)
     return values
 
 
@@ -200,3 +207,84 @@ def _others(column: Column) -> str:
     counts = [f"'{word}' {times}" for word, times in column.states.most_common(SHOWN)]
     more = len(column.states) - SHOWN
     return f"; {', '.join(counts)}" + (f" and {more} others" if more > 0 else "")
+
+
+Cells = np.ndarray | list[str]
+"""A column: numbers, dates (datetime64, in UTC), durations (timedelta64), or words."""
+
+
+def file_of(
+    name: str, columns: Mapping[str, Cells], ruleset: Ruleset, notes: list[str], zoned: bool = False
+) -> RecordingFile:
+    """Columns of equal length as the file that would hold them.
+
+    Parameters
+    ----------
+    name : its name in messages.
+    columns : per title, such as ``A.dp [bar]``, its cells, shape (n,).
+    zoned : whether dates are known to be in UTC; else they name no zone.
+
+    Raises
+    ------
+    RecordingRefused
+        There is no time column or no row, or lengths differ.
+    """
+    path, titles = Path(name), list(columns)
+    lengths = {title: len(cells) for title, cells in columns.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"'{title}' {n}" for title, n in list(lengths.items())[:4])
+        raise RecordingRefused(f"{name}: columns have different numbers of rows: {shown}")
+    header = assign(path, titles, ruleset, notes)
+    if not any(lengths.values()):
+        raise RecordingRefused(f"{name}: there are no rows")
+    time, zones = _times(path, columns[titles[header.time]], header, ruleset, zoned, notes)
+    read = [_column(name, titles[t.index], columns[titles[t.index]]) for t in header.targets]
+    return RecordingFile(
+        path=path,
+        header=header,
+        time=time,
+        values=readings_of(path, read, header, ruleset, notes),
+        zones=zones,
+        comma=False,
+    )
+
+
+def _times(
+    path: Path, cells: Cells, header: Header, ruleset: Ruleset, zoned: bool, notes: list[str]
+) -> tuple[Array, Array | None]:
+    title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
+    if isinstance(cells, list):
+        return read_times(path, cells, title, unit, ruleset.units, zone, notes)
+    if cells.dtype.kind == "M":
+        since = _seconds(cells - np.datetime64(0, "s"))
+        dates = Dates(since, np.full(len(cells), 0.0 if zoned else np.nan))
+        return read_times(path, dates, title, unit, ruleset.units, zone, notes)
+    if cells.dtype.kind == "m":
+        return _seconds(cells), None
+    factor = factor_of_time(path, header.time_title, header.time_unit, ruleset.units)
+    return cells.astype(float) * factor, None
+
+
+def _seconds(lengths: np.ndarray) -> Array:
+    """Durations in s, NaN where missing."""
+    return np.asarray(lengths / np.timedelta64(1, "s"), dtype=float)
+
+
+def _column(name: str, title: str, cells: Cells) -> Column:
+    column = Column(title)
+    if isinstance(cells, list):
+        read_cells(column, cells, 0, comma=True)
+    elif cells.dtype.kind in "Mm":
+        raise RecordingRefused(f"{name}: column '{title}' holds dates or times, not readings")
+    else:
+        column.parts.append(cells.astype(float))
+    return column
+
+
+def different(given: Sequence[object]) -> None:
+    """Refuse readings in memory that are given twice: their evidence would count twice."""
+    if len({id(one) for one in given}) < len(given):
+        raise RecordingRefused(
+            "the same readings are given twice; what they show would count twice. Give each "
+            "recording once"
+        )

@@ -1,6 +1,8 @@
-"""Estimate spread and noise by medians, which outliers, steps and slopes hardly affect.
+"""Estimate spread and noise by medians, which outliers, steps and slopes hardly affect, and the
+autocorrelation time of an error.
 
-Source: Hampel 1974 (median of absolute deviations).
+Sources: Hampel 1974 (median of absolute deviations); effective number of samples for squares of an
+autocorrelated series (Bartlett 1946).
 """
 
 from __future__ import annotations
@@ -8,15 +10,16 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.blockwise import Parts, median_of
+from rulec_runtime.recordings import limits
 
 
 def spread_about(values: Array, centre: float) -> float:
     """Standard deviation of normal noise, from the median distance from a centre."""
-    return limits.NORMAL_SPREAD * float(np.median(np.abs(values - centre)))
+    return common.NORMAL_SPREAD * float(np.median(np.abs(values - centre)))
 
 
 def medians(table: Array) -> Array:
@@ -42,10 +45,37 @@ def white_noise(differences: Array, order: int) -> float:
     """
     if not differences.size:
         return 0.0
-    return white_noise_of(lambda: (differences.ravel(),), order)
+    median = float(np.median(np.abs(differences)))
+    return common.NORMAL_SPREAD * median / float(np.sqrt(comb(2 * order, order)))
 
 
-def white_noise_of(differences: Parts, order: int) -> float:
-    """The same for differences in parts; NaN without any."""
-    median = median_of(lambda: (np.abs(part) for part in differences()))
-    return limits.NORMAL_SPREAD * median / float(np.sqrt(comb(2 * order, order)))
+Flags = NDArray[np.bool_]
+
+
+def memory_of(error: Array, known: Flags) -> float:
+    """Samples per independent value of a squared error, at least 1.
+
+    This is the sum of squared autocorrelations, up to the lag at which they vanish.
+    """
+    kept, most = correlations_of(error, known)
+    return float(np.clip(1.0 + 2.0 * np.sum(kept**2), 1.0, most))
+
+
+def correlations_of(error: Array, known: Flags) -> tuple[Array, int]:
+    """Autocorrelations from lag 1 to the lag at which they vanish, shape (lags,), and the largest
+    lag examined."""
+    n, none = int(known.sum()), np.zeros(0)
+    if n < limits.FEWEST_FOR_CORRELATION:
+        return none, 1
+    filled = np.where(known, error, 0.0)
+    size = 2 ** int(np.ceil(np.log2(2 * len(filled))))
+    moments = np.fft.irfft(np.abs(np.fft.rfft(filled, size)) ** 2, size)
+    counts = np.fft.irfft(np.abs(np.fft.rfft(known.astype(float), size)) ** 2, size)
+    most = max(int(limits.LONGEST_CORRELATION * n), 2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lags = np.where(counts[:most] > 0.5, moments[:most] / np.maximum(counts[:most], 1.0), 0.0)
+    if lags[0] <= 0.0:
+        return none, 1
+    correlation = lags / lags[0]
+    ends = np.flatnonzero(correlation[1:] < limits.WHITE_CORRELATION / np.sqrt(n))
+    return (correlation[1 : 1 + ends[0]] if len(ends) else correlation[1:]), most

@@ -10,7 +10,7 @@ Source: own derivation, docs/method.md; the first order of a lag in time.
 from __future__ import annotations
 
 from array import array as packed
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,8 +18,8 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import means_between
-from rulec_runtime.recordings.larger_than_memory import arrays, blocks, let_go, mark
+from rulec_runtime.recordings.columns import means_between
+from rulec_runtime.recordings.larger_than_memory import arrays, let_go, mark
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
     Stretches,
@@ -67,7 +67,8 @@ def _with_slow(
     first, last = packed("q"), packed("q")
     first.frombytes(settled.first.astype(np.int64).tobytes())
     last.frombytes(settled.last.astype(np.int64).tobytes())
-    for begin in _begins(free, starts):
+    begins = free & (starts | ~np.concatenate([[False], free[:-1]]))
+    for begin in np.flatnonzero(begins).tolist():
         stop = begin + 1
         while free[stop] and not starts[stop]:
             stop += 1
@@ -76,16 +77,6 @@ def _with_slow(
         last.extend(lasts)
     order = np.argsort(first, kind="stable")
     return stretches_of(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
-
-
-def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:
-    """First samples of runs of `free`, cut at `starts`."""
-    before = np.zeros(1, dtype=bool)
-    for low, high in blocks(len(free), free, starts):
-        here = free[low:high].copy()
-        new = here & (starts[low:high] | ~np.concatenate([before, here[:-1]]))
-        before = here[-1:]
-        yield from (np.flatnonzero(new) + low).tolist()
 
 
 def lag_errors(

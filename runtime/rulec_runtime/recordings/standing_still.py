@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import (
-    Parts,
-    differences,
-    first_reading,
-    parts_of,
-    runs_of_same,
-)
-from rulec_runtime.recordings.larger_than_memory import blocks
-from rulec_runtime.recordings.robust_statistics import white_noise_of
+from rulec_runtime.recordings.columns import runs_of_same
+from rulec_runtime.recordings.robust_statistics import white_noise
 
 
 def standing_still(
@@ -32,7 +24,7 @@ def standing_still(
     its range a reading repeats for another reason.
     """
     long, chance = runs_of_same(values, limits.STILL_RUN)
-    if not long or not _restless(partial(_beside, values, long), u):
+    if not long or not _restless(_beside(values, long), u):
         return []
     least = limits.STILL_TIMES * chance
     long = [run for run in long if run[1] - run[0] >= least and _moves_beside(values, *run)]
@@ -47,28 +39,24 @@ def _moves_beside(values: Array, first: int, behind: int) -> bool:
     """
     long = behind - first
     for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
-        count, same = _steps(parts_of(beside))
+        count, same = _steps(beside[np.isfinite(beside)])
         if count >= limits.STILL_RUN and same / count > limits.REPEATED:
             return False
     return True
 
 
-def _steps(parts: Iterable[Array]) -> tuple[int, int]:
+def _steps(readings: Array) -> tuple[int, int]:
     """Number of steps from number to number, and number of zero steps."""
-    count = same = 0
-    for steps in differences(parts, 1):
-        count, same = count + len(steps), same + int((steps == 0).sum())
-    return count, same
+    steps = np.diff(readings)
+    return len(steps), int((steps == 0).sum())
 
 
-def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Iterator[Array]:
+def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Array:
     """Readings outside the runs `long`."""
-    edges = np.array(long).reshape(-1, 2)
-    for low, high in blocks(len(values), values):
-        there = np.isfinite(values[low:high])
-        for first, behind in edges[(edges[:, 0] < high) & (edges[:, 1] > low)].tolist():
-            there[max(first - low, 0) : behind - low] = False
-        yield values[low:high][there]
+    there = np.isfinite(values)
+    for first, behind in long:
+        there[first:behind] = False
+    return values[there]
 
 
 def _clipped(
@@ -78,33 +66,25 @@ def _clipped(
     level, (low, high) = values[first], ends
     if (low is not None and level <= low) or (high is not None and level >= high):
         return True
-    same, smallest, largest = -(behind - first), np.inf, -np.inf
-    for part in parts_of(values):
-        same += int((part == level).sum())
-        smallest = min(smallest, part.min(initial=np.inf))
-        largest = max(largest, part.max(initial=-np.inf))
-    return same > 0 and bool(level in (smallest, largest))
+    known = values[np.isfinite(values)]
+    same = int((known == level).sum()) - (behind - first)
+    return same > 0 and bool(level in (known.min(), known.max()))
 
 
-def _restless(rest: Parts, u: float) -> bool:
+def _restless(rest: Array, u: float) -> bool:
     """Whether the other readings show white noise, and not more than their class."""
-    count, same = _steps(rest())
+    count, same = _steps(rest)
     if count + 1 < 2 * limits.STILL_RUN or same / count > limits.REPEATED:
         return False
-    noise = white_noise_of(lambda: differences(rest(), 3), 3)
-    finer = white_noise_of(lambda: differences(rest(), 4), 4)
-    white = noise >= limits.RESTLESS * _least_step(rest()) and finer >= limits.RESTLESS * noise
+    noise, finer = (white_noise(np.diff(rest, order), order) for order in (3, 4))
+    white = noise >= limits.RESTLESS * _least_step(rest) and finer >= limits.RESTLESS * noise
     return bool(white and noise <= limits.INSTRUMENT_NOISE * u)
 
 
 def never_moves(values: Array) -> bool:
     """Whether a reading is constant from the first sample to the last."""
-    level, count = first_reading(values), 0
-    for part in parts_of(values):
-        if (part != level).any():
-            return False
-        count += len(part)
-    return count >= common.NEVER_MOVED
+    known = values[np.isfinite(values)]
+    return len(known) >= common.NEVER_MOVED and bool((known == known[0]).all())
 
 
 def last_digit(value: float) -> float:
@@ -120,9 +100,6 @@ def last_digit(value: float) -> float:
     return 1.0
 
 
-def _least_step(parts: Iterable[Array]) -> float:
-    levels = np.zeros(0)
-    for part in parts:
-        levels = np.union1d(levels, part)
-    steps = np.diff(levels)
+def _least_step(readings: Array) -> float:
+    steps = np.diff(np.unique(readings))
     return float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else np.inf

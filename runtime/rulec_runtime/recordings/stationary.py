@@ -8,9 +8,8 @@ estimated from the median of second differences, which steps and slopes hardly a
 from __future__ import annotations
 
 from array import array as packed
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,19 +19,16 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.blockwise import (
-    Parts,
-    differences,
-    filled_blocks,
+from rulec_runtime.recordings.columns import (
     first_reading,
+    held,
     interval_of,
     median_of,
-    parts_of,
     runs_where,
 )
-from rulec_runtime.recordings.larger_than_memory import array, arrays, blocks, let_go, mark, picked
+from rulec_runtime.recordings.larger_than_memory import array, arrays, let_go, mark, picked
 from rulec_runtime.recordings.recording import Recording, once
-from rulec_runtime.recordings.robust_statistics import medians, white_noise_of
+from rulec_runtime.recordings.robust_statistics import medians, white_noise
 
 
 @dataclass(frozen=True)
@@ -99,20 +95,16 @@ def long_pause(time: Array) -> float:
     return common.LONGEST_STRETCH * interval_of(time, np.inf)
 
 
-def noise_of(values: Array, wanted: Callable[[Array], np.ndarray] = np.isfinite) -> float:
-    """Standard deviation of white noise in a record, by second differences of the wanted readings,
-    which steps and slopes hardly affect."""
-    return _noise_of_second(lambda: differences(parts_of(values, wanted), 2), 0.0)
+def noise_of(values: Array) -> float:
+    """Standard deviation of white noise in a record, by second differences of its readings, which
+    steps and slopes hardly affect."""
+    return _noise_of_second(np.diff(values[np.isfinite(values)], 2), 0.0)
 
 
-def _noise_of_second(second: Parts, unknown: float) -> float:
+def _noise_of_second(second: Array, unknown: float) -> float:
     """Noise by second differences, which may include NaN; `unknown` if all are NaN."""
-
-    def known() -> Iterator[Array]:
-        return (part[np.isfinite(part)] for part in second())
-
-    noise = white_noise_of(known, 2)
-    return unknown if np.isnan(noise) else noise
+    known = second[np.isfinite(second)]
+    return white_noise(known, 2) if len(known) else unknown
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
@@ -135,15 +127,9 @@ def noise_within(
     within = array(max(len(recording) - 2, 0), bool)
     mark(within, stretches.first, np.maximum(stretches.last - 2, stretches.first))
     return {
-        name: _noise_of_second(partial(_second_within, values, within), noise[name])
+        name: _noise_of_second(np.diff(values, 2)[within], noise[name])
         for name, values in recording.values.items()
     }
-
-
-def _second_within(values: Array, within: np.ndarray) -> Iterator[Array]:
-    """Second differences with flags `within`, shape (samples - 2,)."""
-    for low, high in blocks(len(within), values):
-        yield np.diff(values[low : high + 2], 2)[within[low:high]]
 
 
 @once
@@ -154,7 +140,7 @@ def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
     would then all count as jumps.
     """
     return {
-        name: noise_of(values, partial(working, ruleset.signal_by_id[name]))
+        name: noise_of(values[working(ruleset.signal_by_id[name], values)])
         for name, values in recording.values.items()
     }
 
@@ -209,15 +195,19 @@ def find_stretches(
         )
         # A second difference has three times the variance of a first one.
         bend = max(common.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
-        _mark_jumps(values, jumps, *((2, bend) if ramps else (1, limit)))
-        _mark_shifts(values, jumps, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
+        filled = held(values)
+        order, far = (2, bend) if ramps else (1, limit)
+        with np.errstate(invalid="ignore"):
+            jumps[order:] |= np.abs(np.diff(filled, order)) > far
+        jumps |= _shifts(filled, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
         _break_at_gaps(values, breaks)
+        let_go(values, breaks, jumps)
     return _cut(breaks, jumps, Levels(columns, scales), longest)
 
 
 def _level(signal: SignalSpec, values: Array) -> float:
     """The median size of a reading while its module works; 0 without any."""
-    median = median_of(lambda: map(np.abs, parts_of(values, partial(working, signal))))
+    median = median_of(np.abs(values[working(signal, values)]))
     return 0.0 if np.isnan(median) else median
 
 
@@ -225,59 +215,28 @@ def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
     """Mark the first sample, and those after a pause or at the start of a file."""
     breaks[0] = True
     time, segment = recording.time, recording.segment
-    longest = common.PAUSE * (recording.interval or np.inf)
-    for low, high in blocks(len(time), time, segment, breaks):
-        first = max(low, 1)
-        breaks[first:high] |= np.diff(time[first - 1 : high]) > longest
-        breaks[first:high] |= segment[first:high] != segment[first - 1 : high - 1]
-
-
-def _mark_jumps(values: Array, jumps: np.ndarray, order: int, limit: float) -> None:
-    """Mark samples whose difference of an order is beyond a limit."""
-    for low, high, start, filled in filled_blocks(values, order):
-        first = max(low, order)
-        with np.errstate(invalid="ignore"):
-            far = np.abs(np.diff(filled[: high - start], order)) > limit
-        jumps[first:high] |= far[first - start - order :]
-        let_go(jumps)
-
-
-def _mark_shifts(values: Array, jumps: np.ndarray, limit: float) -> None:
-    """Mark the first samples of a new level."""
-    n, begin = common.SHORTEST_STRETCH, first_reading(values)
-    if len(values) < 2 * n or begin is None:
-        return
-    for low, high, start, filled in filled_blocks(values, 2 * n):
-        # NaN remains only before the first reading; that is no shift.
-        known = np.where(np.isfinite(filled), filled, begin)
-        jumps[low:high] |= _shifts(known, limit)[low - start : high - start]
-        let_go(jumps)
+    breaks[1:] |= np.diff(time) > common.PAUSE * (recording.interval or np.inf)
+    breaks[1:] |= segment[1:] != segment[:-1]
 
 
 def _break_at_gaps(values: Array, breaks: np.ndarray) -> None:
     """Mark the first samples of, and after, runs without reading; short ones end no stretch."""
-
-    def blank(low: int, high: int) -> np.ndarray:
-        found = ~np.isfinite(values[low:high])
-        let_go(values)
-        return found
-
-    for first, behind in runs_where(len(values), blank, common.SHORTEST_STRETCH):
+    for first, behind in runs_where(~np.isfinite(values), common.SHORTEST_STRETCH):
         breaks[first] = True
-        if behind < len(breaks):
-            breaks[behind] = True
+        breaks[behind : behind + 1] = True
 
 
-def _shifts(known: Array, limit: float) -> np.ndarray:
+def _shifts(filled: Array, limit: float) -> np.ndarray:
     """First samples of a new level: where the means before and after differ most, and enough.
 
     Means over a few samples reveal a step that noise hides between two samples. On a slope the
     values change within the means as well: that is drift or settling, and ends no stretch.
     """
     n = common.SHORTEST_STRETCH
-    found = np.zeros(len(known), dtype=bool)
-    if len(known) < 2 * n:
+    found, begin = np.zeros(len(filled), dtype=bool), first_reading(filled)
+    if len(filled) < 2 * n or begin is None:
         return found
+    known = np.where(np.isfinite(filled), filled, begin)  # before the first reading is no shift
     count = len(known) - n + 1
     means = np.sum([known[place : place + count] for place in range(n)], axis=0) / n
     within = _ranges(known, n)
@@ -317,7 +276,7 @@ class Levels:
 def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) -> Stretches:
     """Runs between ends; the sample after a jump may average over it and is left out."""
     first, last = packed("q"), packed("q")
-    for start, stop in pairwise(_ends(breaks, jumps)):
+    for start, stop in pairwise([*np.flatnonzero(breaks | jumps).tolist(), len(breaks)]):
         begin = _settled_from(levels, start + 1, stop) if jumps[start] else start
         firsts, lasts = cut(begin, stop, -(-(stop - begin) // longest))
         first.extend(firsts)
@@ -331,13 +290,6 @@ def cut(begin: int, stop: int, pieces: int) -> tuple[list[int], list[int]]:
     edges = np.linspace(begin, stop, max(1, pieces) + 1).astype(int)
     long = np.diff(edges) >= common.SHORTEST_STRETCH
     return edges[:-1][long].tolist(), edges[1:][long].tolist()
-
-
-def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
-    """First samples of runs, and the end of the last."""
-    for low, high in blocks(len(breaks), breaks, jumps):
-        yield from (np.flatnonzero(breaks[low:high] | jumps[low:high]) + low).tolist()
-    yield len(breaks)
 
 
 def _settled_from(levels: Levels, begin: int, stop: int) -> int:

@@ -1,31 +1,44 @@
-"""Tables whose rows are text, from CSV files and spreadsheets."""
+"""Tables whose rows are text, from CSV files of any encoding, separator and decimal sign, and from
+spreadsheets."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.recordings.arrays import GrowingCells, GrowingTimes
 from rulec_runtime.recordings.csv_table import (
     Column,
+    Convention,
     RecordingRefused,
+    Signs,
     Unclear,
+    convention_of,
     is_whole,
     read_cells,
+    refuse_columns,
     refuse_words,
 )
-from rulec_runtime.recordings.growing_cells import GrowingCells, GrowingTimes
 from rulec_runtime.recordings.larger_than_memory import Growing
-from rulec_runtime.recordings.numbers import Convention, Signs, convention_of
 from rulec_runtime.recordings.table import Sheet, Table
-from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of
+from rulec_runtime.recordings.text_file import TextFile, text_file
+from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of, parts_of, rows_of
 from rulec_runtime.recordings.time_column import order_in
-from rulec_runtime.recordings.titles import is_time, units_below
+from rulec_runtime.recordings.titles import (
+    TitleLine,
+    TitleSearch,
+    is_time,
+    left_out_above,
+    rejoined,
+    units_below,
+)
 
 
 @dataclass(kw_only=True)
@@ -41,7 +54,6 @@ class _Taken:
     comma: bool
     count: int = 0
     whole: int = 0
-    left_out: int = 0
     first_left_out: int = 0
 
     def take(self, part: Part) -> None:
@@ -71,7 +83,6 @@ class _Taken:
             flags = [is_whole(row, self.width) for row in part]
             rows = [row for row, good in zip(part, flags, strict=True) if good]
             if len(rows) < len(part):
-                self.left_out += len(part) - len(rows)
                 self.first_left_out = self.first_left_out or self.count + flags.index(False) + 1
         self.count += len(part)
         return rows
@@ -123,7 +134,7 @@ class TextTable:
             kept=tuple(text.joined() for text in taken.texts),
             columns=taken.columns,
             remarks=(*_thousands(taken.columns, form), *notes),
-            left_out=taken.left_out,
+            left_out=taken.count - taken.whole,
             first_left_out=taken.first_left_out,
         )
 
@@ -157,9 +168,9 @@ class TextTable:
         if not taken.count:
             raise RecordingRefused(f"{self.path}: the file has a header but no rows below it")
         if not taken.whole:
-            hint = "; is the decimal sign also the separator?" if taken.left_out else ""
             raise RecordingRefused(
-                f"{self.path}: no row below the header has as many cells as it{hint}"
+                f"{self.path}: no row below the header has as many cells as it; is the decimal "
+                "sign also the separator?"
             )
         for column in taken.columns:
             if len(column.decimals) > 1:
@@ -236,3 +247,36 @@ def text_sheet(
         separator=separator,
         remarks=remarks,
     )
+
+
+def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
+    """The one table of a CSV file (also .gz): comma, semicolon or tab; decimal point or comma."""
+    text = text_file(file, path)
+    found = _titles_in(path, text, times)
+    start, separator = found.number, found.separator
+
+    def lines_from() -> Iterator[str]:
+        return islice(text.opened(), start, None)
+
+    titles = next(rows_of(path, lines_from(), separator), None)
+    if titles is None:
+        raise RecordingRefused(f"{path}: the file is empty")
+    titles = rejoined(titles, separator)
+
+    def below() -> Iterator[list[str]]:
+        return islice(rows_of(path, lines_from(), separator), 1, None)
+
+    def parts(above: int, finite: Sequence[int]) -> Iterator[Part]:
+        return parts_of(path, lines_from(), separator, 1 + above, (len(titles), finite))
+
+    remarks, timed = left_out_above(found.above), frozenset(times)
+    return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed, parts)]
+
+
+def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine:
+    search = TitleSearch(times)
+    for line in text.opened():
+        refuse_columns(path, max(map(line.count, ",;\t")))
+        if found := search.add(line):
+            return found
+    return search.so_far() or TitleLine(text.lines, ",", 0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.time_text import moment, span
+from rulec_runtime.recordings.plant_calendar import moment, span
 from rulec_runtime.report.text import listed
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings

@@ -9,8 +9,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-from rulec_runtime.recordings.plant_calendar import Calendar
-from rulec_runtime.recordings.time_text import course
+from rulec_runtime.recordings.plant_calendar import Calendar, course
 from rulec_runtime.report.blindness import (
     PARTLY,
     hidden,

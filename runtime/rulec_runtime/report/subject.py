@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.recordings.plant_calendar import Calendar, duration
+from rulec_runtime.recordings.plant_calendar import Calendar, duration, span
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.time_text import span
 from rulec_runtime.report.text import counted
 
 

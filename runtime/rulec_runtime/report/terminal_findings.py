@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.time_text import course
+from rulec_runtime.recordings.plant_calendar import course
 from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
 from rulec_runtime.report.growth import grown, sparkline
 from rulec_runtime.report.text import percent

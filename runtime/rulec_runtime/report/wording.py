@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.recordings.time_text import course, span
+from rulec_runtime.recordings.plant_calendar import course, span
 from rulec_runtime.report.text import percent
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings

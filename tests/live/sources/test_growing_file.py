@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.growing_file import GrowingFile
-from rulec_runtime.live.sources.standard_input import StandardInput
+from rulec_runtime.live.sources.table_stream import StandardInput
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.titles import TitleSearch

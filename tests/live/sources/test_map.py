@@ -10,7 +10,7 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources.map import MQTT, OPCUA, Kind, SourceMap, read_map
 from rulec_runtime.live.sources.open import open_source
-from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import SourceRefused
 from rulec_runtime.live.sources.sparkplug import Sparkplug
 
 from tests.conftest import ROOT

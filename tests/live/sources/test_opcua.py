@@ -21,7 +21,7 @@ from asyncua.crypto import cert_gen
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.open import open_source
-from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import SourceRefused
 
 from tests.live.sources.plant_server import PlantServer, certificate, free_port, record_services
 from tests.live.sources.taking import Taken

@@ -14,9 +14,8 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits, remarks
 from rulec_runtime.live.sources.mqtt import Mqtt
-from rulec_runtime.live.sources.mqtt_payload import BadPayload
-from rulec_runtime.live.sources.refused import SourceRefused
-from rulec_runtime.live.sources.sparkplug_payload import message_of
+from rulec_runtime.live.sources.mqtt_payload import BadPayload, message_of
+from rulec_runtime.live.sources.remarks import SourceRefused
 
 from tests.live.sources.taking import Taken
 from tests.live.sources.test_hostile import check, mutated

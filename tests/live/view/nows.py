@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.live.changes import Horizon, episodes_of
 from rulec_runtime.live.episode import Episode, Event, What
-from rulec_runtime.live.horizon import Horizon, episodes_of
 from rulec_runtime.live.moment import Now
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import read_recording

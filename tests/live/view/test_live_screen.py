@@ -17,8 +17,7 @@ from dataclasses import replace
 import pytest
 from rulec_runtime.live.moment import Arrival
 from rulec_runtime.live.view import live_screen
-from rulec_runtime.live.view.live_screen import LiveScreen
-from rulec_runtime.live.view.terminal_keys import Keys
+from rulec_runtime.live.view.live_screen import Keys, LiveScreen
 from rulec_runtime.output.terminal import Terminal
 
 from tests.conftest import SOURCES
@@ -185,7 +184,7 @@ def test_terminal_is_given_back_and_may_go_away(ends: tuple[int, int]) -> None:
 
 def test_no_terminal_no_keys() -> None:
     program = (
-        "from rulec_runtime.live.view.terminal_keys import Keys\n"
+        "from rulec_runtime.live.view.live_screen import Keys\n"
         "with Keys() as keys: print(keys.there, keys.take(0.01))"
     )
     told = subprocess.check_output(

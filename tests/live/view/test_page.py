@@ -19,7 +19,7 @@ import pytest
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.html import LOOK, POLICY, SCRIPT, key_of
-from rulec_runtime.live.view.metrics import TYPE, metrics
+from rulec_runtime.live.view.machine_forms import TYPE, metrics
 from rulec_runtime.live.view.page import Board, Page, Streams, application, serve
 from rulec_runtime.live.view.page_access import Gate, PageRefused, is_loopback
 from starlette.testclient import TestClient

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.autocorrelation_time import Flags
+from rulec_runtime.recordings.robust_statistics import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, Unknown

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.autocorrelation_time import Flags, correlations_of, memory_of
+from rulec_runtime.recordings.robust_statistics import Flags, correlations_of, memory_of
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.recordings.autocorrelation_time import Flags
+from rulec_runtime.recordings.columns import filled, glitches_in, resolution, thinned
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.robust_statistics import Flags
 from rulec_runtime.recordings.standing_still import standing_still
-from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
 from rulec_runtime.report.text import counted, fixed
 
 from rulec.mismatch import limits

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.recordings.autocorrelation_time import Flags
+from rulec_runtime.recordings.robust_statistics import Flags
 from rulec_runtime.simulation.balances import TIME, Balances, Course
 
 from rulec.effects.candidate import BaseParameters, Candidate, Unknown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rulec_runtime.recordings.time_text import ENDED
+from rulec_runtime.recordings.plant_calendar import ENDED
 
 
 @dataclass(frozen=True)

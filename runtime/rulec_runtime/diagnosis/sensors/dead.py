@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Bench
 from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
-from rulec_runtime.recordings.blockwise import median_of, parts_of
+from rulec_runtime.recordings.columns import median_of
 from rulec_runtime.recordings.larger_than_memory import mapped
 from rulec_runtime.recordings.recording import Recording
 
@@ -63,7 +63,7 @@ def dead_finding(
     signal: SignalSpec, recording: Recording, part: slice, because: str
 ) -> SensorFinding:
     """A dead reading, as a finding."""
-    usual = median_of(lambda: parts_of(recording.values[signal.id][part]))
+    usual = median_of(recording.values[signal.id][part])
     shown = signal.shown(usual)
     text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} although {because}"
     time = recording.time
@@ -123,12 +123,7 @@ def _shows(bench: Bench, signal: SignalSpec, point: int, flow: float, u: float) 
 
 
 def _one_value(signal: SignalSpec, values: Array) -> bool:
-    levels: set[float] = set()
-    for part in parts_of(values, partial(at_zero, signal)):
-        levels.update(np.unique(part)[:2].tolist())
-        if len(levels) > 1:
-            return False
-    return True
+    return len(np.unique(values[at_zero(signal, values)])) <= 1
 
 
 def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[float, float] | None:

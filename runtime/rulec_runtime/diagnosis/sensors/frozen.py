@@ -23,7 +23,7 @@ from rulec_runtime.diagnosis.sensors.agreement import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.removed_reading import ends_tried
-from rulec_runtime.recordings.blockwise import first_reading
+from rulec_runtime.recordings.columns import first_reading
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 

@@ -31,7 +31,7 @@ from rulec_runtime.diagnosis.sensors.units import (
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
-from rulec_runtime.recordings.blockwise import any_of
+from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of

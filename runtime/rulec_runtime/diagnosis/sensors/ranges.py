@@ -8,7 +8,6 @@ mA signal a failure of the device. So a reading more than 2.5 % of its range bel
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
-from rulec_runtime.recordings.blockwise import median_of, parts_of, runs_where
+from rulec_runtime.recordings.columns import median_of, runs_where
 from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording import Recording
 
@@ -28,27 +27,25 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
         values = recording.values.get(signal.id)
         if values is None:
             continue
-        failed = partial(_failed_between, signal, values)
-        for a, b in runs_where(len(values), failed, common.PERSISTENCE):
+        for a, b in runs_where(_failed(signal, values), common.PERSISTENCE):
             yield _finding(signal, recording, a, b), slice(a, b)
 
 
-def _failed_between(signal: SignalSpec, values: Array, first: int, last: int) -> np.ndarray:
+def _failed(signal: SignalSpec, values: Array) -> np.ndarray:
     """Readings, SI, by which a transmitter signals its failure, as flags."""
     low, high = signal.lowest, signal.highest
     if low is None or high is None:
-        return np.zeros(last - first, dtype=bool)
+        return np.zeros(len(values), dtype=bool)
     below, above = (share * (high - low) for share in (limits.FAILED_BELOW, limits.FAILED_ABOVE))
-    part = values[first:last]
     with np.errstate(invalid="ignore"):
-        failed: np.ndarray = (part <= low - below) | (part >= high + above)
+        failed: np.ndarray = (values <= low - below) | (values >= high + above)
     let_go(values)
     return failed
 
 
 def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) -> SensorFinding:
     ends = signal.ends
-    usual = median_of(lambda: parts_of(recording.values[signal.id][first:last]))
+    usual = median_of(recording.values[signal.id][first:last])
     shown, low, high = (signal.shown(v) for v in (usual, *ends))
     side = "below its live zero" if usual < ends[0] else "above its range"
     text = (

@@ -7,9 +7,8 @@ that the rest is judged without them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -21,15 +20,14 @@ from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.diagnosis.sensors.ranges import out_of_range
-from rulec_runtime.recordings.blockwise import any_of, median_of, parts_of
+from rulec_runtime.recordings.columns import any_of, median_of
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.header_correction import mended as read_by
-from rulec_runtime.recordings.larger_than_memory import copied
-from rulec_runtime.recordings.plant_calendar import duration
+from rulec_runtime.recordings.larger_than_memory import kept
+from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END, duration
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.recordings.time_text import ENDED, TO_THE_END
 
 Found = tuple[SensorFinding, slice]
 """A finding with its samples."""
@@ -126,17 +124,13 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
             continue
         u = np.inf
         if signal.is_input:
-            u = median_of(partial(_errors, signal, values))
+            u = median_of(systematic_u(signal, values) + np.zeros(len(values)))
         # Below the minimum the module is at standstill, and the reading is not used.
         low = signal.lowest if signal.minimum is None else signal.minimum
         for a, b in standing_still(values, u, (low, signal.highest)):
             if at_zero(signal, values[a : a + 1])[0]:
                 continue  # a clipped zero; the others decide whether it is dead
             yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
-
-
-def _errors(signal: SignalSpec, values: Array) -> Iterator[Array]:
-    return (systematic_u(signal, part) + np.zeros(len(part)) for part in parts_of(values))
 
 
 def stuck_finding(
@@ -158,7 +152,7 @@ def without(recording: Recording, found: Iterable[Found]) -> Recording:
     unfit: dict[str, str] = dict(recording.unfit or {})
     for finding, part in found:
         if finding.signal:
-            column = copied(values[finding.signal])
+            column = kept(values[finding.signal])
             column[part] = np.nan
             values[finding.signal] = column
             before = unfit.get(finding.signal, "").split(" or ")

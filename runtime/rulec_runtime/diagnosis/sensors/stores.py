@@ -16,10 +16,10 @@ from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, start_of, with_free_states
+from rulec_runtime.recordings.columns import filled
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.recordings.thin import filled
 
 
 def silent_readings(

@@ -27,9 +27,9 @@ from rulec_runtime.diagnosis.steady.points import (
     points_of_stretches,
 )
 from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
+from rulec_runtime.recordings.plant_calendar import ENDED
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, systematic_u, timeline_of
-from rulec_runtime.recordings.time_text import ENDED
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,9 @@ from rulec_runtime.diagnosis.steady.verdict import (
     verdict_at,
 )
 from rulec_runtime.recordings.larger_than_memory import give_back, let_go
-from rulec_runtime.recordings.plant_calendar import duration
+from rulec_runtime.recordings.plant_calendar import ENDED as OVER
+from rulec_runtime.recordings.plant_calendar import TO_THE_END, UNJUDGED, UNSETTLED, duration
 from rulec_runtime.recordings.stationary import Timeline
-from rulec_runtime.recordings.time_text import ENDED as OVER
-from rulec_runtime.recordings.time_text import TO_THE_END, UNJUDGED, UNSETTLED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +79,7 @@ class Finding:
     `alternatives` fit about as well, `remote` ones hardly; `together` are simultaneous faults
     without which this one does not explain the readings. `baseline` is the number of fault-free
     stretches that the residuals are compared with. `behind` says what follows it: see
-    `rulec_runtime.recordings.time_text`. `step` would distinguish it from its alternatives.
+    `rulec_runtime.recordings.plant_calendar`. `step` would distinguish it from its alternatives.
     `from_sheet`: the plant never agreed with its sheet. `growth` is its present size, if it is
     still there. `events`: it is intermittent.
     """

@@ -12,7 +12,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.blockwise import any_of, means_between
+from rulec_runtime.recordings.columns import any_of, means_between
 from rulec_runtime.recordings.larger_than_memory import arrays, let_go, mapped, picked
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors

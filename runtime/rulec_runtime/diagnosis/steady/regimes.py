@@ -17,8 +17,8 @@ from rulec_runtime.contract.ruleset import RegimeSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.observe import plan_inputs
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END, UNSETTLED
 from rulec_runtime.recordings.stationary import Timeline
-from rulec_runtime.recordings.time_text import ENDED, TO_THE_END, UNSETTLED
 
 
 @dataclass(frozen=True, kw_only=True)

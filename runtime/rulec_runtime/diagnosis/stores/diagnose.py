@@ -22,8 +22,8 @@ from rulec_runtime.diagnosis.stores.judge_windows import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
 from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
+from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.time_text import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from rulec_runtime.diagnosis.stores.errors import lasting_errors
 from rulec_runtime.diagnosis.stores.judge_windows import Judge, Judged
 from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import Windows
-from rulec_runtime.recordings.autocorrelation_time import memory_of
+from rulec_runtime.recordings.robust_statistics import memory_of
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.stores import limits
+from rulec_runtime.recordings.columns import filled, resolution, thinned, without_glitches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.recordings.thin import filled, resolution, thinned, without_glitches
 
 NO_READING = "{}: no reading, or none within its range"
 

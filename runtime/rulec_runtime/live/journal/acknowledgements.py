@@ -10,8 +10,8 @@ from threading import Condition, Thread
 from typing import TYPE_CHECKING
 
 from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.outbox import Note, notes_beside, spill_notes, waiting_notes
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
-from rulec_runtime.live.journal.spill import Note, notes_beside, spill_notes, waiting_notes
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.outbox import Outbox

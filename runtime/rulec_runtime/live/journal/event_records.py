@@ -8,8 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.event_forms import form_of
+from rulec_runtime.live.episode import Episode, Event, form_of
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.output.terminal import SHOWN_INSTEAD, machine_text
@@ -23,8 +22,9 @@ UTC = Calendar(0.0, ((-math.inf, 0.0),))
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
 """Characters that databases do not store: null, and lone surrogates."""
 
-_TEXTS = ("kind", "subject", "module", "status", "unit", "action")
-_NUMBERS = ("since", "until", "degree", "lower", "upper", "probability")
+TEXTS = ("kind", "subject", "module", "status", "unit", "action")
+NUMBERS = ("since", "until", "degree", "lower", "upper", "probability")
+"""Fields of an episode that a record has under the same name."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ def record_of(event: Event, dated: bool) -> Record:
         "told": keepable(episode.text),
         "active": episode.active,
         "alternatives": [[keepable(name), _finite(share)] for name, share in episode.alternatives],
-        **{name: keepable(getattr(episode, name)) for name in _TEXTS},
-        **{name: _finite(getattr(episode, name)) for name in _NUMBERS},
+        **{name: keepable(getattr(episode, name)) for name in TEXTS},
+        **{name: _finite(getattr(episode, name)) for name in NUMBERS},
     }
 
 
@@ -74,8 +74,8 @@ def event_of(record: Record) -> Event:
         if type(number) is not int or type(active) is not bool:
             raise TypeError
         fields: dict[str, Any] = {
-            **{name: _text(record[name]) for name in _TEXTS},
-            **{name: _number(record[name]) for name in _NUMBERS},
+            **{name: _text(record[name]) for name in TEXTS},
+            **{name: _number(record[name]) for name in NUMBERS},
         }
         episode = Episode(
             id=_text(record["episode"]),

@@ -61,9 +61,6 @@ STARTING = 60.0
 """Seconds that the device health server may take to start. Origin: assumed; its standard nodes take
 one second of an idle processor."""
 
-KEEP_ALIVE = 10
-"""Seconds of silence after which we ping a broker. Origin: assumed."""
-
 LARGEST_REQUEST = 1 << 20
 """Most bytes of a request to the device health server. Origin: assumed; one for 10,000 nodes."""
 

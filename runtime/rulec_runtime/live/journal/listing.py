@@ -1,17 +1,23 @@
-"""A journal as a table for people: active episodes first, then events, newest first."""
+"""A journal for people, active episodes first, then events, newest first; or as a table or JSON,
+written while it is read."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from rulec_runtime.live.event_forms import QUIET
-from rulec_runtime.live.journal.event_records import Entry, iso
-from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.live.episode import QUIET
+from rulec_runtime.live.journal.event_records import Entry, form_for, iso, record_of
+from rulec_runtime.output.csv_cell import row_of
+from rulec_runtime.output.terminal import machine_text, one_line, shown, styled, write_machine_text
+from rulec_runtime.output.write_file import written
 from rulec_runtime.report.text import degree
 from rulec_runtime.report.wording import STATUS
 
@@ -114,3 +120,55 @@ def _moment(entry: Entry, time: float) -> tuple[str, str]:
         except (ValueError, OverflowError, OSError):
             pass
     return "", f"{time:g} s"
+
+
+_COLUMNS = (
+    *("plant", "number", "iso", "time", "what", "kind", "status", "subject", "module", "text"),
+    *("episode", "told", "action", "since", "until", "active", "degree", "lower", "upper", "unit"),
+    *("probability", "alternatives", "acknowledged_by", "acknowledged_at"),
+)
+
+
+def csv_pieces(entries: Iterable[Entry]) -> Iterator[str]:
+    """A table with a row per event; times in s and UTC, degrees in the unit of the row."""
+    yield row_of(_COLUMNS) + "\n"
+    for entry in entries:
+        record = {"plant": entry.plant, **record_of(entry.event, entry.dated), **_noted(entry)}
+        pairs = record["alternatives"]
+        record["alternatives"] = "; ".join(f"{name} {_cell(share)}" for name, share in pairs)
+        yield row_of(_cell(record[name]) for name in _COLUMNS) + "\n"
+
+
+def json_pieces(entries: Iterable[Entry]) -> Iterator[str]:
+    """``{"events": [...]}`` with an event per line."""
+    yield '{"events": ['
+    before = "\n"
+    for entry in entries:
+        form = {**form_for(entry.event, entry.plant, entry.dated), **_noted(entry)}
+        yield before + json.dumps(form, ensure_ascii=False, allow_nan=False)
+        before = ",\n"
+    yield "\n]}\n"
+
+
+def put(target: str, pieces: Iterable[str]) -> None:
+    """Write to a file as a whole, or to standard output (``-``)."""
+    if target == "-":
+        for piece in pieces:
+            write_machine_text(piece)
+        return
+    with written(Path(target)) as file:
+        for piece in pieces:
+            file.write(machine_text(piece))
+
+
+def _noted(entry: Entry) -> dict[str, str | None]:
+    at = None if entry.at is None else iso(entry.at)
+    return {"acknowledged_by": entry.by, "acknowledged_at": at}
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return shown(" ".join(str(value).splitlines()))

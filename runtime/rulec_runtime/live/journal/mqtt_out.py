@@ -21,6 +21,7 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.event_records import form_for, iso, json_line
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.limits import KEEP_ALIVE
 from rulec_runtime.live.network import is_loopback, tls_reason
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.output.terminal import machine_text
@@ -84,7 +85,7 @@ class MqttOut:
                 raise JournalRefused(f"{authorities}: {error.strerror or error}") from None
         client.on_connect, client.on_connect_fail = self._on_connect, self._on_connect_fail
         client.reconnect_delay_set(1, int(limits.LAST_RETRY))
-        client.connect_async(host, port, limits.KEEP_ALIVE)
+        client.connect_async(host, port, KEEP_ALIVE)
         client.loop_start()
 
     def commit(

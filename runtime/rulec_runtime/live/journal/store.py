@@ -25,8 +25,15 @@ from rulec_runtime.live.journal.event_records import (
     record_of,
 )
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
-from rulec_runtime.live.journal.tables import ACKNOWLEDGED, EVENTS, STATES, checked
-from rulec_runtime.live.journal.watcher import Watcher, clock, insert
+from rulec_runtime.live.journal.tables import (
+    ACKNOWLEDGED,
+    EVENTS,
+    STATES,
+    Watcher,
+    checked,
+    clock,
+    insert,
+)
 
 
 @dataclass(frozen=True)

@@ -109,13 +109,6 @@ NODES_PER_CALL = 100
 LARGEST_MESSAGE = 1 << 20
 """Most bytes of an MQTT message. Origin: assumed; 10,000 signals."""
 
-KEEP_ALIVE = 10
-"""Seconds of silence after which an MQTT broker is pinged. Origin: assumed."""
-
-GOOD_QUALITY = 192
-"""Least quality of a good value, up to 255. Origin: standard, OPC Data Access, quality flags; also
-Sparkplug 3.0."""
-
 LONGEST_VARINT = 10
 """Most bytes of a 64-bit integer. Origin: standard, Protocol Buffers, Encoding."""
 

@@ -1,19 +1,202 @@
-"""The map of a source: the node or topic of each signal, and access to its server."""
+"""The map of a source: the node or topic of each signal, and access to its server.
+
+Each error names the file, the line and what to write instead. Secrets come from outside the map.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.map_access import ACCEPT, ACCESS, ANSWERS, Access, read_access
-from rulec_runtime.live.sources.map_entry import Entry, read_entries
-from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import SourceRefused, extra
 from rulec_runtime.output.nearest import did_you_mean
+from rulec_runtime.output.open_file import begin_of, text_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+
+
+class Entry:
+    """A node of a map, with its place."""
+
+    def __init__(self, path: Path, node: Any, name: str) -> None:
+        self._path, self._node, self.name = path, node, name
+
+    @property
+    def place(self) -> str:
+        return f"{self._path}, line {self._node.start_mark.line + 1}"
+
+    def refused(self, text: str) -> SourceRefused:
+        return SourceRefused(f"{self.place}: {text}")
+
+    @property
+    def is_text(self) -> bool:
+        return bool(self._node.id == "scalar")
+
+    def text(self) -> str:
+        """A scalar that is not empty."""
+        value = str(self._node.value).strip() if self.is_text else ""
+        if not value:
+            raise self.refused(f"'{self.name}' needs a single value")
+        return value
+
+    def one_of(self, known: tuple[str, ...]) -> str:
+        text = self.text()
+        if text not in known:
+            raise self.refused(f"'{self.name}' is one of {', '.join(known)}")
+        return text
+
+    def number(self, least: float = -float("inf")) -> float:
+        try:
+            value = float(self.text())
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value) or value < least:
+            bound = f" of {least:g} or more" if isfinite(least) else ""
+            raise self.refused(f"'{self.name}' needs a number{bound}")
+        return value
+
+    def items(self, known: Iterable[str] | None = None) -> Mapping[str, Entry]:
+        """Entries by key; raises `SourceRefused` for a key that is not `known`."""
+        if self._node.id != "mapping":
+            raise self.refused(f"'{self.name}' needs entries such as 'key: value'")
+        found: dict[str, Entry] = {}
+        for key, value in self._node.value:
+            name = str(key.value) if key.id == "scalar" else ""
+            here = Entry(self._path, key, name)
+            if not name or name in found:
+                raise here.refused(f"'{name}' stands twice" if name else "a key must be a name")
+            if known is not None and name not in known:
+                raise here.refused(f"unknown key '{name[:40]}'; {did_you_mean(name, known)}")
+            found[name] = Entry(self._path, value, name)
+        return found
+
+
+def read_entries(path: Path, extra_of: str) -> Entry:
+    """The root of a map. Raises `SourceRefused`."""
+    yaml = extra("yaml", extra_of)
+    try:
+        data = begin_of(path, limits.LARGEST_MAP + 1)
+    except OSError as error:
+        raise SourceRefused(f"{path}: cannot be read ({error.strerror})") from None
+    if len(data) > limits.LARGEST_MAP:
+        raise SourceRefused(f"{path}: a map has less than {limits.LARGEST_MAP} bytes")
+    if data.strip() and b"signals" not in data:  # never quote a foreign file
+        raise SourceRefused(f"{path}: this is no map; it needs 'signals:'")
+    try:
+        node = yaml.compose(data.decode("utf-8-sig"), Loader=yaml.SafeLoader)
+    except UnicodeDecodeError:
+        raise SourceRefused(f"{path}: this is not UTF-8") from None
+    except RecursionError:
+        raise SourceRefused(f"{path}: it is nested too deep") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        why = getattr(error, "problem", None) or "it cannot be read"
+        raise SourceRefused(f"{path}{where}: this is not YAML: {why}") from None
+    if node is None:
+        raise SourceRefused(f"{path}: the map is empty; it needs 'signals:'")
+    return Entry(path, node, "map")
+
+
+ACCESS = ("security", "user", "password")
+"""Keys of a map for access."""
+
+POLICIES = ("Basic256Sha256", "Aes128_Sha256_RsaOaep", "Aes256_Sha256_RsaPss")
+MODES = ("SignAndEncrypt", "Sign")
+ACCEPT = "accept"
+ANSWERS = ("refuse", ACCEPT)
+"""What to do with uncertain values and expired certificates."""
+_SECURITY = ("policy", "mode", "certificate", "key", "server_certificate", "ca", "expired")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Access:
+    """Certificate files, user and password; `policy` is empty without certificates.
+
+    `ca` holds the trusted authorities for a broker; `expired` whether expired certificates are
+    accepted. The representation omits the password.
+    """
+
+    policy: str = ""
+    mode: str = MODES[0]
+    certificate: Path | None = None
+    key: Path | None = None
+    server_certificate: Path | None = None
+    ca: Path | None = None
+    expired: bool = False
+    user: str = ""
+    password: str = field(default="", repr=False)
+
+
+def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Access:
+    """Read the access to a server; files are relative to the map. Raises `SourceRefused`."""
+    own: Mapping[str, Entry] = {}
+    if "security" in entries:
+        own = entries["security"].items(_SECURITY)
+    policy = _chosen(own, "policy", POLICIES) if own else ""
+    files = {
+        name: _file_of(path, own[name])
+        for name in ("certificate", "key", "server_certificate", "ca")
+        if name in own
+    }
+    parts = urlsplit(endpoint)
+    if own and parts.scheme == "opc.tcp" and not {"certificate", "key"} <= files.keys():
+        raise entries["security"].refused(
+            "'security' needs 'certificate:' and 'key:', files of this computer's own certificate"
+        )
+    if "expired" in own and parts.scheme != "opc.tcp":
+        raise own["expired"].refused("a broker whose certificate has expired is never read")
+    password = _secret(path, entries["password"]) if "password" in entries else ""
+    safe = parts.scheme == "mqtts" or bool(policy and parts.scheme == "opc.tcp")
+    if password and not safe and not is_loopback(parts.hostname or ""):
+        raise entries["password"].refused(
+            "a password would travel readable; write 'security:', or mqtts:// for a broker"
+        )
+    return Access(
+        policy=policy,
+        mode=_chosen(own, "mode", MODES),
+        expired=_chosen(own, "expired", ANSWERS) == ACCEPT,
+        user=entries["user"].text() if "user" in entries else "",
+        password=password,
+        **files,
+    )
+
+
+def _chosen(own: Mapping[str, Entry], name: str, known: tuple[str, ...]) -> str:
+    return own[name].one_of(known) if name in own else known[0]
+
+
+def _file_of(path: Path, entry: Entry) -> Path:
+    file = path.parent / entry.text()
+    if not file.is_file():
+        raise entry.refused(f"{file}: there is no such file")
+    return file
+
+
+def _secret(path: Path, entry: Entry) -> str:
+    """A secret from the environment or a file; a secret in the map itself is refused."""
+    remedy = "write 'password: {env: NAME}' or 'password: {file: PATH}'"
+    if entry.is_text:
+        raise entry.refused(f"a password does not stand in a map; {remedy}")
+    own = entry.items(("env", "file"))
+    if len(own) != 1:
+        raise entry.refused(remedy)
+    if "env" in own:
+        name = own["env"].text()
+        if not os.environ.get(name):
+            raise own["env"].refused(f"the environment has no variable '{name[:60]}'")
+        return os.environ[name]
+    try:
+        return text_of(_file_of(path, own["file"]), limits.LARGEST_MAP).strip()
+    except (OSError, UnicodeDecodeError):
+        raise own["file"].refused("the file of the password cannot be read") from None
 
 
 @dataclass(frozen=True, kw_only=True)

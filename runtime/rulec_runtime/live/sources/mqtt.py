@@ -13,15 +13,14 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.limits import KEEP_ALIVE
 from rulec_runtime.live.network import tls_reason
 from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.assembler import Assembler, usable
+from rulec_runtime.live.sources.assembler import Assembler, Handover, usable
 from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
-from rulec_runtime.live.sources.refused import SourceRefused
-from rulec_runtime.live.sources.remarks import Remarks, notice
-from rulec_runtime.live.sources.row_queue import Handover
+from rulec_runtime.live.sources.remarks import Remarks, SourceRefused, notice
 from rulec_runtime.live.sources.sparkplug import Sparkplug
 from rulec_runtime.live.steady_clock import Standstill, steady
 from rulec_runtime.output.plural import plural
@@ -97,7 +96,7 @@ class Mqtt:
         )
         client.reconnect_delay_set(1, int(limits.LAST_RETRY))
         port = parts.port or (8883 if parts.scheme == "mqtts" else 1883)
-        client.connect_async(str(parts.hostname), port, limits.KEEP_ALIVE)
+        client.connect_async(str(parts.hostname), port, KEEP_ALIVE)
         return client
 
     def _ticks(self) -> None:

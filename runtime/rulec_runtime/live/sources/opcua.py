@@ -1,23 +1,247 @@
-"""OPC UA: read-only subscriptions to the servers of a map, in a separate thread."""
+"""OPC UA: read-only subscriptions to the servers of a map, in a separate thread.
+
+A server is reconnected after each failure with a new client.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
-from collections.abc import Mapping
-from threading import Thread
+import random
+from collections.abc import Mapping, Sequence
+from threading import Event, Thread
 from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.assembler import Assembler
-from rulec_runtime.live.sources.map import SourceMap
-from rulec_runtime.live.sources.opcua_link import Link
-from rulec_runtime.live.sources.refused import SourceRefused
-from rulec_runtime.live.sources.remarks import Remarks
-from rulec_runtime.live.sources.row_queue import Handover
+from rulec_runtime.live.sources.assembler import Assembler, Handover, usable
+from rulec_runtime.live.sources.map import Server, SourceMap
+from rulec_runtime.live.sources.opcua_nodes import (
+    gone_of,
+    namespaces_of,
+    node_of,
+    nodes_of,
+    scales_of,
+)
+from rulec_runtime.live.sources.opcua_session import (
+    Message,
+    bounded,
+    connected,
+    discard,
+    is_gone,
+    monitored,
+    number,
+    seconds,
+    subscribed,
+)
+from rulec_runtime.live.sources.remarks import Remarks, SourceRefused, notice
 from rulec_runtime.live.steady_clock import Standstill, steady, steady_loop
+from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.recording_file import largest_reading
+
+
+class Link:
+    """Reads one server until it is cancelled.
+
+    `answered` is set when the server was reached or has failed for the first time; `refused` says
+    why it does not match the map, if that was its first answer. `namespaces` are the URIs of the
+    namespace numbers in the map when the server was first read.
+    """
+
+    def __init__(
+        self,
+        source: SourceMap,
+        server: Server,
+        ruleset: Ruleset,
+        rows: Assembler,
+        hand: Handover,
+        remarks: Remarks,
+        still: Standstill,
+        namespaces: Mapping[str, str],
+    ) -> None:
+        self._interval, self._stale = source.interval, source.stale
+        self._server, self._ruleset = server, ruleset
+        self._rows, self._hand, self._remarks = rows, hand, remarks
+        self._channels = [c for c in source.channels if c.server == server.name]
+        self._largest = [largest_reading(c.signal) for c in self._channels]
+        self._scales: dict[int, tuple[float, float]] = {}
+        self._notes: Sequence[str] = ()
+        self._lacking: set[int] = set()
+        self._still, self._stood = still, False
+        self.namespaces = namespaces
+        self._heard = 0.0
+        self._over, self._why = asyncio.Event(), ""
+        self._gone: float | None = None
+        self._told = ""
+        self._alive = False
+        self.answered, self.refused = Event(), ""
+
+    async def keep(self) -> None:
+        """Read until the task is cancelled; failures are reported and retried."""
+        wait = limits.FIRST_RETRY
+        while True:
+            self._alive = False
+            try:
+                await self._session()
+            except SourceRefused as error:
+                if not self.answered.is_set():
+                    self.refused = str(error)
+                self._end("refused", str(error))
+            except Exception as error:  # asyncua and cryptography raise errors of every kind
+                self._end("lost", f"{self._server.endpoint}: {reason(error)}")
+            self.answered.set()
+            wait = limits.FIRST_RETRY if self._alive else min(2 * wait, limits.LAST_RETRY)
+            await asyncio.sleep(wait * random.uniform(0.8, 1.2))
+
+    async def _session(self) -> None:
+        """One connection; always ends with an error, and closes or abandons the client."""
+        client = await connected(self._server)
+        try:
+            self._scales, self._lacking = {}, set(range(len(self._channels)))
+            self._heard, self._why = steady(), ""
+            self._over = asyncio.Event()
+            asked = subscribed(client, self._interval, self._published)
+            subscription, step = await bounded(asked, limits.CHECKING)
+            await bounded(self._subscribe(client, subscription), limits.CHECKING)
+            if step > limits.LATE_INTERVALS * self._interval:
+                text = f"{self._server.endpoint}: it publishes every {step:.3g} s only"
+                self._tell("refused", "slow", text)
+            self.answered.set()
+            most = max(limits.SILENT, limits.SILENT_INTERVALS * step)
+            while await self._heard_for(self._stale, most):
+                await bounded(self._subscribe(client, subscription), limits.CHECKING)
+            raise ConnectionError(self._why or f"the server said nothing for {most:.3g} s")
+        finally:
+            await discard(client)
+
+    async def _subscribe(self, client: Any, subscription: int) -> None:
+        """Subscribe to the missing nodes that match the map.
+
+        Raises `SourceRefused` for others in the first answer; later their signals have no reading.
+        Not every server reports that a node is gone, so all nodes are checked.
+        """
+        uris = await namespaces_of(client)
+        every = nodes_of(self._channels, uris, self.namespaces)
+        self._lacking |= await gone_of(client, every)
+        asked = sorted(self._lacking)
+        if not asked:
+            return
+        channels, nodes = [self._channels[i] for i in asked], [every[i] for i in asked]
+        scales, self._notes = await scales_of(client, channels, nodes, self._ruleset)
+        good = {}
+        for i, node, scale in zip(asked, nodes, scales, strict=True):
+            if not isinstance(scale, str):
+                self._scales[i], good[i] = scale, node
+                self._lacking.discard(i)
+        failed = await monitored(client, subscription, good, self._interval)
+        failed |= {i: s for i, s in zip(asked, scales, strict=True) if isinstance(s, str)}
+        for i, why in failed.items():
+            if not self.answered.is_set():
+                raise self._channels[i].refused(why)
+            self._lacking.add(i)
+            self._rows.unusable(self._channels[i].signal.id, why)
+        numbers = {str(node_of(self._channels[i]).NamespaceIndex) for i in good} - {"0"}
+        here = {n: uris[int(n)] for n in numbers if int(n) < len(uris)}
+        self.namespaces = {**here, **self.namespaces}
+
+    async def _heard_for(self, seconds: float, most: float) -> bool:
+        """Returns after so many s; False if the server was silent for `most` s, or has ended the
+        subscription."""
+        until = steady() + seconds
+        while (left := most - (steady() - self._heard)) > 0:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._over.wait(), min(left, max(until - steady(), 0.0)))
+                return False
+            if steady() >= until:
+                return True
+        return False
+
+    def _published(self, message: Message) -> None:
+        """Takes a message of the server. asyncua calls it and swallows exceptions."""
+        if message.over:
+            self._why = message.over
+            self._over.set()
+            return
+        if self._still.lasted:
+            return  # the message is old; a new connection is about to be made
+        self._heard = steady()
+        here = steady.wall()
+        published = message.time if message.time is not None else here
+        if abs(published - here) > limits.CLOCK_APART:
+            text = f"{self._server.endpoint}: its clock is {published - here:+.0f} s from ours; "
+            self._tell("clock", "apart", text + "rows bear our time")
+            published = here
+        values, stamps = self._values(message)
+        if not values and not self._alive:
+            return
+        if not self._alive:
+            self._alive = True
+            self._tell_connected()
+        late = max(limits.LATE_INTERVALS * self._interval, self._interval + 1.0)
+        near = [t for t in stamps if abs(t - published) <= late]
+        self._rows.put([self._server.name], values, max(near, default=published))
+
+    def _values(self, message: Message) -> tuple[Mapping[str, tuple[float, str]], list[float]]:
+        """Changed readings in SI, or why there are none, and their stamps."""
+        values, stamps = {}, []
+        for index, value in message.values:
+            if index not in self._scales:
+                continue
+            factor, offset = self._scales[index]
+            raw, why = number(value, self._channels[index])
+            reading = usable(raw * factor + offset, why, self._largest[index])
+            values[self._channels[index].signal.id] = reading
+            if is_gone(value):
+                self._lacking.add(index)
+            stamp = seconds(value.SourceTimestamp)
+            if stamp is not None:
+                stamps.append(stamp)
+        return values, stamps
+
+    def _tell(self, kind: NoticeKind, key: str, text: str) -> None:
+        notices = self._remarks.tell(kind, (self._server.name, key), steady.wall(), text)
+        self._hand.notices(notices)
+
+    def _tell_connected(self) -> None:
+        """Reported with the first values, before their row."""
+        server = self._server
+        safe = f"{server.access.policy}, {server.access.mode}" if server.access.policy else "open"
+        signals = plural(len(self._scales), "signal", "signals")
+        text = f"{server.endpoint} ({safe}): {signals} every {self._interval:g} s"
+        if server.access.policy and server.access.server_certificate is None:
+            text += "; no 'server_certificate' in the map, so any server is trusted"
+        self._rows.found(server.name)
+        still = self._rows.silent
+        found = [notice("connected", steady.wall(), "; ".join([text, *self._notes]), still=still)]
+        if self._gone is not None and self._rows.begun:
+            quiet = steady.wall() - self._gone
+            text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"
+            text += "; this computer stood still, or its clock was set" if self._stood else ""
+            found.append(notice("gap", self._gone, text))
+        self._gone, self._stood = None, False
+        self._hand.notices(found)
+
+    def begin_anew(self, lasted: float) -> None:
+        """Reconnect after this computer stood still for so many s: messages are old, and the server
+        may have closed the session. That is reported as a gap, not as a lost connection."""
+        if self._alive:
+            self._gone, self._stood = steady.wall() - lasted, True
+            self._over.set()
+
+    def _end(self, kind: NoticeKind, text: str) -> None:
+        """The connection has ended, which is reported once per loss."""
+        self._rows.lost(self._server.name)
+        if self._gone is None or (kind == "refused" and text != self._told):
+            self._gone, self._told = self._gone or steady.wall(), text
+            self._hand.notices([notice(kind, steady.wall(), text)])
+
+
+def reason(error: Exception) -> str:
+    """Why a connection failed, for people."""
+    text = str(error).strip() or type(error).__name__
+    return text if isinstance(error, OSError) else f"{type(error).__name__}: {text}"
 
 
 class OpcUa:

@@ -21,7 +21,7 @@ from asyncua.crypto import security_policies, uacrypto
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel, Server
-from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import SourceRefused
 
 T = TypeVar("T")
 

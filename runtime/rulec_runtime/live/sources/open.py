@@ -10,8 +10,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.growing_file import GrowingFile
 from rulec_runtime.live.sources.map import MQTT, OPCUA, Kind, SourceMap, read_map
-from rulec_runtime.live.sources.refused import SourceRefused, extra
-from rulec_runtime.live.sources.standard_input import StandardInput
+from rulec_runtime.live.sources.remarks import SourceRefused, extra
+from rulec_runtime.live.sources.table_stream import StandardInput
 
 
 def open_source(

@@ -1,14 +1,33 @@
-"""Notices with safe text, recurring remarks, and silence."""
+"""What a source says: refusals, notices with safe text, recurring remarks, and silence."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
+from types import ModuleType
 
 from rulec_runtime.live.limits import STOOD_STILL
 from rulec_runtime.live.rows import Notice, NoticeKind
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.steady_clock import steady
+from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import one_line
+from rulec_runtime.recordings.csv_table import RecordingRefused
+
+
+class SourceRefused(RecordingRefused):
+    """A source cannot be used; the message says why and what to do."""
+
+
+def extra(name: str, of: str) -> ModuleType:
+    """Import a module of an extra `of` rulec-runtime. Raises `SourceRefused` without it."""
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError:
+        raise SourceRefused(
+            f"the package '{name.partition('.')[0]}' is missing: {to_install(of)}"
+        ) from None
 
 
 def notice(

@@ -13,8 +13,7 @@ from math import isfinite, nan
 from rulec_runtime.live.rows import NoticeKind
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel
-from rulec_runtime.live.sources.mqtt_payload import Value, is_good
-from rulec_runtime.live.sources.sparkplug_payload import Message, Metric, message_of
+from rulec_runtime.live.sources.mqtt_payload import Message, Metric, Value, is_good, message_of
 
 NAMESPACE = "spBv1.0"
 _DATA, _BIRTHS, _DEATHS = ("NDATA", "DDATA"), ("NBIRTH", "DBIRTH"), ("NDEATH", "DDEATH")

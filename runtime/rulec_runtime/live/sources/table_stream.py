@@ -1,7 +1,11 @@
-"""Rows from the lines of a CSV file or of standard input: the header once, then blocks of lines."""
+"""Rows from the lines of a growing CSV file or of standard input: the header once, then blocks of
+lines."""
 
 from __future__ import annotations
 
+import os
+import select
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -12,30 +16,36 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.line_cutter import LineCutter
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
-from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
+from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import places_of
-from rulec_runtime.recordings.counted_times import Counting, counting_of, dated
 from rulec_runtime.recordings.csv_table import (
+    UNKNOWN,
     Column,
+    Convention,
     RecordingRefused,
     cells_of,
     is_whole,
     read_cells,
     refuse_words,
 )
-from rulec_runtime.recordings.dates import dates_of
+from rulec_runtime.recordings.dates import ZoneClock, dates_of
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
-from rulec_runtime.recordings.numbers import UNKNOWN, Convention
 from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
 from rulec_runtime.recordings.text_table import conventions
-from rulec_runtime.recordings.time_column import factor_of_time, order_in, plain_times
+from rulec_runtime.recordings.time_column import (
+    Counting,
+    counting_of,
+    dated,
+    factor_of_time,
+    order_in,
+    plain_times,
+)
 from rulec_runtime.recordings.titles import left_out_above
-from rulec_runtime.recordings.zone import ZoneClock
 
 
 class TableStream:
@@ -279,3 +289,44 @@ class TextSource:
         if not self._silence.begins():
             return []
         return [self._notice("stale", f": no row for {self._silence.lasts:.0f} s")]
+
+
+class StandardInput(TextSource):
+    """Rows of a pipe until it ends."""
+
+    def __init__(self, ruleset: Ruleset, descriptor: int | None = None) -> None:
+        super().__init__(Path("standard input"), ruleset)
+        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+
+    def take(self, seconds: float) -> list[Rows | Notice]:
+        until = steady() + seconds
+        while not self.ended:
+            left = until - steady()
+            if not select.select([self._descriptor], [], [], max(0.0, left))[0]:
+                return self._stale()
+            data = os.read(self._descriptor, limits.PIECE)
+            found = self._read(data)
+            if not self._heard(found):
+                found += self._stale()
+            elif self._silence.heard():
+                found.insert(0, self._notice("connected", ": rows come again"))
+            if found or left <= 0:
+                return found
+        return []
+
+    def close(self) -> None:
+        self.ended = True
+
+    def _read(self, data: bytes) -> list[Rows | Notice]:
+        lines = self._cutter.feed(data) if data else self._cutter.rest()
+        found = self._too_long()
+        try:
+            found += self._table.feed(lines)
+            found += [] if data else self._table.end()
+        except RecordingRefused as refused:
+            found.append(self._refusal(refused))
+            data = b""
+        if not data:
+            self.ended = True
+            found.append(self._notice("ended", " has ended"))
+        return found

@@ -9,12 +9,13 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from rulec_runtime.live.event_forms import QUIET
+from rulec_runtime.live.episode import QUIET
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.view.bars import Bar, bars_of
 from rulec_runtime.live.view.limits import BAR_ENDS
 from rulec_runtime.live.view.words import (
+    Bar,
     Card,
+    bars_of,
     cards,
     event_words,
     latest,

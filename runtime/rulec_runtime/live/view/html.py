@@ -6,13 +6,13 @@ import base64
 import hashlib
 from pathlib import Path
 
-from rulec_runtime.live.episode import Event
-from rulec_runtime.live.event_forms import QUIET
+from rulec_runtime.live.episode import QUIET, Event
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.view.bars import Bar, bars_of
 from rulec_runtime.live.view.limits import BAR_ENDS, LATEST_EVENTS, RETRY, SILENT, STATIC
 from rulec_runtime.live.view.words import (
+    Bar,
     Card,
+    bars_of,
     cards,
     event_words,
     latest,

@@ -49,6 +49,3 @@ LATEST_EVENTS = 50
 
 BAR_ENDS = 3.0
 """End of the bar of a residual, in thresholds. Origin: assumed; larger sizes hardly differ."""
-
-PAST = 500
-"""Latest events in memory. Origin: assumed; the journal has all."""

@@ -23,12 +23,9 @@ from starlette.routing import Route
 from rulec_runtime.live.moment import Arrival, Now
 from rulec_runtime.live.steady_clock import steady, steady_loop
 from rulec_runtime.live.view import limits
-from rulec_runtime.live.view.asgi_gate import Door
 from rulec_runtime.live.view.html import key_of, link_of, main_of, page_of, title_of
-from rulec_runtime.live.view.json_form import now_text
-from rulec_runtime.live.view.metrics import TYPE, metrics
-from rulec_runtime.live.view.page_access import Gate
-from rulec_runtime.live.view.page_connections import Visitor
+from rulec_runtime.live.view.machine_forms import TYPE, metrics, now_text
+from rulec_runtime.live.view.page_access import Door, Gate, Visitor
 from rulec_runtime.live.view.words import news
 
 Acknowledge = Callable[[str, str], None]

@@ -1,11 +1,13 @@
 """Access to the page: not from other machines without the token, and not from foreign sites.
 
 A page on loopback needs no token, but a web site that the operator visits could still request it.
-Such requests name another host (DNS rebinding) or another origin, and are refused.
+Such requests name another host (DNS rebinding) or another origin, and are refused. Idle connections
+make room for others.
 """
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import hmac
 import ipaddress
@@ -14,9 +16,18 @@ import secrets
 import socket
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from urllib.parse import urlsplit
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import h11
+from starlette.responses import PlainTextResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from rulec_runtime.live.network import is_loopback
+from rulec_runtime.live.view import limits
+from rulec_runtime.live.view.html import POLICY
 from rulec_runtime.live.view.limits import SHORTEST_TOKEN
 from rulec_runtime.output.refusal import Refusal
 
@@ -117,3 +128,121 @@ def name_of(host: str) -> str:
     """
     found = _HOST.fullmatch(host.strip().lower())
     return (found[1] or found[2]) if found else ""
+
+
+ALWAYS = [
+    (b"content-security-policy", POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cache-control", b"no-store"),
+]
+"""A browser derives the origin of a form from the referrer: `no-referrer` would hide it."""
+
+
+class Door:
+    """Lets requests in that the gate accepts; refuses all others without revealing paths."""
+
+    def __init__(self, inner: ASGIApp, gate: Gate) -> None:
+        self._inner = inner
+        self._gate = gate
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle an ASGI request."""
+        if scope["type"] != "http":
+            return
+
+        async def answered(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message.get("headers", ()), *ALWAYS]}
+            await send(message)
+
+        found = [(n.decode("latin-1"), v.decode("latin-1")) for n, v in scope["headers"]]
+        if not self._gate.knows_host(v for n, v in found if n == "host"):
+            text = "this page is not known by that name; use the machine's address\n"
+            answer: ASGIApp = PlainTextResponse(text, 421)
+        elif self._token_in(scope):
+            cookie = f"{self._gate.cookie}={self._gate.pass_}; HttpOnly; SameSite=Lax; Path=/"
+            answer = Response(status_code=303, headers={"location": "./", "set-cookie": cookie})
+        elif self._gate.lets_in(_bearer(found), _cookies(found, self._gate.cookie)):
+            answer = self._inner
+        else:
+            text = "a token is needed: open /?token=TOKEN, or send Authorization: Bearer TOKEN\n"
+            answer = PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
+        await answer(scope, receive, answered)
+
+    def _token_in(self, scope: Scope) -> bool:
+        """Whether the address of the page contains the token; a redirect removes it."""
+        if scope["method"] != "GET" or scope["path"] != "/":
+            return False
+        try:
+            asked = parse_qs(scope["query_string"].decode("latin-1"), max_num_fields=8)
+        except ValueError:
+            return False
+        return any(self._gate.is_token(text) for text in asked.get("token", ()))
+
+
+def _bearer(headers: list[tuple[str, str]]) -> str | None:
+    given = [v for n, v in headers if n == "authorization"]
+    if not given:
+        return None
+    kind, _, token = given[0].partition(" ")
+    return token.strip() if kind.lower() == "bearer" and len(given) == 1 else ""
+
+
+def _cookies(headers: list[tuple[str, str]], name: str) -> list[str]:
+    found = []
+    for text in (v for n, v in headers if n == "cookie"):
+        try:
+            cookie = SimpleCookie(text).get(name)
+        except CookieError:
+            continue
+        if cookie is not None:
+            found.append(cookie.value)
+    return found
+
+
+class Visitor(H11Protocol):
+    """A connection that must send each request in time.
+
+    If there are too many connections of its address, or in all, the one that has owed a request for
+    longest is closed. So slow or silent clients cannot shut others out.
+    """
+
+    _due: asyncio.TimerHandle | None = None
+    """When it is closed, while it owes a request."""
+
+    def connection_made(self, transport: Any) -> None:
+        super().connection_made(transport)
+        self._wait()
+        crowd = [c for c in self.connections if isinstance(c, Visitor)]
+        own = [c for c in crowd if c.client and self.client and c.client[0] == self.client[0]]
+        if len(own) > limits.MOST_OF_AN_ADDRESS:
+            crowd = own
+        elif len(crowd) < limits.MOST_CONNECTIONS:
+            return
+        _, _, slowest = min((c._due.when(), id(c), c) for c in crowd if c._due is not None)
+        slowest.connections.discard(slowest)  # no longer counted, even before it is closed
+        slowest._end_wait()
+        slowest.transport.abort()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        self._wait()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        self._end_wait()
+
+    def _wait(self) -> None:
+        """Start or stop the timer, depending on whether it owes a request or the rest of one."""
+        if self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
+            self._end_wait()
+        elif self._due is None:
+            self._due = self.loop.call_later(limits.ASKING, self.transport.abort)
+
+    def _end_wait(self) -> None:
+        if self._due is not None:
+            self._due.cancel()
+            self._due = None

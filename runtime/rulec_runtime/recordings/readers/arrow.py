@@ -15,9 +15,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.arrays import array_sheet, seconds_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
+from rulec_runtime.recordings.dates import offset_of
 from rulec_runtime.recordings.table import Dates, Sheet
 from rulec_runtime.recordings.titles import is_time
-from rulec_runtime.recordings.zone import offset_of
 
 PARQUET = b"PAR1"
 """First bytes of a Parquet file."""

@@ -11,12 +11,12 @@ from itertools import chain, takewhile
 from pathlib import Path
 from typing import BinaryIO
 
-from rulec_runtime.recordings.counted_times import COUNTINGS
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.dates import date_of, time_of_day
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_file import TextFile, text_file
 from rulec_runtime.recordings.text_table import text_sheet
+from rulec_runtime.recordings.time_column import COUNTINGS
 
 _END = "***End_of_Header***"
 _LABVIEW = next(one for one in COUNTINGS if one.since.startswith("1904"))

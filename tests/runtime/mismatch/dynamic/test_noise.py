@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.autocorrelation_time import memory_of
+from rulec_runtime.recordings.robust_statistics import memory_of
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 

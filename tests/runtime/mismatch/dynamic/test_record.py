@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.blockwise import runs_of_same
+from rulec_runtime.recordings.columns import glitches_in, runs_of_same
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
-from rulec_runtime.recordings.thin import glitches_in
 
 from rulec.mismatch.evidence.failing_sensors import coarse_step, failing
 from rulec.mismatch.evidence.stores.record import Record, record_of

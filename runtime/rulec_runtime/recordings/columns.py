@@ -1,0 +1,176 @@
+"""Passes over a column of readings, with NaN where there is none: medians, runs, gaps, means,
+glitches, thinning.
+
+A column fits into memory, a recording need not: see `larger_than_memory.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec_runtime import limits as common
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.recordings import limits
+from rulec_runtime.recordings.larger_than_memory import let_go
+
+Flags = np.ndarray
+
+
+def any_of(values: Array, function: Callable[[Array], Flags] = np.isfinite) -> bool:
+    """Whether a function is true for any number."""
+    return bool(function(values).any())
+
+
+def first_reading(values: Array) -> float | None:
+    """The first number of a column, or None."""
+    known = np.isfinite(values)
+    return float(values[np.argmax(known)]) if known.any() else None
+
+
+def median_of(values: Array) -> float:
+    """The median of all readings, NaN without one."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def runs_where(flags: Flags, least: int) -> list[tuple[int, int]]:
+    """First and end (excluded) of runs of flags of at least `least`."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    return _long(edges[::2], edges[1::2], least)
+
+
+def runs_of_same(values: Array, least: int) -> tuple[list[tuple[int, int]], int]:
+    """Runs of equal numbers of at least `least`, first and end (excluded), and the length of the
+    longest shorter run, at least 1."""
+    with np.errstate(invalid="ignore"):
+        changes = np.flatnonzero(values[1:] != values[:-1]) + 1
+    edges = np.concatenate([[0], changes, [len(values)]])
+    lengths = np.diff(edges)
+    shorter = int(np.max(lengths, where=lengths < least, initial=1))
+    return _long(edges[:-1], edges[1:], least), shorter
+
+
+def _long(starts: np.ndarray, stops: np.ndarray, least: int) -> list[tuple[int, int]]:
+    keep = stops - starts >= least
+    return list(zip(starts[keep].tolist(), stops[keep].tolist(), strict=True))
+
+
+def held(values: Array) -> Array:
+    """Readings whose gaps hold the last one; before the first there is NaN."""
+    known = np.isfinite(values)
+    latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(latest < 0, np.nan, values[np.maximum(latest, 0)])
+
+
+def interval_of(time: Array, unknown: float) -> float:
+    """The median time between samples, s; `unknown` for fewer than two."""
+    return float(np.median(np.diff(time))) if len(time) > 1 else unknown
+
+
+def sums_between(values: Array, first: np.ndarray, last: np.ndarray) -> Array:
+    """Sums of the samples ``first : last`` of stretches in order of time, shape (n,)."""
+    if not len(first):
+        return np.zeros(0)
+    edges = np.column_stack([first, last]).ravel()
+    # A stretch that ends with the samples needs no edge.
+    inside = edges[:-1] if edges[-1] == len(values) else edges
+    sums: Array = np.add.reduceat(values, np.minimum(inside, len(values) - 1))[::2]
+    return np.where(last > first, sums, 0.0)
+
+
+def means_between(
+    values: Array,
+    first: np.ndarray,
+    last: np.ndarray,
+    usable: Callable[[Array], Array] = lambda values: values,
+) -> tuple[Array, Array]:
+    """Means of the samples ``first : last`` that have a reading, and the number of these.
+
+    `usable` replaces unusable numbers by NaN. Stretches are in order of time.
+    """
+    number = (last - first).astype(float)
+    readings = usable(values)
+    known = np.isfinite(readings)
+    if not known.all():
+        number = sums_between(known.astype(float), first, last)
+        readings = np.where(known, readings, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means = sums_between(readings, first, last) / number
+    let_go(values)
+    return means, number
+
+
+def nearest(base: Array, own: Array) -> NDArray[np.intp]:
+    """Index of the time of `base`, in order, nearest to each time of `own`."""
+    behind = np.clip(np.searchsorted(base, own), 1, max(len(base) - 1, 1))
+    before, behind = behind - 1, np.minimum(behind, len(base) - 1)
+    return np.where(own - base[before] <= base[behind] - own, before, behind)
+
+
+def glitches_in(values: Array) -> np.ndarray:
+    """Flags of single readings far from both neighbours, shape (n,)."""
+    step = np.abs(np.diff(values))
+    usual = common.NORMAL_SPREAD * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
+    usual = max(usual, 1e-12 + limits.LEAST_USUAL_STEP * float(np.nanstd(values)))
+    odd = np.zeros(len(values), dtype=bool)
+    before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    with np.errstate(invalid="ignore"):
+        nearer = np.minimum(abs(before), abs(after))
+        odd[1:-1] = (before * after > 0) & (nearer > limits.GLITCH * usual)
+    return odd
+
+
+def without_glitches(values: Array) -> tuple[Array, int]:
+    """Readings with NaN for glitches, and the number of these."""
+    odd = glitches_in(values)
+    return np.where(odd, np.nan, values), int(odd.sum())
+
+
+def thinned(
+    time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array], factor: int
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Averages of neighbours: inputs over the time for which they hold, readings around its
+    start."""
+    if factor == 1:
+        return time, dict(inputs), dict(measured)
+    count = len(time) // factor
+    used = count * factor
+    shift = factor // 2
+
+    def mean(values: Array) -> Array:
+        table = values[:used].reshape(count, factor)
+        known = np.isfinite(table)
+        total = np.where(known, table, 0.0).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            result: Array = np.where(known.any(axis=1), total / known.sum(axis=1), np.nan)
+        return result
+
+    def around(values: Array) -> Array:
+        return mean(np.concatenate([np.full(shift, np.nan), values])[: len(values)])
+
+    return (
+        np.ascontiguousarray(time[:used].reshape(count, factor)[:, 0]),
+        {n: mean(v) for n, v in inputs.items()},
+        {n: around(v) for n, v in measured.items()},
+    )
+
+
+def filled(values: Array) -> Array:
+    """Gaps hold the last value; those at the beginning take the first."""
+    found, first = held(values), first_reading(values)
+    return found if first is None else np.where(np.isnan(found), first, found)
+
+
+def resolution(values: Array, signal: SignalSpec) -> float:
+    """Smallest step between readings over root 12, or a thousandth of their spread."""
+    known = values[np.isfinite(values)]
+    steps = np.diff(np.unique(known))
+    steps = steps[steps > limits.SAME_LEVEL * (abs(signal.factor) + np.ptp(known))]
+    smallest = float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else abs(signal.factor)
+    span = float(np.nanstd(values))
+    rounding = min(smallest / np.sqrt(12.0), limits.COARSEST_RESOLUTION * span)
+    return float(max(rounding, limits.FINEST_RESOLUTION * span, limits.LEAST_NOISE))
