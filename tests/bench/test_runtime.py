@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
@@ -17,7 +18,6 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.prove.truth import RIGS, fault_replay, healthy_run, record, write_csv
 from tests.bench.conftest import Results
-from tests.bench.test_plan import in_blocks
 from tests.conftest import compiled
 from tests.rig.follower.plants import Planted, recorded
 
@@ -25,6 +25,16 @@ MILLION = 1_000_000
 LONG = 100_000
 MANY = 10_000
 ROUNDS = 3
+BLOCK = 16_384
+
+
+def in_blocks(plan: Plan, inputs: dict[str, Any], n: int) -> None:
+    """Run as a long recording is run: the same output arrays again and again."""
+    out = {name: np.empty(BLOCK) for name in plan.outputs}
+    for low in range(0, n, BLOCK):
+        part = slice(low, min(low + BLOCK, n))
+        own = {k: v[part] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
+        plan.run(own, {name: v[: part.stop - low] for name, v in out.items()})
 
 
 def tiled(recording: Recording, samples: int) -> Recording:
