@@ -17,14 +17,14 @@ from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME, DisturbanceLocation
 from rulec.mismatch.evidence.steady.configuration import Course
-from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.operating_state_means import states_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.branches import ways_there
+from rulec.mismatch.evidence.steady.screen import spot_column
+from rulec.mismatch.search.curve_found import ways_there
 from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.latent_input import varying_parameters
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, term_of
-from rulec.mismatch.search.time_varying import varying_parameters
 
 
 @dataclass(frozen=True)
