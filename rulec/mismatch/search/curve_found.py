@@ -15,7 +15,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import spot_column, suspect_at
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Functions
+from rulec.mismatch.search.evidence import Basis, Switching
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +189,7 @@ def gap_between(left: Array, way: Array, shared: Array) -> tuple[float, float]:
 
 
 def branches_of(
-    fitted: Fitted, candidate: Candidate, curve: CurveFound, basis: Functions, size: float
+    fitted: Fitted, candidate: Candidate, curve: CurveFound, basis: Basis | Switching, size: float
 ) -> Branches | None:
     """Gap between the branches of a place over a driver; None without a clock or enough visits.
 

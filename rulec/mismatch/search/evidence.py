@@ -175,7 +175,8 @@ KNOTS = np.linspace(0.0, 1.0, 41)
 class Basis:
     """Functions of a driver from `low` to `high`, constant beyond these ends.
 
-    `length` is their correlation length as a share of that range.
+    `length` is their correlation length as a share of that range; `says` is empty, as nothing
+    switches them, and `price` zero, as nothing more has to be specified.
     """
 
     low: float
@@ -207,24 +208,22 @@ def basis_over(values: Array, length: float) -> Basis:
     return Basis(float(low), float(high), length)
 
 
-class Functions(Protocol):
-    """Functions of a driver.
+@dataclass(frozen=True)
+class Switching:
+    """A function of time, s: `level`, shape (m + 1,), before and after each of `ends`, shape (m,).
 
-    `length` distinguishes smooth ones of one name, `says` is what switches the others. `price` is
-    the cost of specifying them, nats.
+    `says` is what switches it, `price` the cost of specifying its ends, nats.
     """
 
-    @property
-    def length(self) -> float: ...
+    ends: Array
+    level: Array
+    says: str
+    price: float
+    length: float = 0.0
 
-    @property
-    def says(self) -> str: ...
-
-    @property
-    def price(self) -> float: ...
-
-    def at(self, values: Array) -> Array:
-        """The functions at values of the driver, shape (n, functions)."""
+    def at(self, time: Array) -> Array:
+        """The function at times, shape (n, 1)."""
+        return np.asarray(self.level[np.searchsorted(self.ends, time, side="right")][:, None])
 
 
 @dataclass(frozen=True)
@@ -242,9 +241,25 @@ class Term:
     changed: DisturbanceLocation
     driver: str
     slopes: Array
-    basis: Functions
+    basis: Basis | Switching
     norm: float
     columns: Array
+
+
+def term_with(
+    columns: Array,
+    place: str,
+    changed: DisturbanceLocation,
+    driver: str,
+    basis: Basis | Switching,
+    slopes: Array,
+) -> Term | None:
+    """A term with `columns` before they are divided by their norm; None where it does not show."""
+    norm = float(np.sqrt(np.mean(columns[:, 0] ** 2)))
+    if not (norm > 0.0 and np.isfinite(columns).all()):
+        return None
+    name = f"{changed.id}~{driver}"
+    return Term(name, place, changed, driver, slopes, basis, norm, columns / norm)
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,6 @@ from rulec.mismatch.structure.hypotheses import CLOCK, AcceptedHypothesis, Hypot
 # A column with a wrong clock agrees while everything is constant, and contradicts the others
 # around each change: in samples that the search for physics leaves out. Liquids follow within
 # milliseconds, so apart from lags every sample is an operating point of its own.
-#
-# Source: own derivation.
 
 
 @dataclass(frozen=True)

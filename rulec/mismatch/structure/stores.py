@@ -42,8 +42,6 @@ from rulec.mismatch.structure.structure_search import Agreement, Compared
 # A late reading may have a dead time, and a flow with a late effect a transport time: the
 # catalogue has entries for both, and the search for physics handles them. A reading that answers
 # before its cause, and a flow that acts before it exists, have a wrong clock.
-#
-# Source: own derivation.
 
 Judge = Callable[[Recording, int], Agreement]
 """How well a recording agrees with the plain model, refitted in a number of steps."""
@@ -157,7 +155,7 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
     """Errors beyond those of sensors within their class, shape (n,), SI, and the strain."""
     fitter = Fitter(problem, (), {})
     at = fitter.vector({})
-    drift = drift_of(problem, (), fitter.values(at))
+    drift = drift_of(problem, fitter.values(at))
     noise = {
         n: Noise(limits.STRUCTURE_SCATTER * float(np.nanstd(v)) + 1e-12, 1.0)
         for n, v in problem.record.measured.items()

@@ -1,4 +1,4 @@
-"""The largest gain of each candidate, by one linear step from a fitted model.
+"""Which places and which candidates explain the residuals of a fitted model, to first order.
 
 A full refit of every candidate would be slow and needless: most explain nothing. The term of a
 candidate is linear in its amplitudes near their null, so its gain follows from projections. Shapes
@@ -25,7 +25,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
 
-# Locate a mismatch before any effect is named, and the region in which it shows.
+# Locate a mismatch before any effect is named.
 #
 # Every place in turn gets an error, free at each point. Its share is the part of the residuals
 # that it explains, beyond what it would explain of noise.

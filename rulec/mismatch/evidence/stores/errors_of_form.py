@@ -108,7 +108,7 @@ def allowed(
     flags = judged.flags()
     squares: Array = np.sum(judged.drift.moved**2, axis=1)
     for _, moved in errors_of_form(bench, fitted.ids, fitted.values):
-        rows = fitter.as_rows(moved, judged, judged.basis())
+        rows = fitter.as_rows(moved, judged)
         left = rows - slopes @ np.linalg.lstsq(slopes, rows, rcond=None)[0]
         own = left[: int(flags.sum())] * judged.weights()[flags, None]
         squares[flags] += np.sum(own**2, axis=1)

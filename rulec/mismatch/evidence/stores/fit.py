@@ -211,11 +211,11 @@ class Fitter:
             np.concatenate([columns[:, 1:], of_prior]),
         )
 
-    def as_rows(self, moved: Array, judged: Judged, basis: Array) -> Array:
+    def as_rows(self, moved: Array, judged: Judged) -> Array:
         """Changes of readings, shape (signals * samples, columns), SI, as further columns of the
         slopes in `residual`."""
         columns = (moved / judged.weights()[:, None])[judged.flags()]
-        columns = _projected(columns, basis, np.zeros(basis.shape[1]))
+        columns = _projected(columns, judged.basis(), np.zeros(judged.drift.count))
         return np.concatenate([columns, np.zeros((self._belief.rows, columns.shape[1]))])
 
     def cost(self, at: Array, judged: Judged, basis: Array) -> float:
@@ -455,7 +455,7 @@ def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> tuple[Fi
     rough = Judged(bench.known, noise, no_drift(bench), np.zeros(0))
     fitter = Fitter(bench, (), {})
     first = fitter.finish(fitter.vector(values), rough, common.THOROUGH, 2)
-    drift = drift_of(bench, (), first.values)
+    drift = drift_of(bench, first.values)
     ends = FinalFits(bench, Judged(bench.known, first.noise, drift, np.zeros(drift.count)))
     return ends, ends.polished(replace(first, slow=ends.judged.slow, drift=drift))
 

@@ -198,22 +198,20 @@ def no_drift(bench: SimulationProblem) -> Drift:
     return Drift(np.zeros((len(bench.signals) * len(bench.time), 0)), ())
 
 
-def drift_of(
-    bench: SimulationProblem, joined: tuple[str, ...], values: Mapping[str, float]
-) -> Drift:
-    """All notable sensor errors, linearised at a model."""
+def drift_of(bench: SimulationProblem, values: Mapping[str, float]) -> Drift:
+    """All notable sensor errors, linearised at the plain model."""
     record = bench.record
     columns: list[Array] = []
     shapes: list[tuple[str, Array] | None] = []
-    plain = bench.simulate(joined, values).stacked
+    plain = bench.simulate((), values).stacked
     spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(bench.time))
     for name, course in record.inputs.items():
-        if name not in bench.balances(joined).inputs:
+        if name not in bench.balances(()).inputs:
             continue
         u = systematic_u(bench.ruleset.signal_by_id[name], course)
         u = np.broadcast_to(u, course.shape)
         changed = {**record.inputs, name: course + u}
-        moved = bench.simulate(joined, values, inputs=changed).stacked
+        moved = bench.simulate((), values, inputs=changed).stacked
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
         if size < limits.NOTABLE_DRIFT:
             continue
@@ -221,7 +219,7 @@ def drift_of(
         ways = hats(bench.time, limits.DRIFT_KNOTS) if large else [np.ones(len(bench.time))]
         for shape in ways:
             changed = {**record.inputs, name: course + u * shape}
-            columns.append(bench.simulate(joined, values, inputs=changed).stacked - plain)
+            columns.append(bench.simulate((), values, inputs=changed).stacked - plain)
             shapes.append((name, u * shape))
     zeros = _zero_errors(bench)
     return Drift(np.column_stack([*columns, *zeros]), (*shapes, *([None] * len(zeros))))

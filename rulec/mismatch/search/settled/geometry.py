@@ -23,16 +23,18 @@ from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.stores.errors_of_form import bends
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import (
+    Basis,
     Evidence,
-    Functions,
     Noise,
     Point,
     Size,
+    Switching,
     Term,
     prior_with_sizes,
     range_over,
     share_of,
     size_of,
+    term_with,
 )
 
 
@@ -112,7 +114,7 @@ def term_of(
     changed: DisturbanceLocation,
     slopes: Array,
     driver: str,
-    basis: Functions,
+    basis: Basis | Switching,
 ) -> Term | None:
     """A term with functions of a driver; None where it does not show.
 
@@ -122,19 +124,7 @@ def term_of(
     values = driver_of(geometry.rows.system, driver)
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
     table = slopes[:, None] * basis.at(known)
-    size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-    if not (size > 0.0 and np.isfinite(table).all()):
-        return None
-    return Term(
-        name=f"{changed.id}~{driver}",
-        spot=place,
-        changed=changed,
-        driver=driver,
-        slopes=slopes,
-        basis=basis,
-        norm=size,
-        columns=table / size,
-    )
+    return term_with(table, place, changed, driver, basis, slopes)
 
 
 @dataclass(frozen=True)

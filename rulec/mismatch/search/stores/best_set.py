@@ -145,7 +145,7 @@ def _means(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Ar
         return np.zeros((0, 3))
     moved, shapes, size = found
     judged = drawn.judged
-    columns = drawn.fitter.as_rows(moved * (height / size), judged, judged.basis())
+    columns = drawn.fitter.as_rows(moved * (height / size), judged)
     whole = np.column_stack([table, columns])
     prior = np.concatenate([known, np.ones(len(shapes))])
     inverse = inverse_of(whole, prior)
@@ -191,7 +191,7 @@ def _branches(
     except RanAway:
         return None
     judged = drawn.judged
-    column = drawn.fitter.as_rows((moved - plain)[:, None] / step, judged, judged.basis())
+    column = drawn.fitter.as_rows((moved - plain)[:, None] / step, judged)
     whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], known])
     left = drawn.fitter.residual(drawn.at, judged, judged.basis())[0]
     gradient = whole.T @ left

@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.evidence import Term, term_with
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.grow_sets import (
     Names,
@@ -108,19 +108,10 @@ def _terms(geometry: StoresGeometry, model: Model, place: Place) -> Iterator[Ter
     coefficients = [u.id for part in parts for u in part.unknowns if not u.fixed]
     slopes = geometry.simulated(setting, coefficients)[1] @ place.bends
     for basis in place.bases():
-        columns = slopes @ basis.at(place.knots)
-        norm = float(np.sqrt(np.mean(columns[:, 0] ** 2)))
-        if norm > 0.0 and np.isfinite(columns).all():
-            yield Term(
-                name=f"{place.spot.id}~{place.driver}",
-                spot=place.spot.id,
-                changed=place.spot,
-                driver=place.driver,
-                slopes=np.zeros(0),
-                basis=basis,
-                norm=norm,
-                columns=columns / norm,
-            )
+        columns, spot = slopes @ basis.at(place.knots), place.spot
+        term = term_with(columns, spot.id, spot, place.driver, basis, np.zeros(0))
+        if term is not None:
+            yield term
 
 
 def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) -> list[Column]:
