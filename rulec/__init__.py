@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rulec.calibration.fit import CalibrationRefused
     from rulec.effects.repair import AdoptRefused
     from rulec.language.diagnostics import Refused
-    from rulec.mismatch.refused import ExperimentRefused, MismatchRefused
+    from rulec.mismatch.result import ExperimentRefused, MismatchRefused
     from rulec.simulation.equations import SimulationRefused
 
 __all__ = [
@@ -77,9 +77,9 @@ _PLACES = {
     },
     "AdoptRefused": "rulec.effects.repair",
     "CalibrationRefused": "rulec.calibration.fit",
-    "ExperimentRefused": "rulec.mismatch.refused",
+    "ExperimentRefused": "rulec.mismatch.result",
     "FrameRefused": "rulec.api.result",
-    "MismatchRefused": "rulec.mismatch.refused",
+    "MismatchRefused": "rulec.mismatch.result",
     "Misused": "rulec_runtime.output.refusal",
     "RecordingRefused": "rulec_runtime.recordings.csv_table",
     "Refusal": "rulec_runtime.output.refusal",

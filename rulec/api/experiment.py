@@ -17,7 +17,7 @@ from rulec.api.mismatch import MismatchResult
 from rulec.api.result import Columns, PageResult, table_of
 from rulec.api.saved_findings import reread
 from rulec.effects.repair import why_refused
-from rulec.mismatch.refused import ExperimentRefused
+from rulec.mismatch.result import ExperimentRefused
 
 if TYPE_CHECKING:
     from rulec.mismatch.experiment.result import Experiment

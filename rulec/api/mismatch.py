@@ -20,7 +20,7 @@ from rulec_runtime.report.text import listed
 from rulec.api.arguments import Plant, Recorded, folder_of, is_path, names_given, recording_given
 from rulec.api.result import Columns, PageResult, parts_of
 from rulec.effects.repair import basis_of
-from rulec.mismatch.refused import MismatchRefused
+from rulec.mismatch.result import MismatchRefused
 from rulec.passes.compile_cache import open_plant
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class MismatchResult(PageResult):
 
     def series_csv(self) -> str:
         """Measured and predicted courses, a row per sample."""
-        from rulec.mismatch.inference.series import series_csv
+        from rulec.mismatch.inference.prove import series_csv
 
         return series_csv(self.found.series)
 
@@ -105,7 +105,7 @@ class MismatchResult(PageResult):
         return parts_of((*names, "text"), self.findings)
 
     def _series(self) -> Columns:
-        from rulec.mismatch.inference.series import MODELS
+        from rulec.mismatch.inference.prove import MODELS
 
         series = self.found.series
         if series is None:

@@ -16,7 +16,6 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.parameter_belief import Strain, strain_of
 from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
-from rulec.mismatch.answer.explanation import Explained, NotComparable
 from rulec.mismatch.answer.findings import findings_of, location_of, untested
 from rulec.mismatch.answer.verdict import (
     Doubt,
@@ -26,15 +25,21 @@ from rulec.mismatch.answer.verdict import (
     verdict_of,
     with_misread,
 )
-from rulec.mismatch.answer.written_plant import PlantErrors, checks_of, refusal, written
+from rulec.mismatch.answer.written_plant import (
+    Explained,
+    NotComparable,
+    PlantErrors,
+    checks_of,
+    refusal,
+    written,
+)
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR
-from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.power import self_proof
-from rulec.mismatch.inference.series import heldout_spans
+from rulec.mismatch.inference.prove import confounded, heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
-from rulec.mismatch.structure import structure_findings as structure
+from rulec.mismatch.structure import hypotheses as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
 from rulec.mismatch.structure.limits import STRUCTURE_ODDS
 from rulec.mismatch.structure.settled import Settled
@@ -142,7 +147,7 @@ def analyse(
         split=samples.split,
         digest=samples.digest,
         noise=found.noise,
-        tried=found.tried,
+        tried=len(found.posterior.models),
         notes=(
             *_read_so(misread),
             *before,

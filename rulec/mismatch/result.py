@@ -10,12 +10,51 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.header_correction import Mending
 
 from rulec.effects.candidate import Changed, Repair
 from rulec.effects.repair import why_refused
 from rulec.knowledge.parameter_belief import Strain
-from rulec.mismatch.candidate_sets import CandidateSet
+
+
+class MismatchRefused(Refusal):
+    """The comparison cannot be made."""
+
+
+class ExperimentRefused(Refusal):
+    """No experiment can be planned."""
+
+
+@dataclass(frozen=True)
+class Presence:
+    """When something is present: the periods of an unknown, s, each with the number of its level,
+    and whether it grows from zero in the last one."""
+
+    unknown: str
+    spans: tuple[tuple[float, float, int], ...]
+    grows: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidateSet:
+    """A set of explanations that is still possible.
+
+    `names` are those of the search, `titles` the same in words; both are empty if nothing is
+    missing. The rest describes its fit, SI: ids of `joined` candidates, `values` and `fixed`
+    numbers by id, `periods`, and per term without a name its name and its correlation length as a
+    share of its driver's range.
+    """
+
+    names: tuple[str, ...]
+    titles: tuple[str, ...]
+    probability: float
+    joined: tuple[str, ...]
+    values: Mapping[str, float]
+    fixed: Mapping[str, float]
+    periods: tuple[Presence, ...]
+    terms: tuple[tuple[str, float], ...]
+
 
 __all__ = ["Changed", "Repair"]
 
@@ -80,9 +119,9 @@ class Location:
     module: str
     place: str
     title: str
-    share: float
-    region: tuple[Region, ...]
-    periods: tuple[tuple[float, float], ...]
+    share: float = NAN
+    region: tuple[Region, ...] = ()
+    periods: tuple[tuple[float, float], ...] = ()
     also: tuple[str, ...] = ()
     shape: Shape | None = None
 
@@ -162,17 +201,17 @@ class Finding:
     title: str
     module: str
     place: str
-    parameters: Mapping[str, Estimate]
-    equation: str
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    equation: str = ""
     text: str
     action: str
-    source: str
+    source: str = ""
     probability: float
-    alternatives: tuple[Alternative, ...]
-    gain: float
-    rivals: tuple[Rival, ...]
-    periods: tuple[Period, ...]
-    closed: float
+    alternatives: tuple[Alternative, ...] = ()
+    gain: float = 0.0
+    rivals: tuple[Rival, ...] = ()
+    periods: tuple[Period, ...] = ()
+    closed: float = 0.0
     members: tuple[str, ...] = ()
     shapeless: float = 0.0
     inexact: float = 0.0

@@ -16,36 +16,46 @@ from rulec_runtime.report.text import counted, fixed, listed
 from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explanation import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_spot, of_recordings, shares_of, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
-from rulec.mismatch.answer.written_plant import file_of
+from rulec.mismatch.answer.written_plant import (
+    Explained,
+    NotComparable,
+    Plants,
+    Reading,
+    Refits,
+    file_of,
+)
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
-from rulec.mismatch.evidence.samples import HELDOUT
+from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.locate import alike, noise_scale, suspects
-from rulec.mismatch.evidence.steady.model import SteadyModel, model_of
-from rulec.mismatch.evidence.steady.predict import Predictor, predictor_of, predictors_for
+from rulec.mismatch.evidence.steady.model import SteadyModel, evidence_of, model_of
 from rulec.mismatch.evidence.steady.prepare import prepare
-from rulec.mismatch.evidence.steady.rows import Rows, rows_of
-from rulec.mismatch.evidence.steady.rows_used import evidence_of
-from rulec.mismatch.evidence.steady.settle import (
+from rulec.mismatch.evidence.steady.repaired_model import (
+    Predictor,
     no_lasting_errors,
     plain_of,
+    predictor_of,
+    predictors_for,
     repair_of,
     with_sensors_as_they_are,
 )
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.screen import alike, noise_scale, suspects
 from rulec.mismatch.evidence.steady.system import System, system_of
-from rulec.mismatch.inference.prove import Proof, fit_of, rms
-from rulec.mismatch.inference.series import Predicted
+from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, rms
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.intermittent_fault import in_periods
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.settled.best_set import Search, search
-from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
-from rulec.mismatch.search.settled.candidate_sets import possible_sets
-from rulec.mismatch.search.settled.refit_for_plant_file import as_written, clear_states
+from rulec.mismatch.search.settled.later_refits import (
+    ByRecording,
+    as_written,
+    by_recording,
+    clear_states,
+    possible_sets,
+)
 from rulec.simulation.predict import predict
 
 SHOWN = 4
@@ -98,7 +108,6 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         failing=(*impossible(recording, system.ruleset), *stuck(recording, system.ruleset)),
         places=tuple(_place(model, own.spot, shares_of(accepted)[own.spot.id]) for own in latent),
         hidden=_driver(system, latent, switching) if latent else None,
-        tried=found.tried,
         noise=_noise_words(fitted),
         untimed="operating points"
         if system.data.of_rows
@@ -110,7 +119,6 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         changed=updates_of(recording.sources, by) if by else (),
         nothing=posterior.unseen,
         believed=posterior.models[posterior.told].setting.values,
-        within=posterior.tolerance.allowed,
         posterior=posterior,
         curves=tuple(term for curve in found.curves for term in curve.terms),
     )
@@ -166,17 +174,19 @@ class Models:
 class Explanation(Explained[Fitted]):
     """An explanation by errors in variables; `fitted` is the model with everything accepted.
 
-    `latent` are courses of unrecorded drivers. `within` is the error of each output that sensors
-    within their class and laws within their accuracy explain, SI.
+    `latent` are courses of unrecorded drivers.
     """
 
     fitted: Fitted
     latent: tuple[Reconstruction, ...]
-    within: Mapping[str, float]
 
     def allowed(self, signal: str) -> float:
         """The error that sensors and laws explain; infinite for a reading that is no output."""
-        return self.within.get(signal, np.inf)
+        return self._allowed.get(signal, np.inf)
+
+    @cached_property
+    def _allowed(self) -> dict[str, float]:
+        return self.posterior.tolerance.allowed
 
     @property
     def _system(self) -> System:
@@ -278,7 +288,9 @@ class Explanation(Explained[Fitted]):
                 noise = _noise(plants.rulesets[2], system, name) * scale
             else:
                 noise = explained[name].heldout.noise * signal.factor
-            usable = refits.judged & _works(system, name)
+            # Where no estimate may use the reading, its module stands.
+            users = [i for i, o in enumerate(system.observers) if name in o.signals]
+            usable = refits.judged & np.any(system.valid[users], axis=0)
             parts = (system.data.open & usable, (system.data.part == HELDOUT) & usable)
             whole, relation = (np.nan, np.nan), None
             if proven:
@@ -434,12 +446,6 @@ def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
         or near[: limits.MOST_PREDICTED]
         or there[: limits.MOST_PREDICTED]
     )
-
-
-def _works(system: System, name: str) -> np.ndarray:
-    """Points at which some estimate may use a reading; at others its module stands."""
-    rows = [i for i, o in enumerate(system.observers) if name in o.signals]
-    return np.asarray(np.any(system.valid[rows], axis=0))
 
 
 def _at_points(

@@ -18,28 +18,27 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explanation import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_curve, location_of_spot
+from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
-from rulec.mismatch.evidence.rows_used import counted_rows, unread
-from rulec.mismatch.evidence.samples import inside_of
-from rulec.mismatch.evidence.stores.allowed_errors import allowed
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.final_fits import fixed_values
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
-from rulec.mismatch.evidence.stores.locate import Suspect, suspects
-from rulec.mismatch.evidence.stores.model import StoresModel, model_of
-from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.record import lacking, record_of, stored_evidence, without_odd
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.inference.prove import Proof, fit_of
-from rulec.mismatch.inference.series import Predicted, heldout_spans
+from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
+from rulec.mismatch.evidence.stores.errors_of_form import allowed
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.model import StoresModel, Suspect, model_of, suspects
+from rulec.mismatch.evidence.stores.noise import Noise, no_drift
+from rulec.mismatch.evidence.stores.simulation_problem import (
+    SimulationProblem,
+    lacking,
+    record_of,
+    stored_evidence,
+    without_odd,
+)
+from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search import limits as of_search
-from rulec.mismatch.search.accepted import Accepted
-from rulec.mismatch.search.stores.best_set import Found, search
+from rulec.mismatch.search.curve_found import Accepted
+from rulec.mismatch.search.stores.best_set import Found, curves_of, likeliest_curve, search
 from rulec.mismatch.search.stores.geometry import StoresGeometry
-from rulec.mismatch.search.stores.likeliest_curve import curves_of, likeliest_curve
 
 
 def explain(
@@ -111,7 +110,6 @@ def explanation(
         failing=(*failing(recording, ruleset), *impossible(recording, ruleset)),
         places=nameless if found.nameless or not model.joined else (),
         hidden=None,
-        tried=found.tried,
         posterior=found.posterior,
         noise="noise from third differences of the readings; errors of the repaired model are "
         f"correlated ({correlated}) and count once per correlation time",
@@ -217,7 +215,9 @@ class Explanation(Explained[Fitted]):
                 (~held, held),
                 (proof.fit.estimation.repaired, proof.fit.heldout.repaired),
             )
-            predicted = Predicted(*(_thin(bench, recording, course) for course in tables))
+            factor = len(recording.time) // len(bench.record.time)
+            thin = (thinned(recording.time, {}, {"": course}, factor)[2][""] for course in tables)
+            predicted = Predicted(*thin)
             fit = replace(fit, simulated=True)
             found.append(Reading(fit=fit, measured=record.measured[name], predicted=predicted))
         return found or [
@@ -226,7 +226,6 @@ class Explanation(Explained[Fitted]):
         ]
 
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
-        """What rows were used for."""
         return stored_evidence(self.recording, self._bench.record)
 
     def notes(
@@ -426,8 +425,3 @@ def _repair_of(fitted: Fitted) -> Repair:
         {},
         {},
     )
-
-
-def _thin(bench: SimulationProblem, recording: Recording, course: Array) -> Array:
-    factor = len(recording.time) // len(bench.record.time)
-    return thinned(recording.time, {}, {"": course}, factor)[2][""]

@@ -133,7 +133,7 @@ def test_importing_loads_nothing() -> None:
     program = (
         "import sys, rulec\n"
         "assert not {'numpy', 'rich', 'sympy', 'yaml', 'narwhals'} & set(sys.modules)\n"
-        "from rulec.mismatch.refused import MismatchRefused\n"
+        "from rulec.mismatch.result import MismatchRefused\n"
         "import rulec.mismatch.answer\n"
         "assert callable(rulec.mismatch) and rulec.MismatchRefused is MismatchRefused\n"
         "assert set(rulec.__all__) <= set(dir(rulec))\n"

@@ -13,10 +13,8 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.failing_sensors import failing
-from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.fit import Fitted, plain_end
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.stores.grow_sets import begun, grow
 from tests.conftest import ROOT, recordings_folder
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.report.text import number
 
-from rulec.mismatch.answer.pictures import ReadingCourses, curves_of, rms
+from rulec.mismatch.answer.terminal_and_page import ReadingCourses, curves_of, rms
 from rulec.mismatch.result import Mismatch, Region
 from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, broken, curves, spoken
 from tests.runtime.pages import mismatch_page as report

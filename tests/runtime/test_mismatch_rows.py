@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.steady.small_systems import inverses
+from rulec.mismatch.evidence.steady.rows import inverses
 
 SIZE = 12
 """Outputs of a rig with seven modules."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rulec_runtime.output.csv_cell import row_of
 
-from rulec.mismatch.inference.series import heldout_spans
+from rulec.mismatch.inference.prove import heldout_spans
 from rulec.mismatch.result import (
     Alternative,
     Finding,

@@ -42,7 +42,8 @@ class Curve:
 
 def shape_of(model: Model, found: CurveFound) -> Shape | None:
     """The shape in the units of its place and of its driver; None if that is not recorded."""
-    driver = _variable(model, found.driver)
+    time = Variable(model.samples.time, 1.0, 0.0, "s")
+    driver = time if found.driver == TIME else model.variable(found.driver)
     if driver is None:
         return None
     factor = found.place.factor
@@ -87,12 +88,6 @@ def _from_its_level(curve: Curve) -> tuple[Curve, float]:
     less = np.eye(len(near)) - weights
     moved = replace(curve, value=less @ curve.value, covariance=less @ curve.covariance @ less.T)
     return moved, float(weights @ curve.value)
-
-
-def _variable(model: Model, name: str) -> Variable | None:
-    if name == TIME:
-        return Variable(model.samples.time, 1.0, 0.0, "s")
-    return model.variable(name)
 
 
 def _memory(model: Model, found: CurveFound) -> tuple[str, str]:

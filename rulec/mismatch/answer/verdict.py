@@ -11,8 +11,7 @@ from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words, titled
-from rulec.mismatch.candidate_sets import CandidateSet
-from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.result import CandidateSet, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 TO_RECORD = "Record settled operation with all readings that the observers need."

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
-from rulec_runtime.report.wording import STATUS
 
 from rulec.mismatch.result import UNDECIDED, Estimate, Finding, Mismatch, Period, Region, Shape
 from rulec.mismatch.structure.hypotheses import CONNECTION
@@ -31,11 +30,6 @@ SPANS = 4
 def letter(mismatch: Mismatch) -> str:
     """The letter of NE 107."""
     return VERDICTS[mismatch.verdict][0]
-
-
-def symbol(mismatch: Mismatch) -> str:
-    """The symbol of NE 107, whose shape distinguishes verdicts without colour."""
-    return STATUS[letter(mismatch)][0]
 
 
 def meaning(mismatch: Mismatch) -> str:

@@ -135,17 +135,10 @@ def _failed(
         title=title,
         module=module,
         place=place,
-        parameters={},
-        equation="",
         text=text,
         action="check cable, mounting and supply of the sensor",
-        source="",
         probability=limits.SENSOR_FAILS,
-        alternatives=(),
-        gain=0.0,
-        rivals=(),
         periods=periods,
-        closed=0.0,
     )
 
 
@@ -156,7 +149,5 @@ def failed_at(finding: Finding) -> Location:
         module=finding.module,
         place=finding.place,
         title="",
-        share=float("nan"),
-        region=(),
         periods=periods,
     )

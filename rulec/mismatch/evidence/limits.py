@@ -256,3 +256,6 @@ assumed."""
 MOST_MEANS = 150
 """Approximate number of means of states of a recording: the evidence follows from its operating
 points, not from its samples. Origin: assumed."""
+
+FIRST_INNOVATIONS = 64
+"""Samples of a run before the filter has settled. Origin: numerical."""

@@ -1,13 +1,16 @@
 """Plan an experiment: refit the possible explanations, find the inputs, choose steps, predict
-readings."""
+readings.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.limits import SETTLING
@@ -15,19 +18,247 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
-from rulec.mismatch.experiment.choose import Best, best_within, covering
-from rulec.mismatch.experiment.forecast import Forecast, forecast
+from rulec.mismatch.experiment.forecast import Forecast, advised, forecast
 from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, places_in
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
-from rulec.mismatch.experiment.sensors import advised
-from rulec.mismatch.refused import ExperimentRefused
-from rulec.mismatch.search.settled.candidate_sets import Again, refitted_again
+from rulec.mismatch.result import CandidateSet, ExperimentRefused
+from rulec.mismatch.search.settled.later_refits import Again, refitted_again
 from rulec.separation.allowed import Allowed, allowed_of
+
+# Which operating points discriminate between explanations, how long to hold them, which cover the
+# rest.
+#
+# A step is worth the increase of the expected probability of the true explanation. The log odds of
+# that one against another grow by a log Bayes factor. Between normal distributions its mean is
+# their divergence f, and its variance is 2 f if their covariances are alike. Longer steps average
+# noise but cost time, so each doubling has to be worth it.
+#
+# Steps that discriminate are only as good as the explanations. The truth may be none of them, or
+# bend where nothing was recorded; so the other steps lie far from each other along each input.
+#
+# Source: Box and Hill 1967; Hunter and Reiner 1965 (discrimination between models); Kullback and
+# Leibler 1951; Cover and Thomas 2006, 2.5 (chain rule of divergences); Joseph, Gul and Ba 2015
+# (maximum projection designs); Box and Draper 1959.
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Places in the order of choice.
+
+    `certainty` is the expected probability of the true explanation before the first place and after
+    each; `worth` is that after all of them, given that it is one of these. `factors`, shape
+    (explanations, explanations), are expected log Bayes factors, nats, of the row's explanation, if
+    true, against the column's.
+    """
+
+    places: tuple[int, ...]
+    certainty: tuple[float, ...]
+    worth: float
+    factors: Array
+
+
+def chosen(
+    predicted: Sequence[Forecast],
+    odds: Array,
+    most: int,
+    *,
+    among: NDArray[np.bool_] | None = None,
+    in_time: Callable[[Sequence[int]], bool] = lambda places: True,
+) -> Choice:
+    """Up to `most` places, each the one that adds most to those before.
+
+    `predicted` has one entry per explanation as the true one, `odds` their probabilities. `among`,
+    shape (n,), flags places that may be chosen; `in_time` says whether there is time for some
+    places.
+    """
+    every = sorted(set(predicted[0].point.tolist()).intersection(*(one.point for one in predicted)))
+    left = [place for place in every if among is None or among[place]]
+    places: list[int] = []
+    factors = [np.zeros((len(odds), len(odds)))]
+    shares = odds / odds.sum()
+    worth = [certain(shares, factors[0])]
+    while left and len(places) < most:
+        grown = factors[-1][:, :, None] + np.array(
+            [gains(one, true, places, left) for true, one in enumerate(predicted)]
+        )
+        sure = [
+            certain(shares, own) if in_time([*places, place]) else 0.0
+            for place, own in zip(left, np.moveaxis(grown, 2, 0), strict=True)
+        ]
+        best = int(np.argmax(sure))
+        if not sure[best] > 0.0:
+            break
+        places.append(left.pop(best))
+        factors.append(grown[:, :, best])
+        worth.append(sure[best])
+    # Two steps may discriminate where one does not.
+    kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
+    certainty = tuple(certain(odds, own) for own in factors[: kept + 1])
+    return Choice(tuple(places[:kept]), certainty, worth[kept], factors[kept])
+
+
+NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
+"""Nodes and weights of an average over a normal deviate."""
+
+
+def certain(odds: Array, factors: Array) -> float:
+    """Expected probability of the true explanation.
+
+    `factors` are expected log Bayes factors, nats, shape (explanations, explanations). What `odds`
+    lack to 1 is that none of these is true: no reading counts against that, and nothing is gained
+    if it is.
+    """
+    unlisted = max(1.0 - float(odds.sum()), 0.0)
+    read = factors + NODES[:, None, None] * np.sqrt(2.0 * factors)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        others = (odds[None, :] / odds[:, None] * np.exp(-read)).sum(axis=2)
+        sure = np.where(odds > 0.0, 1.0 / (others + unlisted / odds), 0.0)
+    return float(SHARES @ sure @ odds / SHARES.sum())
+
+
+def gains(predicted: Forecast, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
+    """The rise of the expected log Bayes factors of the true explanation against each by each
+    place, after readings at the known places; nats, shape (explanations, places)."""
+    before, rows = _rows(predicted, known), _rows(predicted, places)
+    read = before[before >= 0]
+    first, by_true, own = _conditional(predicted, true, read, rows)
+    found = []
+    for other, off in enumerate(predicted.off):
+        factor, by, left = _conditional(predicted, other, read, rows)
+        apart = predicted.off[true] - off
+        mean = np.where(rows >= 0, apart[rows], 0.0)
+        mean -= np.einsum("kni,k->ni", by, np.linalg.solve(factor, apart[read]))
+        spread = np.einsum("kni->nik", by_true)
+        spread = spread - np.einsum("kni,kl->nil", by, np.linalg.solve(factor, first))
+        parts = np.concatenate([mean[:, :, None], spread, own], axis=2)
+        squares = (np.linalg.solve(left, parts) ** 2).sum(axis=(1, 2))
+        grown = np.linalg.slogdet(left)[1] - np.linalg.slogdet(own)[1]
+        found.append(np.maximum(grown + 0.5 * (squares - rows.shape[1]), 0.0))
+    return np.array(found)
+
+
+def _rows(predicted: Forecast, places: Sequence[int]) -> NDArray[np.intp]:
+    """Numbers of the rows of each place, shape (places, r); negative ones are padding."""
+    most = int(np.bincount(predicted.point).max())
+    number = np.tile(-1 - np.arange(most), (len(places), 1))
+    for line, place in zip(number, places, strict=True):
+        own = np.flatnonzero(predicted.point == place)
+        line[: len(own)] = own
+    return number
+
+
+def _conditional(
+    predicted: Forecast, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
+    """Lower factor of the covariance of the rows that were read, shape (k, k); the covariance of
+    rows with these in its units, shape (k, n, r); lower factors of the rest, shape (n, r, r)."""
+    between = functools.partial(predicted.between, explanation)
+    factor = np.linalg.cholesky(between(read[:, None], read[None, :]))
+    by = np.linalg.solve(factor, between(read[:, None], rows.reshape(1, -1)))
+    by = by.reshape(len(read), *rows.shape)
+    left = between(rows[:, :, None], rows[:, None, :]) - np.einsum("kni,knj->nij", by, by)
+    return np.asarray(factor), np.asarray(by), np.asarray(np.linalg.cholesky(left))
+
+
+@dataclass(frozen=True)
+class Best:
+    """Places chosen within limits, and what each explanation predicts for means over the time of
+    holding; readings whose limits forbid better places, and whether time does."""
+
+    choice: Choice
+    predicted: Sequence[Forecast]
+    limited: Feasible
+    hindering: tuple[str, ...]
+    time_is_short: bool
+
+
+def best_within(
+    predicted: Sequence[Forecast],
+    odds: Array,
+    most: int,
+    seconds: float,
+    limited: Feasible,
+    settling: float,
+) -> Best:
+    """The places that discriminate best within limits, and how long to hold them; readings take
+    `settling`, s. Places that cost no product are preferred."""
+
+    def plan(held: int, among: NDArray[np.bool_], until: float = seconds) -> Choice:
+        longer, own = _held(predicted, limited, held, settling)
+        return chosen(longer, odds, most, among=among, in_time=lambda p: own.seconds(p) <= until)
+
+    @functools.cache
+    def best(held: int) -> Choice:
+        choice = plan(held, limited.may_run)
+        if any(limited.costs[place] for place in choice.places):
+            spared = plan(held, limited.free)
+            if spared.worth >= choice.worth - limits.WORTH_COST:
+                return spared
+        return choice
+
+    def worth(held: int) -> float:
+        return best(held).worth - limits.WORTH_COST * math.log2(held)
+
+    longest, held = max(int(seconds // limited.seconds([0])), 1), 1
+    while longer := [h for h in (2 * held, 4 * held) if h <= longest and worth(h) > worth(held)]:
+        held = max(longer, key=worth)
+    choice = best(held)
+    unhurried = [plan(times, limited.may_run, math.inf) for times in (held, 2 * held)]
+    wider = plan(held, limited.possible) if limited.forbidden else choice
+    better = wider.worth > choice.worth + limits.WORTH_A_STEP
+    forbid = [n for n, there in limited.forbidden.items() if there[list(wider.places)].any()]
+    return Best(
+        choice,
+        *_held(predicted, limited, held, settling),
+        tuple(forbid) if better else (),
+        any(one.worth > choice.worth + limits.WORTH_COST for one in unhurried),
+    )
+
+
+def _held(
+    predicted: Sequence[Forecast], limited: Feasible, held: int, settling: float
+) -> tuple[Sequence[Forecast], Feasible]:
+    """The predictions if each place is held `held` times as long as necessary."""
+    least = limited.shortest - settling
+    times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)
+    return [one.held(times) for one in predicted], replace(limited, held=held)
+
+
+def covering(
+    limited: Feasible, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
+) -> tuple[int, ...]:
+    """Up to `most` places in addition to some steps, as long as there is time, s.
+
+    Each is the one farthest from all others by the product of distances along each input; without
+    any step the first is the middle. `among`, shape (n,), flags places that may be chosen.
+    """
+    ranges = limited.reach.ranges.items()
+    at = np.stack([(limited.places.inputs[n] - low) / (high - low) for n, (low, high) in ranges], 1)
+
+    def near(point: Array) -> Array:
+        """The criterion at all places by one point; infinite where they coincide."""
+        apart = np.abs(at - point)
+        # Values of an input are far enough apart if they are as far as `most` evenly spread ones.
+        added: Array = 1.0 / np.prod(apart + 1.0 / most, axis=1) ** 2
+        return np.where(apart.any(axis=1), added, np.inf)
+
+    found: list[int] = []
+    while len(found) < most:
+        taken = [*steps, *found]
+        left = [place for place in np.flatnonzero(among).tolist() if place not in taken]
+        worst = np.sum([near(at[place]) for place in taken], axis=0)
+        if not taken:
+            worst = np.linalg.norm(at - at.mean(axis=0), axis=1)
+        place = min(left, key=worst.__getitem__, default=-1)
+        if place < 0 or worst[place] == np.inf or limited.seconds([*found, place]) > seconds:
+            break
+        found.append(place)
+    return tuple(found)
+
 
 NO_RANGES = (
     "no input was changed in the recording, so how far one may be changed is not known; give "

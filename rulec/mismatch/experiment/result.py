@@ -17,9 +17,8 @@ from rulec_runtime.report.text import counted, number, percent
 
 from rulec.effects.repair import AGAIN
 from rulec.mismatch import limits
-from rulec.mismatch.candidate_sets import CandidateSet, Presence
-from rulec.mismatch.experiment.sensors import Advised
-from rulec.mismatch.refused import ExperimentRefused
+from rulec.mismatch.experiment.forecast import Advised
+from rulec.mismatch.result import CandidateSet, ExperimentRefused, Presence
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,127 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.output.csv_cell import row_of
 
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.model import Line
 from rulec.mismatch.inference import limits
-from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.result import Errors, Fit
+from rulec.mismatch.result import Confounded, Course, Errors, Fit, Series
+
+
+def profile(line: Line) -> tuple[float, float]:
+    """95 % interval of a value by its profile likelihood, SI.
+
+    Source: Venzon and Moolgavkar 1988.
+    """
+    low, high = (_end(line, side) for side in (-1.0, 1.0))
+    return low, high
+
+
+def _end(line: Line, side: float) -> float:
+    """Where the likelihood has fallen by enough on one side, within the range."""
+    reach = line.value - line.lowest if side < 0 else line.highest - line.value
+    pace = line.pace
+    step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
+    for _ in range(pace.steps):
+        if step <= 0.0:
+            break
+        fall = line.fall(side * step)
+        if fall < common.DROP:
+            inside = step
+            if step >= reach:
+                break
+            ratio = float(np.sqrt(common.DROP / fall)) if fall > 0 else pace.uphill
+            grow = float(np.clip(ratio, pace.shortest, limits.LONGEST_STEP))
+            between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
+            step = min(step * grow, reach, between)
+        else:
+            outside = step
+            step = max(step * float(np.sqrt(common.DROP / fall)), 0.25 * (inside + outside))
+        if abs(fall - common.DROP) < pace.near:
+            break
+    return float(line.value + side * step)
+
+
+def confounded(
+    names: Sequence[str], covariance: Array, unknowns: frozenset[str]
+) -> tuple[Confounded, ...]:
+    """Unknowns of explanations that correlate with another value, the most correlated first.
+
+    `covariance`, shape (names, names), is that of the values with these names.
+    """
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(size, size)
+    found = [
+        Confounded(first, second, float(correlation[i, j]))
+        for i, first in enumerate(names)
+        for j, second in enumerate(names)
+        if first in unknowns and (second not in unknowns or j > i)
+        if abs(correlation[i, j]) > limits.CONFOUNDED
+    ]
+    return tuple(sorted(found, key=lambda pair: -abs(pair.correlation)))
+
+
+MODELS = ("shipped", "recalibrated", "repaired")
+
+
+class Predicted(NamedTuple):
+    """Predictions of the models, SI, shape (n,) each."""
+
+    shipped: Array
+    recalibrated: Array
+    repaired: Array
+
+
+def course_of(signal: SignalSpec, measured: Array, predicted: Predicted) -> Course:
+    """Reading and predictions, given in SI, shape (n,), in the unit of the signal."""
+    arrays = {"measured": measured, **predicted._asdict()}
+    shown = {name: (values - signal.offset) / signal.factor for name, values in arrays.items()}
+    return Course(signal=signal.id, unit=signal.unit, **shown)
+
+
+def series_csv(series: Series | None) -> str:
+    """A row per sample; a cell is empty without a reading or prediction."""
+    if series is None:
+        return "time [s],heldout [1]\n"
+    head = ["time [s]", "heldout [1]"]
+    columns = [
+        [f"{time:.10g}" for time in series.time],
+        ["1" if flag else "0" for flag in series.heldout],
+    ]
+    for course in series.courses:
+        for name in ("measured", *MODELS):
+            head.append(f"{course.signal} {name} [{course.unit}]")
+            values = getattr(course, name)
+            columns.append([f"{v:.9g}" if math.isfinite(v) else "" for v in values])
+    return "\n".join([row_of(head), *map(",".join, zip(*columns, strict=True))]) + "\n"
+
+
+def heldout_spans(time: Array, heldout: Sequence[bool] | np.ndarray) -> list[tuple[float, float]]:
+    """Spans of time, s, that contain exactly the held-out samples; both shape (n,).
+
+    They end midway to the neighbours, as a sample may be a mean over some time around it.
+
+    >>> heldout_spans(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), [False, True, True, False, True])
+    [(0.5, 2.5), (3.5, 4.5)]
+    """
+    flags = np.asarray(heldout, dtype=bool)
+    if not flags.any():
+        return []
+    middles = (time[1:] + time[:-1]) / 2
+    first = 2 * time[0] - middles[0] if len(middles) else time[0]
+    last = 2 * time[-1] - middles[-1] if len(middles) else time[-1]
+    edges = np.concatenate([[first], middles, [last]])
+    turns = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(float(edges[a]), float(edges[b])) for a, b in turns.reshape(-1, 2)]
 
 
 @dataclass(frozen=True)

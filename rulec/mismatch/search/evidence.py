@@ -11,37 +11,219 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from scipy.special import stdtr, stdtrit
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
+from rulec.knowledge.knowledge import has_no_zero
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior
+from rulec.mismatch.evidence.steady.screen import references, starts
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.sizes import Size
 
 
-class Functions(Protocol):
-    """Functions of a driver.
+@dataclass(frozen=True)
+class Size:
+    """Prior of the distance of an amplitude from its null.
 
-    `length` distinguishes smooth ones of one name, `says` is what switches the others. `price` is
-    the cost of specifying them, nats.
+    A Student distribution about the `usual` size with a `width`, infinite where none is stated, and
+    `freedom`. `scale` is that of a Student distribution about the null whose median distance is
+    the usual one; its tail falls as that of the log-normal distribution at two standard deviations.
     """
 
-    @property
-    def length(self) -> float: ...
+    scale: float
+    freedom: float
+    usual: float = 0.0
+    width: float = float("inf")
 
-    @property
-    def says(self) -> str: ...
 
-    @property
-    def price(self) -> float: ...
+def log_inside(size: Size, unknown: Unknown) -> float:
+    """Logarithm of the prior share of amplitudes within the range of an unknown; both signs are
+    equally likely."""
+    null = unknown.null or 0.0
+    ends = np.array([unknown.lowest - null, unknown.highest - null])
+    signs = (np.array([1.0]), np.array([-1.0]))
+    shares = [np.diff(stdtr(size.freedom, (ends - s * size.usual) / size.width))[0] for s in signs]
+    return float(np.log(max(sum(shares), 1e-12)))
+
+
+def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
+    """The prior of an amplitude by the usual size in its entry.
+
+    `share` gives the relative change of its place per amplitude.
+    """
+    usual = unknown.usual
+    if usual is None:
+        width = unknown.highest - unknown.lowest
+        return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
+    spread = float(np.log(usual.factor))
+    freedom = 2.0 / spread
+    median = usual.size / share() if usual.of_place else usual.size
+    return Size(median / float(stdtrit(freedom, 0.75)), freedom, median, median * spread)
+
+
+def share_of(system: System, candidate: Candidate, unknown: Unknown) -> float:
+    """Largest relative change of estimates per amplitude, over all shapes.
+
+    For a reading whose zero is arbitrary it is relative to the range of the sensor.
+    """
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+    fixed, shares = references(system, candidate), []
+    plain = system.flows(Configuration()).values
+    reading = _without_zero(system, candidate)
+    for shape in starts(system, candidate):
+        setting = Configuration().joining(candidate, {**null, **shape}, fixed)
+        modules = system.reached(candidate.observers)
+        flows = system.flows(setting, [unknown.id], modules=modules)
+        for i, slope in flows.by_value[unknown.id].items():
+            whole = plain[i]
+            if reading is not None:
+                whole = flows.by_reading[reading][i] * span(system, reading)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = np.broadcast_to(slope / whole, plain[i].shape)
+            share = share[system.data.open & system.valid[i] & np.isfinite(share)]
+            shares.append(float(np.sqrt(np.mean(share**2))) if len(share) else 0.0)
+    return max(shares, default=0.0) or 1.0
+
+
+def _without_zero(system: System, candidate: Candidate) -> str | None:
+    """The reading that a candidate corrects, if its zero is arbitrary.
+
+    A share of a temperature means nothing: 5 % of 20 degC would be 15 kelvin.
+    """
+    signal, plant = f"{candidate.module}.{candidate.place}", system.builder.network.plant
+    if signal not in system.shared:
+        return None
+    own = plant.modules[candidate.module].type.signals[candidate.place]
+    return signal if has_no_zero(own, plant.knowledge.units) else None
+
+
+def span(system: System, signal: str) -> float:
+    """Range of a sensor, SI, or of its readings where none is stated."""
+    low, high = system.ruleset.signal_by_id[signal].ends
+    if np.isfinite(high - low):
+        return high - low
+    values = system.data.values[signal]
+    return float(np.nanmax(values) - np.nanmin(values))
+
+
+def prior_with_sizes(
+    plain: Prior,
+    setting: Configuration,
+    size_of: Callable[[Candidate, Unknown], Size],
+    range_of: Callable[[Unknown, float], tuple[float, float]],
+) -> Prior:
+    """Add the amplitudes and shapes of effects to the prior of the plant.
+
+    `size_of` gives the prior of an amplitude, `range_of` the middle and width of the range of a
+    shape, by its starting value.
+    """
+    own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
+    mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
+    odds = 0.0
+    for i, name in enumerate(plain.names):
+        stem = name.partition("#")[0]
+        if stem not in own:
+            continue
+        candidate, unknown = own[stem]
+        if unknown.null is not None:
+            size = size_of(candidate, unknown)
+            off = setting.values[name] - unknown.null
+            freedom[i] = size.freedom
+            if np.isfinite(size.width):
+                mean[i] = unknown.null + np.copysign(size.usual, off)
+                known[i] = size.width**-2
+                odds -= log_inside(size, unknown)
+            else:
+                mean[i], known[i] = unknown.null, size.scale**-2
+        else:
+            mean[i], width = range_of(unknown, setting.values[name])
+            known[i] = 12.0 / width**2
+    return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
+
+
+def known_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float, float]]:
+    """Mean, scale and degrees of freedom of those unknowns that have a prior."""
+    unknowns = set(setting.free_unknowns())
+    each = zip(prior.names, prior.mean, prior.known, prior.freedom, strict=True)
+    return {n: (float(m), float(k**-0.5), float(f)) for n, m, k, f in each if n in unknowns and k}
+
+
+def range_over(unknown: Unknown, start: float, driver: Array | None) -> tuple[float, float]:
+    """Middle and width of the range of a shape, by the readings of its driver."""
+    if driver is not None:
+        low, high = np.nanquantile(driver, [0.02, 0.98])
+        return float(low + high) / 2, max(float(high - low), 1e-12)
+    if unknown.offset:
+        # The zero of its unit is arbitrary: only the stated range is known.
+        return (unknown.lowest + unknown.highest) / 2, unknown.highest - unknown.lowest
+    width = 2.0 * max((abs(s) for s in unknown.starts), default=abs(start)) or 1.0
+    return float(np.sign(start) or 1.0) * width / 2, width
+
+
+KNOTS = np.linspace(0.0, 1.0, 41)
+"""Shares of a driver's range at which functions are tabulated; they are linear in between."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Functions of a driver from `low` to `high`, constant beyond these ends.
+
+    `length` is their correlation length as a share of that range; `says` is empty, as nothing
+    switches them, and `price` zero, as nothing more has to be specified.
+    """
+
+    low: float
+    high: float
+    length: float
+    says: str = ""
+    price: float = 0.0
 
     def at(self, values: Array) -> Array:
-        """The functions at values of the driver, shape (n, functions)."""
+        """Independent functions of unit prior size at values, shape (n, functions)."""
+        z = (values - self.low) / max(self.high - self.low, 1e-300)
+        table = _functions(self.length)
+        return np.stack([np.interp(z, KNOTS, column) for column in table.T], axis=1)
+
+
+@cache
+def _functions(length: float) -> Array:
+    """The functions at the knots, shape (knots, functions), by falling variance."""
+    apart = (KNOTS[:, None] - KNOTS[None, :]) ** 2
+    size, ways = np.linalg.eigh(1.0 + np.exp(-0.5 * apart / length**2))
+    rank = int((size > limits.FORM_RANK * size.max()).sum())
+    best = np.argsort(-size)[: min(rank, limits.TERM_FUNCTIONS)]
+    return np.asarray(ways[:, best] * np.sqrt(size[best]))
+
+
+def basis_over(values: Array, length: float) -> Basis:
+    """The basis over the range of a driver without its outermost values, shape (n,)."""
+    low, high = np.nanquantile(values, [0.02, 0.98])
+    return Basis(float(low), float(high), length)
+
+
+@dataclass(frozen=True)
+class Switching:
+    """A function of time, s: `level`, shape (m + 1,), before and after each of `ends`, shape (m,).
+
+    `says` is what switches it, `price` the cost of specifying its ends, nats.
+    """
+
+    ends: Array
+    level: Array
+    says: str
+    price: float
+    length: float = 0.0
+
+    def at(self, time: Array) -> Array:
+        """The function at times, shape (n, 1)."""
+        return np.asarray(self.level[np.searchsorted(self.ends, time, side="right")][:, None])
 
 
 @dataclass(frozen=True)
@@ -59,9 +241,25 @@ class Term:
     changed: DisturbanceLocation
     driver: str
     slopes: Array
-    basis: Functions
+    basis: Basis | Switching
     norm: float
     columns: Array
+
+
+def term_with(
+    columns: Array,
+    place: str,
+    changed: DisturbanceLocation,
+    driver: str,
+    basis: Basis | Switching,
+    slopes: Array,
+) -> Term | None:
+    """A term with `columns` before they are divided by their norm; None where it does not show."""
+    norm = float(np.sqrt(np.mean(columns[:, 0] ** 2)))
+    if not (norm > 0.0 and np.isfinite(columns).all()):
+        return None
+    name = f"{changed.id}~{driver}"
+    return Term(name, place, changed, driver, slopes, basis, norm, columns / norm)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,54 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust_statistics import spread_about
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
-from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
+from rulec.mismatch.evidence.steady.configuration import CHANGE, HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.locate import Suspect, spot_column
-from rulec.mismatch.evidence.steady.screen import InitialCandidate
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, Suspect, spot_column, suspect_at
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.intermittent_fault import degree_course
-from rulec.mismatch.search.time_varying import spot_of
+
+
+def varying_parameters(fitted: Fitted, spot: DisturbanceLocation) -> list[Suspect]:
+    """Parameters of the law at a place, each with its own course.
+
+    A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
+    """
+    rows, system = fitted.rows, fitted.rows.system
+    if spot.kind != "definition":
+        return []
+    parameters = system.builder.parameters
+    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
+    names = [parameters.ids[i] for i in own]
+    modules = system.reached(spot.observers)
+    slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
+    reached = {system.number[o] for o in spot.observers if o in system.number}
+    found = []
+    for i, name in zip(own, names, strict=True):
+        changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
+        if set(changed) != reached:
+            continue
+        shown = parameters.units[i], float(parameters.factors[i])
+        changing = _parameter_at(spot, f"parameter:{name}", name + CHANGE, *shown)
+        found.append(suspect_at(fitted, changing, rows.column(fitted.maps, changed)))
+    return found
+
+
+def spot_of(system: System, candidate: Candidate) -> DisturbanceLocation:
+    """The place of a candidate that represents an unrecorded driver."""
+    spots = system.builder.spots
+    known = next((s for s in spots if s.id == candidate.id), None)
+    if known is not None:
+        return known
+    here = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
+    (unknown,) = candidate.unknowns
+    return _parameter_at(here, candidate.id, unknown.id, unknown.unit, unknown.factor)
+
+
+def _parameter_at(
+    spot: DisturbanceLocation, id_: str, unknown: str, unit: str, factor: float
+) -> DisturbanceLocation:
+    return replace(spot, id=id_, kind="parameter", unit=unit, factor=factor, unknown=unknown)
 
 
 def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
@@ -35,9 +76,7 @@ def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     periods = tuple(Span(since, until, i) for i, (since, until) in enumerate(edges))
     values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
     course = Course(spot.unknown, segment, periods, at - segment)
-    return InitialCandidate(
-        candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
-    )
+    return _trial(spot, values, course)
 
 
 def switched_course(
@@ -51,10 +90,7 @@ def switched_course(
         Span(float(time[i]), float(time[j]), 0) for i, j in zip(first, last, strict=True)
     )
     course = Course(spot.unknown, np.where(on, 0, -1), periods)
-    values = {f"{spot.unknown}#0": 0.0}
-    return InitialCandidate(
-        candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
-    )
+    return _trial(spot, {f"{spot.unknown}#0": 0.0}, course)
 
 
 def _levels_of(course: Array, weight: Array) -> Array:
@@ -86,7 +122,7 @@ def _clipped(values: Array) -> Array:
     return np.asarray(np.clip(values, middle - far, middle + far))
 
 
-def _candidate(spot: DisturbanceLocation) -> Candidate:
+def _trial(spot: DisturbanceLocation, values: dict[str, float], course: Course) -> InitialCandidate:
     unknown = Unknown(
         id=spot.unknown,
         name="e",
@@ -102,7 +138,7 @@ def _candidate(spot: DisturbanceLocation) -> Candidate:
         driver=None,
         fixed=False,
     )
-    return Candidate(
+    candidate = Candidate(
         id=spot.id,
         sort=HIDDEN,
         name=HIDDEN,
@@ -117,6 +153,7 @@ def _candidate(spot: DisturbanceLocation) -> Candidate:
         action="",
         source="",
     )
+    return InitialCandidate(candidate=candidate, values=values, fixed={}, gain=0.0, course=course)
 
 
 @dataclass(frozen=True)

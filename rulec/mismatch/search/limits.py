@@ -304,9 +304,6 @@ RUNAWAY = 1e15
 """Slope of an error, in the noise of its reading, by a value in SI, at which a simulation runs
 away. Origin: numerical."""
 
-FIRST_INNOVATIONS = 64
-"""Samples of a run before the filter has settled. Origin: numerical."""
-
 SMOOTHNESS = (1.0, 3.0)
 """Smoothness of the wandering error of a simulation: twice the order of its Matern covariance.
 Origin: numerical."""

@@ -6,8 +6,9 @@ the others or they do not. The same holds if a pipe differs from the plant file.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
@@ -17,7 +18,87 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves
 from rulec_runtime.recordings.stationary import noise_of
 
-from rulec.mismatch.structure.connections import Rewiring
+from rulec.algebra.continuity import Balance
+from rulec.knowledge.plant import Plant
+from rulec.mismatch.result import Finding, Location, Misread, Rewired
+from rulec.passes.link import junctions
+
+Pipe = tuple[str, str]
+"""The source and the target of a connection."""
+
+
+@dataclass(frozen=True)
+class Rewiring:
+    """A pipe as `stated` in the plant file (None: not there), and as it `fits` the readings."""
+
+    stated: Pipe | None
+    fits: Pipe | None
+
+    def of(self, connections: Sequence[Pipe]) -> tuple[Pipe, ...]:
+        """Connections with the pipe replaced as it fits."""
+        if self.stated is None:
+            assert self.fits is not None
+            return (*connections, self.fits)
+        own = () if self.fits is None else (self.fits,)
+        at = list(connections).index(self.stated)
+        return (*connections[:at], *own, *connections[at + 1 :])
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """Modules at either end, each once."""
+        return tuple(dict.fromkeys((*(self.stated or ()), *(self.fits or ()))))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules whose outlet leads elsewhere than stated."""
+        own = [pipe[0] for pipe in (self.stated, self.fits) if pipe is not None]
+        return tuple(dict.fromkeys(own))
+
+
+def rewirings(plant: Plant, off: Mapping[str, float], most: int) -> tuple[Rewiring, ...]:
+    """At most `most` other networks that differ by one pipe.
+
+    Any module may feed. Only modules of a type that is fed somewhere in this plant may be fed,
+    unlike pumps that draw from vessels. Networks that the compiler refuses, and equal networks, do
+    not count.
+
+    `off` is how much each module contradicts others. A pipe between modules without contradiction
+    is right. Pipes at modules with the largest contradiction come first.
+    """
+    known = {_network(plant, plant.connections)}
+    found = []
+    for rewiring in _every(plant):
+        network = _network(plant, rewiring.of(plant.connections))
+        if network not in known and any(off.get(m, 0.0) > 0.0 for m in rewiring.modules):
+            known.add(network)
+            found.append(rewiring)
+    found.sort(key=lambda r: -max(off.get(m, 0.0) for m in r.modules))
+    return tuple(found[:most])
+
+
+def _network(plant: Plant, connections: tuple[Pipe, ...]) -> tuple[Balance, ...]:
+    return junctions(replace(plant, connections=connections))
+
+
+def _every(plant: Plant) -> Iterator[Rewiring]:
+    """Each pipe moved at one end, reversed or removed; then each missing one added."""
+    stated = plant.connections
+    kind = {name: module.type.name for name, module in plant.modules.items()}
+    fed = {kind[target] for _, target in stated}
+    sources = list(plant.modules)
+    targets = [name for name in plant.modules if kind[name] in fed]
+
+    def is_new(pipe: Pipe) -> bool:
+        return pipe[1] in targets and pipe[0] != pipe[1] and pipe not in stated
+
+    for source, target in stated:
+        ends = [(source, other) for other in targets] + [(other, target) for other in sources]
+        for pipe in filter(is_new, (*ends, (target, source))):
+            yield Rewiring((source, target), pipe)
+        yield Rewiring((source, target), None)
+    for pipe in filter(is_new, product(sources, targets)):
+        yield Rewiring(None, pipe)
+
 
 SWAPPED, UNIT, SIGN, CLOCK = "swapped-columns", "wrong-unit", "wrong-sign", "clock-shift"
 CONNECTION = "wrong-connection"
@@ -100,3 +181,75 @@ def _sign(recording: Recording, signal: SignalSpec) -> Iterator[Hypothesis]:
         text=f"{signal.id} has the wrong sign",
         action=f"reverse the sign of {signal.id} where it is recorded",
     )
+
+
+TITLES = {
+    SWAPPED: "Swapped columns",
+    UNIT: "Wrong unit",
+    SIGN: "Wrong sign",
+    CLOCK: "Clock that is off",
+    CONNECTION: "Connection that is not as stated",
+}
+"""Titles of findings by kind."""
+
+
+def findings_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Finding, ...]:
+    """Each as a finding, whose place is the ids of its signals or outlets."""
+    return tuple(_finding(one) for one in taken)
+
+
+def _finding(one: AcceptedHypothesis) -> Finding:
+    signals = one.hypothesis.places
+    modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
+    return Finding(
+        id=f"{'+'.join(signals)}.{one.hypothesis.kind}",
+        sort="structure",
+        name=one.hypothesis.kind,
+        title=TITLES[one.hypothesis.kind],
+        module=modules[0],
+        place=" ".join(signals),
+        text=one.hypothesis.text,
+        action=one.hypothesis.action,
+        probability=one.probability,
+        gain=one.gain,
+        closed=float("nan"),
+        members=modules if len(modules) > 1 else (),
+    )
+
+
+def places_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator[Location]:
+    """The signals or outlets of each."""
+    for one in taken:
+        for name in one.hypothesis.places:
+            module, _, place = name.partition(".")
+            yield Location(
+                module=module,
+                place=place,
+                title=ruleset.modules.get(module, module),
+            )
+
+
+def misread_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Misread, ...]:
+    """How to correct each column when the recording is read again, in this order."""
+    return tuple(
+        Misread(t.hypothesis.kind, t.hypothesis.mending)
+        for t in taken
+        if t.hypothesis.mending is not None
+    )
+
+
+def rewired_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Rewired, ...]:
+    """What must be edited in the plant file before the answer holds."""
+    return tuple(
+        Rewired(
+            stated=_pipe(t.hypothesis.rewiring.stated),
+            fits=_pipe(t.hypothesis.rewiring.fits),
+            edit=t.hypothesis.action,
+        )
+        for t in taken
+        if t.hypothesis.rewiring is not None
+    )
+
+
+def _pipe(pipe: tuple[str, str] | None) -> str | None:
+    return None if pipe is None else " -> ".join(pipe)

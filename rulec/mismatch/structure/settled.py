@@ -26,11 +26,9 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure import limits
-from rulec.mismatch.structure.agreement import Agreement
-from rulec.mismatch.structure.clock_offset import shifts_of, taken_of
-from rulec.mismatch.structure.connections import Rewiring, rewirings
-from rulec.mismatch.structure.hypotheses import AcceptedHypothesis
-from rulec.mismatch.structure.moving import moving_of
+from rulec.mismatch.structure.clock_offset import moving_of, shifts_of, taken_of
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Rewiring, rewirings
+from rulec.mismatch.structure.structure_search import Agreement
 from rulec.mismatch.structure.wiring import Comparable, connection_of
 
 
@@ -58,7 +56,6 @@ class Settled:
         return [s for s in self.ruleset.signals if s.id in used]
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in `steps` steps."""
         found = self._fitted(recording, steps)
         return Agreement.none() if found is None else self._agreement(found.data, found.fitted)
 
@@ -109,15 +106,12 @@ class Settled:
 
     @property
     def sources(self) -> Sources | None:
-        """Documents of the plant."""
         return self.builder.sources
 
     def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
-        """A wrong connection, if any; `columns` hypotheses on columns were tried besides."""
         return connection_of(recording, self, columns)
 
     def rewired(self, rewiring: Rewiring) -> Settled | None:
-        """The same plant with other connections; None if the compiler refuses it."""
         plant = self.builder.network.plant
         try:
             ruleset, builder = self.builder.connected(rewiring.of(plant.connections))
@@ -126,7 +120,6 @@ class Settled:
         return Settled(ruleset, builder, self.heldout)
 
     def comparable(self, recording: Recording) -> Comparable:
-        """The possible comparisons if all settled readings could be read."""
         found = self._fitted(recording, 0)
         if found is None:
             return Comparable(0, 0)
@@ -145,7 +138,6 @@ class Settled:
         return Comparable(len(residual_basis(self.ruleset, np.any(rests, axis=1))), rows)
 
     def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
-        """Other possible connections, near contradictions."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         plant = self.builder.network.plant
         if found is None or not plant.connections:
@@ -155,7 +147,6 @@ class Settled:
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
-        """Agreement with each of the best explanations at some modules, and its unknowns."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         if found is None:
             return []

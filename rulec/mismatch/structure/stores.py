@@ -7,12 +7,14 @@ Source: own derivation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.recordings.stationary import systematic_u
@@ -20,17 +22,81 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.stores.drift import drift_of
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
-from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.noise import Noise, drift_of
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.structure import limits
-from rulec.mismatch.structure.agreement import Agreement
-from rulec.mismatch.structure.clock_offset import taken_of
-from rulec.mismatch.structure.connections import Rewiring
-from rulec.mismatch.structure.hypotheses import AcceptedHypothesis
-from rulec.mismatch.structure.stored_clock import shifts_against_cause
+from rulec.mismatch.structure.clock_offset import (
+    Shift,
+    longest,
+    nearest,
+    pace_of,
+    sizes_of,
+    taken_of,
+)
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Rewiring
+from rulec.mismatch.structure.structure_search import Agreement, Compared
+
+# Columns of a plant that stores with a wrong clock, where no plant behaves like that.
+#
+# A late reading may have a dead time, and a flow with a late effect a transport time: the
+# catalogue has entries for both, and the search for physics handles them. A reading that answers
+# before its cause, and a flow that acts before it exists, have a wrong clock.
+
+Judge = Callable[[Recording, int], Agreement]
+"""How well a recording agrees with the plain model, refitted in a number of steps."""
+
+
+def shifts_against_cause(
+    recording: Recording, ruleset: Ruleset, judge: Judge
+) -> tuple[list[Shift], int]:
+    """Shifts of single columns that agree better, and the number tried."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    plain = judge(recording, limits.STRUCTURE_STEPS)
+    if plain.gross < limits.GROSS_SHARE:
+        return [], 1
+    before = judge(recording, 0).likelihood
+    sides = dict.fromkeys(dynamics.inputs, 1) | dict.fromkeys(dynamics.outputs, -1)
+    # Less than two samples of a simulation hardly show in it.
+    least = 2 * -(-len(recording) // common.SAMPLE_BUDGET)
+    sizes = [by for by in sizes_of(recording) if by >= least]
+    if not sizes:
+        return [], 1
+
+    def gain(name: str, by: int) -> float:
+        return judge(_read(recording, name, by), 0).likelihood - before
+
+    best: dict[str, tuple[float, int]] = {}
+    for name in (n for n in sides if n in recording.values):
+        # A small part of the right shift improves the agreement; if it does not, none is tried.
+        if gain(name, sides[name] * sizes[0]) > 0.0:
+            best[name] = max((gain(name, sides[name] * by), sides[name] * by) for by in sizes)
+    order = sorted((n for n in best if best[n][0] > 0.0), key=lambda n: -best[n][0])
+    found = []
+    for name in order[: limits.STRUCTURE_REFITTED]:
+        by = nearest(partial(gain, name), best[name][1], longest(recording))
+        # Effects after their cause are left to the catalogue.
+        if by * sides[name] > 0:
+            found.append(_judged(recording, name, by, judge, plain))
+    return found, max(len(sizes) * len(best), 1)
+
+
+def _read(recording: Recording, name: str, by: int) -> Recording:
+    return Mending(signals=(name,), late=by * pace_of(recording)).of(recording)
+
+
+def _judged(recording: Recording, name: str, by: int, judge: Judge, plain: Agreement) -> Shift:
+    """The gain of a shift with the plain model refitted; one sample less or more may be better."""
+
+    def compared(at: int) -> Compared:
+        there = judge(_read(recording, name, at), limits.STRUCTURE_STEPS)
+        # Comparisons beyond the ends of the file are no loss of the hypothesis.
+        return Compared(plain, replace(there, rows=plain.rows))
+
+    near = {at: compared(at) for at in (by - 1, by, by + 1) if at}
+    by = max(near, key=lambda at: near[at].gain)
+    return Shift(signals=(name,), by=by, gain=near[by].gain, left=near[by].left)
 
 
 @dataclass(frozen=True)
@@ -49,7 +115,6 @@ class Stores:
         return [s for s in self.ruleset.signals if s.id in used]
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in `steps` steps."""
         record = record_of(recording, self.ruleset, self.builder.given, self.heldout)
         if record is None:
             return Agreement.none()
@@ -74,7 +139,6 @@ class Stores:
         )
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
-        """Columns with a wrong clock, if any."""
         shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
         return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
 
@@ -91,7 +155,7 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
     """Errors beyond those of sensors within their class, shape (n,), SI, and the strain."""
     fitter = Fitter(problem, (), {})
     at = fitter.vector({})
-    drift = drift_of(problem, (), fitter.values(at))
+    drift = drift_of(problem, fitter.values(at))
     noise = {
         n: Noise(limits.STRUCTURE_SCATTER * float(np.nanstd(v)) + 1e-12, 1.0)
         for n, v in problem.record.measured.items()

@@ -20,9 +20,8 @@ from scipy.special import expit
 from rulec.knowledge.sources import Sources
 from rulec.mismatch import limits as common
 from rulec.mismatch.structure import limits
-from rulec.mismatch.structure.agreement import Agreement, Compared
-from rulec.mismatch.structure.connections import Rewiring
-from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis, Hypothesis
+from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis, Hypothesis, Rewiring
+from rulec.mismatch.structure.structure_search import Agreement, Compared
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
 
-from rulec.mismatch.answer.pictures import ReadingCourses, over_time
+from rulec.mismatch.answer.terminal_and_page import ReadingCourses, over_time
 from rulec.mismatch.result import Curves
 from rulec.prove.real.rig_folder import FalseAlarm
 from rulec.prove.real.run_tool import MODELS

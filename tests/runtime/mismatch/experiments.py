@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.experiment.result import Experiment, Reading, Step
+from rulec.mismatch.result import CandidateSet
 
 
 def made_by_hand() -> Experiment:

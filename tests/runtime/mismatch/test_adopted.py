@@ -14,9 +14,9 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.samples import HELDOUT
+from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.predict import predictors_for
+from rulec.mismatch.evidence.steady.repaired_model import predictors_for
 from rulec.mismatch.evidence.steady.system import System
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import write_csv

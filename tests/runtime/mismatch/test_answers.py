@@ -20,7 +20,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.story import finding_facts
 from rulec.mismatch.answer.wording import VERDICTS
-from rulec.mismatch.inference.series import MODELS
+from rulec.mismatch.inference.prove import MODELS
 from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (

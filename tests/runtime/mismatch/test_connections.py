@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main
-from rulec.mismatch.structure.connections import Rewiring, rewirings
-from rulec.mismatch.structure.hypotheses import CONNECTION
+from rulec.mismatch.structure.hypotheses import CONNECTION, Rewiring, rewirings
 from rulec.mismatch.structure.wiring import hypothesis_of
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT

@@ -16,8 +16,7 @@ from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.search.refit import climbed, refitted
 from rulec.mismatch.search.settled.best_set import reported_names
-from rulec.mismatch.search.settled.effect_forms import forms_of_effects
-from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.geometry import Geometry, forms_of_effects
 from rulec.mismatch.search.settled.grow_sets import explain
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 from tests.runtime.mismatch.made import alone, changed, fitted, joined, rows_at, warmed

@@ -27,14 +27,12 @@ from rulec.knowledge.parameter_belief import peak_of
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.screen import references
-from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.evidence import Evidence
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.stores.geometry import StoresGeometry
-from rulec.mismatch.search.stores.grow_sets import begun
-from rulec.mismatch.search.stores.starting_values import from_afar
+from rulec.mismatch.search.stores.grow_sets import begun, from_afar
 from tests.runtime.mismatch.dynamic import benches
 from tests.runtime.mismatch.made import SLIP, USUAL, Sure, alone, recorded, rows_at, tour, warming
 

@@ -16,8 +16,8 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.experiment.choose import chosen, covering
 from rulec.mismatch.experiment.forecast import Forecast, Places, forecast, known_with_onsets
+from rulec.mismatch.experiment.plan import chosen, covering
 from rulec.mismatch.experiment.points import (
     Feasible,
     InputRanges,
@@ -26,8 +26,8 @@ from rulec.mismatch.experiment.points import (
     surroundings,
 )
 from rulec.mismatch.experiment.recipe import experiment_page
+from rulec.mismatch.search.settled.best_set import solved
 from rulec.mismatch.search.settled.grow_sets import Posterior, explain
-from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import compiled
 from tests.runtime.mismatch.experiments import made_by_hand

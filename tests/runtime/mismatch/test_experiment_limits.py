@@ -11,8 +11,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.experiment.choose import best_within
 from rulec.mismatch.experiment.forecast import Forecast, Places
+from rulec.mismatch.experiment.plan import best_within
 from rulec.mismatch.experiment.points import (
     Feasible,
     InputRanges,

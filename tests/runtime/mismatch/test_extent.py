@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import t
 
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.search.evidence import span
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.sizes import span
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import recorded, rows_at
 

@@ -21,7 +21,7 @@ from rulec.mismatch.evidence.steady.screen import (
     screen,
     with_open_references,
 )
-from rulec.mismatch.inference.interval import profile
+from rulec.mismatch.inference.prove import profile
 from rulec.mismatch.search.settled.best_set import confirmed
 from tests.runtime.mismatch.made import (
     SLIP,

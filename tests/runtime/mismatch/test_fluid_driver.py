@@ -14,7 +14,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -23,6 +22,7 @@ from rulec.mismatch.evidence.steady.system import with_properties
 from rulec.mismatch.experiment.forecast import Places, data_at
 from rulec.mismatch.experiment.plan import planned
 from rulec.mismatch.experiment.result import inputs_csv
+from rulec.mismatch.result import CandidateSet
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import recorded, rows_at, tour, warming, without
 

@@ -11,9 +11,8 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
-from rulec.mismatch.search.intermittent_fault import degree_course, in_periods
+from rulec.mismatch.search.intermittent_fault import Segments, apart, cut, degree_course, in_periods
 from rulec.mismatch.search.limits import ODD, STEP_PENALTY
-from rulec.mismatch.search.segments import Segments, apart, cut
 from tests.runtime.mismatch.made import fitted, opened, recorded, tour
 
 N = 400

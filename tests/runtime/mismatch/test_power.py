@@ -10,8 +10,7 @@ import pytest
 
 from rulec.cli import main
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
-from rulec.mismatch.inference.power import asked_of, called_missing, judge_of, self_proof
-from rulec.mismatch.inference.replay import Replayer
+from rulec.mismatch.inference.power import Replayer, asked_of, called_missing, judge_of, self_proof
 from rulec.mismatch.search.settled.grow_sets import Posterior, _join, begun
 from rulec.mismatch.search.settled.scan import columns, scan
 from rulec.mismatch.search.stores import grow_sets as of_stores

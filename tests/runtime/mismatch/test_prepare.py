@@ -11,9 +11,9 @@ import pytest
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.mismatch.evidence.limits import POINT_BUDGET
-from rulec.mismatch.evidence.samples import ESTIMATION, HELDOUT, PATTERN, SELECTION
+from rulec.mismatch.evidence.model import ESTIMATION, HELDOUT, PATTERN, SELECTION
+from rulec.mismatch.evidence.steady.model import TOO_MANY, UNSETTLED, evidence_of
 from rulec.mismatch.evidence.steady.prepare import prepare
-from rulec.mismatch.evidence.steady.rows_used import TOO_MANY, UNSETTLED, evidence_of
 from rulec.mismatch.result import Evidence
 from tests.runtime.mismatch.made import (
     HOLD,

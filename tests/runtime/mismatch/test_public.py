@@ -13,9 +13,9 @@ import pytest
 from rulec.effects.write_plant import trial
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written_plant import row_errors, simulated, written
-from rulec.mismatch.evidence.steady.settle import _ranges
-from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
+from rulec.mismatch.evidence.steady.repaired_model import _ranges
+from rulec.mismatch.evidence.stores.fit import plain_end
+from rulec.mismatch.inference.prove import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series
 from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
 from tests.runtime.mismatch.made import changed, columns

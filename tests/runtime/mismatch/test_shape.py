@@ -22,20 +22,17 @@ from rulec.effects.model_builder import open_builder
 from rulec.language import expression
 from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer.pictures import pictures_of
 from rulec.mismatch.answer.shapes import answer_of
+from rulec.mismatch.answer.terminal_and_page import pictures_of
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.basis import Basis, basis_over
-from rulec.mismatch.search.branches import gap_between, ways_there
-from rulec.mismatch.search.curve_found import Branches
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.curve_found import Branches, gap_between, ways_there
+from rulec.mismatch.search.evidence import Basis, Term, basis_over
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.best_set import with_term
 from rulec.mismatch.search.settled.grow_sets import begun
-from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.nested_terms import beside, holds
+from rulec.mismatch.search.settled.nameless import beside, holds, terms
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import alone, compared, recorded, rows_at, tour
 

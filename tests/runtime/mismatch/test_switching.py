@@ -13,10 +13,11 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.settled.candidate_sets import possible_sets, refitted_again
+from rulec.mismatch.search.evidence import Switching
 from rulec.mismatch.search.settled.grow_sets import Posterior, begun, explain, join_terms
+from rulec.mismatch.search.settled.later_refits import possible_sets, refitted_again
 from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.switching_term import Switching, price
+from rulec.mismatch.search.settled.switching_term import price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
 from tests.runtime.mismatches import UNNAMED

@@ -10,16 +10,16 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.findings import of_recordings, update_sentence, updates_of
-from rulec.mismatch.evidence.samples import HELDOUT
+from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration, own_error
 from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.operating_state_means import averaged
+from rulec.mismatch.evidence.steady.repaired_model import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.settle import repair_of, with_sensors_as_they_are
 from rulec.mismatch.result import Likely, Moved
-from rulec.mismatch.search.settled.by_recording import ByRecording, SingleRecording, by_recording
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.grow_sets import explain
+from rulec.mismatch.search.settled.later_refits import ByRecording, SingleRecording, by_recording
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,

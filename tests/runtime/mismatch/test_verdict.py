@@ -14,8 +14,16 @@ from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.findings import sentence
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.written_plant import refusal
-from rulec.mismatch.candidate_sets import CandidateSet
-from rulec.mismatch.result import Alternative, Check, Errors, Estimate, Finding, Fit, Location
+from rulec.mismatch.result import (
+    Alternative,
+    CandidateSet,
+    Check,
+    Errors,
+    Estimate,
+    Finding,
+    Fit,
+    Location,
+)
 from tests.runtime.mismatches import UNNAMED, WARM
 
 SURE = replace(WARM, probability=0.95)

@@ -81,12 +81,30 @@ class Prior:
 
 
 def prior_of(system: System, setting: Configuration) -> Prior:
-    """The prior of the free values."""
-    belief = system.belief
-    errors = list(system.errors)
-    unknowns = setting.free_unknowns()
+    """The prior of the free values of a model of settled points."""
+    # When or at which temperature a sensor that drifts was right is not known.
+    drifting = (c for c in setting.joined if c.sort == "sensor" and c.drivers)
+    adrift = {f"{ERROR}{c.module}.{c.place}" for c in drifting}
+    several = bool(system.data.sources)
+    errors = {}
+    for name in system.errors:
+        own = reading_and_recording(name)[1] is not None
+        share = common.OWN_ERROR if own else 1.0 - common.OWN_ERROR if several else 1.0
+        errors[name] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
+    return prior_with(system.belief, errors, setting.limits(), setting)
+
+
+def prior_with(
+    belief: Belief,
+    errors: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]],
+    setting: Configuration,
+) -> Prior:
+    """The prior of parameters of the plant, of errors of sensors by their precision, and of
+    unknowns by their range."""
     k = len(belief.names)
-    size = k + len(errors) + len(unknowns)
+    first = k + len(errors)
+    size = first + len(bounds)
     mean, known, scale = np.zeros(size), np.zeros(size), np.ones(size)
     freedom = np.full(size, np.inf)
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
@@ -95,15 +113,9 @@ def prior_of(system: System, setting: Configuration) -> Prior:
         scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
         far = np.where(belief.coordinates.positive, limits.FARTHEST, np.inf)
         lowest[:k], highest[:k] = mean[:k] - far, mean[:k] + far
-    adrift = _adrift(setting)
-    several = bool(system.data.sources)
-    for i, name in enumerate(errors, start=k):
-        own = reading_and_recording(name)[1] is not None
-        share = common.OWN_ERROR if own else 1.0 - common.OWN_ERROR if several else 1.0
-        known[i] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
-    bounds = setting.limits()
-    for i, name in enumerate(unknowns, start=k + len(errors)):
-        lowest[i], highest[i] = bounds[name]
+    known[k:first] = list(errors.values())
+    for i, (name, ends) in enumerate(bounds.items(), start=first):
+        lowest[i], highest[i] = ends
         width = highest[i] - lowest[i]
         scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
         if name in setting.known:
@@ -111,7 +123,7 @@ def prior_of(system: System, setting: Configuration) -> Prior:
             known[i] = width**-2
     rest = np.zeros(size - k, dtype=bool)
     return Prior(
-        names=(*belief.names, *errors, *unknowns),
+        names=(*belief.names, *errors, *bounds),
         coordinates=Coordinates(np.concatenate([belief.coordinates.positive, rest])),
         belief=belief,
         mean=mean,
@@ -121,13 +133,6 @@ def prior_of(system: System, setting: Configuration) -> Prior:
         highest=highest,
         size=scale,
     )
-
-
-def _adrift(setting: Configuration) -> set[str]:
-    """Errors of sensors that drift; when or at which temperature they were right is not known."""
-    return {
-        f"{ERROR}{c.module}.{c.place}" for c in setting.joined if c.sort == "sensor" and c.drivers
-    }
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,155 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.observe import reason
+from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.model import (
+    HELD_OUT,
+    HELDOUT,
+    SEARCHED,
+    Line,
+    Model,
+    Pace,
+    Variable,
+    counted_rows,
+    unit_of_size,
+    unread,
+)
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.locate import variables_of
-from rulec.mismatch.evidence.steady.onset import onset_of
-from rulec.mismatch.result import Estimate, Growth, Period
+from rulec.mismatch.evidence.steady.prepare import SPARED, Data
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import variables_of
+from rulec.mismatch.result import Estimate, Evidence, Growth, Period
+
+UNSETTLED = "not settled"
+TOO_MANY = "settled, of which only a part is taken as there are so many"
+NOTHING_TO_COMPARE = "no two estimates of one flow can be compared there"
+
+
+def evidence_of(
+    recording: Recording,
+    data: Data | None,
+    rows: Rows | None = None,
+    judged: np.ndarray | None = None,
+    faulty: np.ndarray | None = None,
+) -> tuple[Evidence, ...]:
+    """Count the rows of a recording of a plant that has to settle.
+
+    Parameters
+    ----------
+    data : None where nothing is settled.
+    rows : None where no point could be compared.
+    judged, faulty : points in the errors of the proof, and in periods of faults, shape (n,); None
+        where nothing was proven.
+    """
+    if data is None:
+        return counted_rows((), [*unread(recording), *[UNSETTLED] * len(recording)])
+    compared, texts = _points(data, rows, judged, faulty)
+    used: list[str] = []
+    unused = unread(recording)
+    for point in data.sample.tolist():
+        if point < 0:
+            unused.append(TOO_MANY if point == SPARED else UNSETTLED)
+        else:
+            (used if compared[point] else unused).append(texts[point])
+    return counted_rows(used, unused)
+
+
+def _points(
+    data: Data, rows: Rows | None, judged: np.ndarray | None, faulty: np.ndarray | None
+) -> tuple[np.ndarray, list[str]]:
+    """Flags of points that are compared, shape (n,), and the use of each, or why it has none."""
+    compared = np.zeros(len(data), dtype=bool)
+    if rows is not None:
+        compared[rows.group_point] = True
+    texts = []
+    for point in range(len(data)):
+        why = _why_not(rows, point)
+        if not compared[point]:
+            texts.append(why or NOTHING_TO_COMPARE)
+            continue
+        what = HELD_OUT if data.part[point] == HELDOUT else SEARCHED
+        if faulty is not None and faulty[point]:
+            what += ", in a period of a fault, so not in the errors"
+        elif judged is not None and not judged[point]:
+            what += ", not in the errors, as no reading is predicted there"
+        texts.append(f"{what} ({why})" if why else what)
+    return compared, texts
+
+
+def _why_not(rows: Rows | None, point: int) -> str:
+    """Why the first unusable estimate at a point is unusable; empty where all are usable."""
+    if rows is None or not rows.system.observers:
+        return ""
+    system = rows.system
+    for number in np.flatnonzero(~system.valid[:, point]).tolist():
+        spec = system.observers[number]
+        moving = system.data.moving.get(spec.module)
+        if moving is not None and moving[point]:
+            return f"{spec.module} is not settled"
+        index = system.ruleset.observer_index[spec.id]
+        return reason(system.ruleset, system.observed, index, point)
+    return ""
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Standard uncertainties of the final degree of a growing fault, of its onset, s, and of its
+    rate, 1/s, and the Gauss-Newton `step` of the onset, s."""
+
+    u_degree: float
+    u_since: float
+    u_rate: float
+    step: float
+
+
+def onset_of(fitted: Fitted, course: Course) -> Onset:
+    """Linearise degree and onset together, with all other values refitted.
+
+    The residuals have a kink at the onset and depend on it smoothly elsewhere, so it has a slope
+    like any other value. With the onset held, rate and degree would seem too certain: a later
+    onset needs a higher rate.
+    """
+    (span,), (name,) = course.periods, course.names()
+    at = fitted.prior.names.index(name)
+    value, length = fitted.setting.values[name], span.until - span.since
+    slope = slope_by_onset(fitted, course, at)
+    table = np.column_stack([fitted.jacobian, slope])
+    half = table * np.sqrt(fitted.weights)[:, None]
+    normal = half.T @ half
+    known = fitted.known
+    normal[:-1, :-1] += known.precision
+    normal[-1, -1] += 1e-12 / length**2
+    gradient = table.T @ (fitted.weights * fitted.residual)
+    gradient[:-1] += known.precision @ (fitted.at - known.mean)
+    size = np.sqrt(np.diag(normal))
+    inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True) / np.outer(size, size)
+    both = inverse[np.ix_([at, -1], [at, -1])]
+    by_both = np.array([1.0 / length, value / length**2])
+    return Onset(
+        u_degree=float(np.sqrt(both[0, 0])),
+        u_since=float(np.sqrt(both[1, 1])),
+        u_rate=float(np.sqrt(by_both @ both @ by_both)),
+        step=-float(inverse[-1] @ gradient),
+    )
+
+
+def slope_by_onset(fitted: Fitted, course: Course, at: int) -> Array:
+    """Slopes of the residuals by the onset, shape (rows,), 1/s; `at` is the index of the degree
+    among the values."""
+    (span,), (name,) = course.periods, course.names()
+    assert course.risen is not None
+    time, length = fitted.rows.system.data.time, span.until - span.since
+    by_onset = np.where(course.risen > 0.0, (time - span.until) / length**2, 0.0)
+    share = np.where(course.risen > 0.0, course.risen, 1.0)
+    whole = fitted.jacobian[:, at] / share[fitted.rows.point]
+    return np.asarray(fitted.setting.values[name] * whole * by_onset[fitted.rows.point])
+
 
 HOUR = 3600.0
 

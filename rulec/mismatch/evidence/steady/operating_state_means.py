@@ -24,14 +24,14 @@ from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import Flows, System
 
 
-def states_of(system: System, share: float = limits.ALIKE_SHARE) -> NDArray[np.intp]:
+def states_of(system: System) -> NDArray[np.intp]:
     """Number of the operating state of each point, shape (n,).
 
-    Inputs of one state agree within a `share` of their range, or within their noise.
+    Inputs of one state agree within a share of their range, or within their noise.
     """
     columns = []
     for values, noise in _inputs(system).values():
-        tolerance = max(share * float(np.ptp(values)), limits.ALIKE_NOISE * noise)
+        tolerance = max(limits.ALIKE_SHARE * float(np.ptp(values)), limits.ALIKE_NOISE * noise)
         columns.append(values / max(tolerance, 1e-300))
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 1))
     centres = np.empty((0, table.shape[1]))

@@ -24,7 +24,7 @@ from rulec_runtime.report.text import counted, fixed
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.samples import (
+from rulec.mismatch.evidence.model import (
     ESTIMATION,
     HELDOUT,
     PATTERN,

@@ -19,9 +19,175 @@ from rulec_runtime.diagnosis.steady.redundancy import blocks_of, patterns_of, re
 
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.parity_cell import Cell, Linear
-from rulec.mismatch.evidence.steady.small_systems import inverses, inverses_of
-from rulec.mismatch.evidence.steady.system import Flows, System
+from rulec.mismatch.evidence.steady.system import Flows, Slopes, System
+
+# Solve many small systems of equations at once, one per point, with one unknown per output.
+#
+# Up to two unknowns have a formula. Bounds of the condition mostly show whether a larger system is
+# singular; singular values, which cost ten times as much, decide doubtful cases.
+
+
+def inverses_of(tables: Sequence[Array]) -> list[Array]:
+    """Invert several tables of matrices, shape (k, r, r), those of equal size together."""
+    result = list(tables)
+    for size in dict.fromkeys(table.shape[1] for table in tables):
+        chosen = [i for i, table in enumerate(tables) if table.shape[1] == size]
+        together = inverses(np.concatenate([tables[i] for i in chosen]))
+        ends = np.cumsum([len(tables[i]) for i in chosen])
+        for i, part in zip(chosen, np.split(together, ends[:-1]), strict=True):
+            result[i] = part
+    return result
+
+
+def inverses(matrices: Array) -> Array:
+    """Invert k matrices, shape (k, r, r); NaN where one is singular.
+
+    Rows and columns are scaled before a system counts as singular, as unknowns differ in units.
+    """
+    if matrices.shape[1] == 1:
+        return 1.0 / np.where(np.isfinite(matrices) & (matrices != 0.0), matrices, np.nan)
+    sound = np.ones(len(matrices), dtype=bool)
+    if not np.isfinite(matrices).all():
+        sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+        matrices = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+    rows = _size(matrices, 2)
+    scaled = matrices / rows
+    columns = _size(scaled, 1)
+    scaled /= columns
+    if matrices.shape[1] == 2:
+        inverse, condition = _of_two(scaled)
+        sound &= condition < limits.SINGULAR
+    else:
+        inverse = _of_many(scaled, sound)
+    inverse /= np.swapaxes(columns, 1, 2)
+    inverse /= np.swapaxes(rows, 1, 2)
+    if not sound.all():
+        inverse[~sound] = np.nan
+    return inverse
+
+
+def _size(matrices: Array, axis: int) -> Array:
+    """Largest absolute entry along an axis, 1 where all are 0."""
+    parts = np.moveaxis(np.abs(matrices), axis, 0)
+    sizes = parts[0].copy()
+    # One call of max over a short axis would be slow.
+    for part in parts[1:]:
+        np.maximum(sizes, part, out=sizes)
+    sizes[sizes == 0.0] = 1.0
+    return np.expand_dims(sizes, axis)
+
+
+def _of_two(matrices: Array) -> tuple[Array, Array]:
+    """Inverses and conditions, by the sum and the product of squared singular values."""
+    a, b = matrices[:, 0, 0], matrices[:, 0, 1]
+    c, d = matrices[:, 1, 0], matrices[:, 1, 1]
+    inverse = np.empty_like(matrices)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        product = a * d - b * c
+        squares = a * a + b * b + c * c + d * d
+        root = np.sqrt(np.maximum(squares**2 - 4.0 * product**2, 0.0))
+        condition: Array = (squares + root) / (2.0 * np.abs(product))
+        inverse[:, 0, 0], inverse[:, 0, 1] = d / product, -b / product
+        inverse[:, 1, 0], inverse[:, 1, 1] = -c / product, a / product
+    return inverse, condition
+
+
+def _of_many(matrices: Array, sound: np.ndarray) -> Array:
+    """Inverses; clears `sound` for singular matrices."""
+    try:
+        inverse = np.asarray(np.linalg.inv(matrices), dtype=float)
+    except np.linalg.LinAlgError:
+        sound &= np.linalg.cond(matrices) < limits.SINGULAR
+        matrices = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+        return np.asarray(np.linalg.inv(matrices), dtype=float)
+    # The product of Frobenius norms is at least the condition, and at most r times as much.
+    bound = np.sqrt(_square(matrices)) * np.sqrt(_square(inverse))
+    doubtful = ~(bound < limits.SINGULAR)
+    if doubtful.any():
+        sound[doubtful] &= np.linalg.cond(matrices[doubtful]) < limits.SINGULAR
+    return inverse
+
+
+def _square(matrices: Array) -> Array:
+    flat = matrices.reshape(len(matrices), -1)
+    return np.asarray(np.einsum("kn,kn->k", flat, flat))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Points at which the same estimates check each other.
+
+    `observers` are numbers in the system; `basis`, shape (rank, observers), are the combinations of
+    them that vanish, `outputs` as many readings that follow from the others. `whitener`, shape
+    (points, rank, rank), turns errors of the outputs into rows with unit noise; `first` is the
+    first of these rows.
+    """
+
+    points: NDArray[np.intp]
+    observers: NDArray[np.intp]
+    basis: Array
+    outputs: tuple[str, ...]
+    whitener: Array
+    first: int
+
+    @property
+    def rank(self) -> int:
+        return len(self.basis)
+
+    @property
+    def rows(self) -> slice:
+        """Its rows in the table, ordered by combination."""
+        return slice(self.first, self.first + len(self.points) * self.rank)
+
+    def table(self, rows: Array) -> Array:
+        """Its part of all rows, shape (rank, points)."""
+        return rows[self.rows].reshape(self.rank, len(self.points))
+
+    def at_points(self, values: Array) -> Array:
+        """Values at its points, shape (points,), or one value for all."""
+        return values[self.points] if values.ndim else values
+
+    def combined(self, values: Array) -> Array:
+        """Combinations of the estimates of all observers, shape (points, rank)."""
+        return np.asarray((self.basis @ values[np.ix_(self.observers, self.points)]).T)
+
+    def readings(self, by_reading: Slopes) -> tuple[str, ...]:
+        """Readings on which its estimates depend."""
+        reached = set(self.observers.tolist())
+        return tuple(name for name, by in by_reading.items() if not reached.isdisjoint(by))
+
+    def slopes(self, by_reading: Slopes, names: Sequence[str]) -> Array:
+        """Derivatives of the combinations by readings, shape (points, rank, readings)."""
+        table = np.zeros((len(self.observers), len(names), len(self.points)))
+        for j, i in enumerate(self.observers.tolist()):
+            for row, name in zip(table[j], names, strict=True):
+                slope = by_reading.get(name, {}).get(i)
+                if slope is not None:
+                    row[:] = self.at_points(slope)
+        combined = self.basis @ table.reshape(len(table), -1)
+        combined = combined.reshape(self.rank, len(names), len(self.points))
+        return np.ascontiguousarray(np.moveaxis(combined, 2, 0))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The relations of a cell, linearised at its readings.
+
+    `combined`, shape (points, rank), are the errors of the relations; `slopes`, shape (points,
+    rank, readings), their derivatives; `scaled` those per unit of noise; `normal`, shape (points,
+    rank, rank), their covariance by noise.
+    """
+
+    names: tuple[str, ...]
+    combined: Array
+    slopes: Array
+    scaled: Array
+    normal: Array
+
+    def of_outputs(self, cell: Cell) -> Array:
+        """Derivatives by the outputs, shape (points, rank, rank)."""
+        return self.slopes[:, :, [self.names.index(name) for name in cell.outputs]]
+
 
 Maps = tuple[Array, ...]
 """Map of each cell from changes of estimates to whitened errors, (observers, rank, points)."""

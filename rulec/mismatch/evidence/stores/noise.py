@@ -1,18 +1,28 @@
-"""The noise of a simulation error: its size and its memory.
-
-A plain model is off for long stretches. If every sample counted as independent, every candidate
-that bends the course would seem certain. So squares of errors count once per memory of the error.
-
-Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
-"""
+"""Noise and slow errors of sensors in the readings of a plant that stores."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust_statistics import Flags, correlations_of, memory_of
+from rulec_runtime.recordings.stationary import systematic_u
+from scipy.linalg import solve_discrete_are, toeplitz
+from scipy.linalg.lapack import dtbtrs
+
+from rulec.mismatch.evidence import limits
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+
+# The noise of a simulation error: its size and its memory.
+#
+# A plain model is off for long stretches. If every sample counted as independent, every candidate
+# that bends the course would seem certain. So squares of errors count once per memory of the
+# error.
+#
+# Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
 
 
 @dataclass(frozen=True)
@@ -72,3 +82,193 @@ def gain(before: Noise, after: Noise, samples: int) -> float:
     """Rise of the log likelihood, with the size of the noise unknown."""
     count = samples / max(after.memory, 1.0)
     return float(count * np.log(before.spread / after.spread))
+
+
+# Innovations of a reading with white noise and a wandering error.
+#
+# Source: Anderson and Moore 1979, chapter 4 (the Kalman filter that has settled); Hartikainen and
+# Sarkka 2010 (Matern covariances as its models).
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """The part of each sample that earlier ones do not predict, over its standard deviation.
+
+    The first ones follow from `first`, shape (m, m), all others from a filter with the coefficients
+    `above` over `below` and the standard deviation `spread`.
+    """
+
+    first: Array
+    above: Array
+    below: Array
+    spread: float
+
+    def of(self, columns: Array, runs: Sequence[slice]) -> Array:
+        """Innovations of rows of one signal, shape (n,) or (n, columns), for each run by itself."""
+        if not columns.size:  # LAPACK would write out of bounds.
+            return columns.copy()
+        rows = np.zeros((len(columns), columns[0].size))
+        wide = columns.reshape(rows.shape)
+        with np.errstate(all="ignore"):
+            for back, share in enumerate(self.above):
+                rows[back:] += share * wide[: len(wide) - back]
+            band = np.repeat(self.below[:, None], len(rows), axis=1)
+            found: Array = dtbtrs(band, rows, uplo="L")[0].reshape(columns.shape) / self.spread
+            for run in runs:
+                m = min(len(self.first), run.stop - run.start)
+                own = slice(run.start - runs[0].start, run.start - runs[0].start + m)
+                found[own] = self.first[:m, :m] @ columns[own]
+        return found
+
+    def logs(self, runs: Sequence[slice]) -> float:
+        """Sum of the logarithms of the standard deviations."""
+        own, total = np.concatenate([[0.0], np.cumsum(np.log(np.diag(self.first)))]), 0.0
+        for rows in runs:
+            m = min(len(self.first), rows.stop - rows.start)
+            total += (rows.stop - rows.start - m) * float(np.log(self.spread)) - float(own[m])
+        return total
+
+
+@lru_cache(maxsize=4096)
+def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
+    """Innovations of white noise of unit variance with a wandering error.
+
+    `size` is the standard deviation of the error, `lasts` its correlation time in samples. A
+    `smoothness` of 1 is that of a random walk (Matern 1/2); with 3 the slope is correlated too
+    (Matern 3/2), as where a store integrates errors of flows.
+    """
+    rate = float(np.sqrt(smoothness)) / lasts
+    gap = np.arange(limits.FIRST_INNOVATIONS, dtype=float)
+    if smoothness > 1.0:
+        alike = size**2 * (1.0 + rate * gap) * np.exp(-rate * gap)
+        step = np.exp(-rate) * np.array([[1.0 + rate, 1.0], [-(rate**2), 1.0 - rate]])
+        known = np.diag([size**2, (rate * size) ** 2])
+    else:
+        alike = size**2 * np.exp(-rate * gap)
+        step, known = np.array([[np.exp(-rate)]]), np.array([[size**2]])
+    shown = np.eye(1, len(step))
+    first = np.linalg.inv(np.linalg.cholesky(toeplitz(alike) + np.eye(len(gap))))
+    news = known - step @ known @ step.T
+    ahead = solve_discrete_are(step.T, shown.T, 0.5 * (news + news.T), np.ones((1, 1)))
+    whole = float(ahead[0, 0]) + 1.0
+    gain = step @ ahead[:, :1] / whole @ shown
+    above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - gain))
+    return Innovations(first, above, below, float(np.sqrt(whole)))
+
+
+# Effects of sensor errors within their class, which no model has to explain.
+#
+# Each reading may be off by its stated uncertainty. An error of a flow meter fills a tank with no
+# other outflow without limit; such an error may also change slowly. Its effect on predicted
+# readings is removed from their errors as far as its size allows.
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Sensor errors within their class, each in units of its standard uncertainty.
+
+    `moved` are their effects on readings, shape (signals * samples, errors), with the measured
+    signals stacked. `shapes` has the input and the course of each error, SI, shape (n,); None for
+    the zero error of a predicted reading.
+    """
+
+    moved: Array
+    shapes: tuple[tuple[str, Array] | None, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of errors."""
+        return len(self.shapes)
+
+    def put_right(self, inputs: Mapping[str, Array], errors: Array) -> dict[str, Array]:
+        """Inputs, shape (n,), SI, corrected for errors, shape (errors,)."""
+        result = dict(inputs)
+        for shape, size in zip(self.shapes, errors, strict=True):
+            if shape is not None and size:
+                result[shape[0]] = result[shape[0]] + size * shape[1]
+        return result
+
+    def given(self, errors: Array) -> Array:
+        """Errors of inputs, with all others 0, shape (errors,)."""
+        return np.where([shape is not None for shape in self.shapes], errors, 0.0)
+
+
+def no_drift(bench: SimulationProblem) -> Drift:
+    """No sensor errors."""
+    return Drift(np.zeros((len(bench.signals) * len(bench.time), 0)), ())
+
+
+def drift_of(bench: SimulationProblem, values: Mapping[str, float]) -> Drift:
+    """All notable sensor errors, linearised at the plain model."""
+    record = bench.record
+    columns: list[Array] = []
+    shapes: list[tuple[str, Array] | None] = []
+    plain = bench.simulate((), values).stacked
+    spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(bench.time))
+    for name, course in record.inputs.items():
+        if name not in bench.balances(()).inputs:
+            continue
+        u = systematic_u(bench.ruleset.signal_by_id[name], course)
+        u = np.broadcast_to(u, course.shape)
+        changed = {**record.inputs, name: course + u}
+        moved = bench.simulate((), values, inputs=changed).stacked
+        size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
+        if size < limits.NOTABLE_DRIFT:
+            continue
+        large = size > limits.LARGE_DRIFT
+        ways = hats(bench.time, limits.DRIFT_KNOTS) if large else [np.ones(len(bench.time))]
+        for shape in ways:
+            changed = {**record.inputs, name: course + u * shape}
+            columns.append(bench.simulate((), values, inputs=changed).stacked - plain)
+            shapes.append((name, u * shape))
+    zeros = _zero_errors(bench)
+    return Drift(np.column_stack([*columns, *zeros]), (*shapes, *([None] * len(zeros))))
+
+
+def _zero_errors(bench: SimulationProblem) -> list[Array]:
+    """The zero error of each predicted reading, shape (signals * samples,), SI."""
+    measured, found = bench.record.measured, []
+    for i, (name, course) in enumerate(measured.items()):
+        own = np.zeros((len(measured), len(course)))
+        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
+        found.append(own.ravel())
+    return found
+
+
+def moved_again(
+    drift: Drift,
+    bench: SimulationProblem,
+    joined: tuple[str, ...],
+    values: Mapping[str, float],
+    inputs: Mapping[str, Array],
+) -> Drift:
+    """The same errors, linearised at another model, where other volumes may run over a rim.
+    `inputs` have shape (n,), SI."""
+    plain = bench.simulate(joined, values, inputs=inputs).stacked
+    columns = list(drift.moved.T)
+    for i, shape in enumerate(drift.shapes):
+        if shape is not None:
+            changed = {**inputs, shape[0]: inputs[shape[0]] + shape[1]}
+            columns[i] = bench.simulate(joined, values, inputs=changed).stacked - plain
+    return replace(drift, moved=np.column_stack(columns)) if columns else drift
+
+
+def hats(over: Array, knots: int) -> list[Array]:
+    """Piecewise linear shapes, shape (n,), over the range of a course, which add up to one."""
+    ends = np.linspace(over.min(), over.max(), knots)
+    return [np.interp(over, ends, row) for row in np.eye(knots)]
+
+
+def errors_of_sensors(
+    bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
+) -> Array:
+    """Effects of constant sensor errors within their class on readings, stacked, shape (signals *
+    samples, errors), SI. Errors that move belong to the wandering error of a model."""
+    inputs = bench.record.inputs
+    plain = bench.simulate(ids, values).stacked
+    found = []
+    for name in (n for n in inputs if n in bench.balances(ids).inputs):
+        u = systematic_u(bench.ruleset.signal_by_id[name], inputs[name])
+        changed = {**inputs, name: inputs[name] + u}
+        found.append(bench.simulate(ids, values, inputs=changed).stacked - plain)
+    return np.stack([*found, *_zero_errors(bench)], axis=1)

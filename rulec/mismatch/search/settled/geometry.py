@@ -16,15 +16,68 @@ from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation, Unknow
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior, evaluated, prior_of
-from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.operating_state_means import likeness
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import spot_column
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.stores.errors_of_form import bends
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Evidence, Functions, Noise, Point, Term
-from rulec.mismatch.search.prior import prior_with_sizes, range_over
-from rulec.mismatch.search.settled.effect_forms import forms_of_effects
-from rulec.mismatch.search.sizes import Size, share_of, size_of
+from rulec.mismatch.search.evidence import (
+    Basis,
+    Evidence,
+    Noise,
+    Point,
+    Size,
+    Switching,
+    Term,
+    prior_with_sizes,
+    range_over,
+    share_of,
+    size_of,
+    term_with,
+)
+
+
+def forms_of_effects(rows: Rows, seen: NDArray[np.bool_], now: Fitted) -> Array:
+    """Each effect's own term times smooth functions of its drivers, shape (rows, functions).
+
+    The driver of a growing fault is its growth so far, as it need not grow linearly. Drivers take
+    the values that the model predicts: functions of a reading would explain the noise of that
+    reading.
+    """
+    setting = now.setting
+    values = {**rows.system.inputs, **now.predicted}
+    columns = []
+    for candidate in setting.joined:
+        drivers = [values[n] for n in dict.fromkeys(candidate.drivers.values())]
+        if candidate.sort == "fault":
+            own = {u.id for u in candidate.unknowns}
+            courses = (c for c in setting.courses if c.unknown in own)
+            drivers = [c.risen for c in courses if c.risen is not None]
+        shapes = [shape for driver in drivers for shape in _shapes(driver)]
+        if not shapes or all(u.null is None or u.fixed for u in candidate.unknowns):
+            continue
+        term = _term(now, candidate)
+        for shape in shapes:
+            column = rows.column(now.maps, {i: v * shape for i, v in term.items()})
+            columns.append(column[seen])
+    return np.stack(columns, axis=1) if columns else np.zeros((int(seen.sum()), 0))
+
+
+def _term(now: Fitted, candidate: Candidate) -> dict[int, Array]:
+    """Change of each estimate by a candidate, shape (n,), m3/s, by number of the observer."""
+    system, setting = now.rows.system, now.setting
+    modules = system.reached(candidate.observers)
+    there, plain = (
+        system.flows(s, at=now.predicted, modules=modules).values
+        for s in (setting, setting.leaving(candidate.id))
+    )
+    return {i: np.nan_to_num(v) for i, v in enumerate(there - plain) if np.any(np.nan_to_num(v))}
+
+
+def _shapes(driver: Array | float) -> Sequence[Array]:
+    values = np.asarray(driver, dtype=float)
+    return bends(np.nan_to_num(values, nan=float(np.nanmedian(values))))
 
 
 def driver_of(system: System, name: str) -> Array:
@@ -61,7 +114,7 @@ def term_of(
     changed: DisturbanceLocation,
     slopes: Array,
     driver: str,
-    basis: Functions,
+    basis: Basis | Switching,
 ) -> Term | None:
     """A term with functions of a driver; None where it does not show.
 
@@ -71,19 +124,7 @@ def term_of(
     values = driver_of(geometry.rows.system, driver)
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
     table = slopes[:, None] * basis.at(known)
-    size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-    if not (size > 0.0 and np.isfinite(table).all()):
-        return None
-    return Term(
-        name=f"{changed.id}~{driver}",
-        spot=place,
-        changed=changed,
-        driver=driver,
-        slopes=slopes,
-        basis=basis,
-        norm=size,
-        columns=table / size,
-    )
+    return term_with(table, place, changed, driver, basis, slopes)
 
 
 @dataclass(frozen=True)
@@ -138,7 +179,6 @@ class Geometry(Evidence):
 
     @property
     def terms(self) -> int:
-        """Number of possible terms without a name: places times drivers."""
         system = self.rows.system
         inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
         return len(system.builder.spots) * max(len(inputs) + system.data.timed, 1)
@@ -150,16 +190,13 @@ class Geometry(Evidence):
 
     @property
     def count(self) -> int:
-        """Number of rows."""
         return int(self.seen.sum())
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """Effects that the model may lack."""
         return self.rows.system.candidates
 
     def prior(self, setting: Configuration) -> Prior:
-        """The prior of all values."""
         plain = prior_of(self.rows.system, setting)
         return prior_with_sizes(plain, setting, self.size, self._range)
 
@@ -170,12 +207,10 @@ class Geometry(Evidence):
         return range_over(unknown, start, driver)
 
     def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> SettledPoint:
-        """The model at some coordinates."""
         used = self.rows.system.data.open
         return SettledPoint(evaluated(self.rows, setting, prior, at, used), self.seen)
 
     def effect_forms(self, now: Point) -> Array:
-        """Rows of the errors of form of the effects' own laws, shape (rows, errors)."""
         assert isinstance(now, SettledPoint)
         return forms_of_effects(self.rows, self.seen, now.fitted)
 
@@ -188,15 +223,12 @@ class Geometry(Evidence):
         return [noise]
 
     def alike(self, noise: Noise) -> Array:
-        """Weights of rows if none is an outlier, shape (rows,)."""
         return np.full(self.count, noise[0] ** -2)
 
     def noise_odds(self, noise: Noise) -> float:
-        """Log prior density of the noise."""
         return -0.5 * float(np.log(noise[0]) / np.log(limits.NOISE_KNOWN)) ** 2
 
     def size(self, candidate: Candidate, unknown: Unknown) -> Size:
-        """The prior of an amplitude."""
         if unknown.id not in self._sizes:
             system = self.rows.system
             self._sizes[unknown.id] = size_of(unknown, lambda: share_of(system, candidate, unknown))
@@ -260,8 +292,6 @@ class Geometry(Evidence):
         return np.asarray(left[:, kept] * size[kept])
 
     def shown(self, columns: Array) -> dict[str, float]:
-        """By how much errors, shape (rows, errors), move each output: root of their summed mean
-        squares, SI."""
         squares: dict[str, float] = {}
         for column in columns.T:
             whole = np.zeros(len(self.rows))
@@ -275,7 +305,6 @@ class Geometry(Evidence):
         return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
     def likelihood(self, residual: Array, noise: Noise) -> float:
-        """Log likelihood of the open rows."""
         return self.constant - float(self.lost(residual, noise[0]).sum())
 
     def lost(self, residual: Array, scale: float) -> Array:
@@ -296,7 +325,6 @@ class Geometry(Evidence):
         return np.asarray(noise[0] * normal * np.sqrt(limits.STUDENT / square)[self.group])
 
     def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        """Weights of the rows, and twice their loss of log likelihood."""
         far = self._member @ residuals**2 / noise[0] ** 2
         rank = self.rank[:, None]
         each = (limits.STUDENT + rank) / (limits.STUDENT + far) / noise[0] ** 2

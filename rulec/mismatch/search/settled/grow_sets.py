@@ -21,8 +21,7 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.nameless import nameless, terms
-from rulec.mismatch.search.settled.nested_terms import beside, holds
+from rulec.mismatch.search.settled.nameless import beside, holds, nameless, terms
 from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,

@@ -9,7 +9,6 @@ Source: Mayergoyz 2003 (a law with memory has branches).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -17,32 +16,14 @@ from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME, DisturbanceLocation
 from rulec.mismatch.evidence.steady.configuration import Course
-from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.operating_state_means import states_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.branches import ways_there
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.evidence.steady.screen import spot_column
+from rulec.mismatch.search.curve_found import ways_there
+from rulec.mismatch.search.evidence import Switching, Term
+from rulec.mismatch.search.latent_input import varying_parameters
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, term_of
-from rulec.mismatch.search.time_varying import varying_parameters
-
-
-@dataclass(frozen=True)
-class Switching:
-    """A function of time, s: `level`, shape (m + 1,), before and after each of `ends`, shape (m,).
-
-    `says` is what switches it, `price` the cost of specifying its ends, nats.
-    """
-
-    ends: Array
-    level: Array
-    says: str
-    price: float
-    length: float = 0.0
-
-    def at(self, time: Array) -> Array:
-        """The function at times, shape (n, 1)."""
-        return np.asarray(self.level[np.searchsorted(self.ends, time, side="right")][:, None])
 
 
 def by_the_way(

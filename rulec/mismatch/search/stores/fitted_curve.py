@@ -11,18 +11,80 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.simulation.balances import RanAway
+from rulec_runtime.simulation.balances import TIME, RanAway
 
-from rulec.effects.candidate import DisturbanceLocation
-from rulec.mismatch.evidence.stores.final_fits import FinalFits, fixed_values
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
-from rulec.mismatch.evidence.stores.noise import Noise, gain
+from rulec.effects.candidate import Candidate, DisturbanceLocation
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.basis import Basis
-from rulec.mismatch.search.stores.curve_places import Place, place_over
+from rulec.mismatch.search.evidence import Basis
+
+
+@dataclass(frozen=True)
+class Place:
+    """The place of a curve, its driver, and the range of that, SI."""
+
+    spot: DisturbanceLocation
+    driver: str
+    low: float
+    high: float
+
+    @property
+    def knots(self) -> Array:
+        """Values of the driver at which the curve bends, shape (knots,), SI."""
+        return np.linspace(self.low, self.high, limits.CURVE_PIECES + 1)
+
+    @cached_property
+    def bends(self) -> Array:
+        """Map from values at the knots to the coefficients of `bent_line`, shape (knots + 1,
+        knots)."""
+        values = np.eye(len(self.knots))
+        steps = np.diff(values, axis=0) / (self.knots[1] - self.knots[0])
+        slopes = np.pad(steps, ((1, 1), (0, 0)))
+        return np.vstack([values[:1], np.diff(slopes, axis=0)])
+
+    def bases(self) -> list[Basis]:
+        """The functions to try, from smooth to rough."""
+        # An effect in a band of a driver may be a resonance; in a band of time it is a fault.
+        lengths = limits.TERM_LENGTHS[: 1 if self.driver == TIME else None]
+        return [Basis(self.low, self.high, length) for length in lengths]
+
+    def parts(self, builder: ModelBuilder) -> tuple[tuple[Candidate, ...], dict[str, float]]:
+        """Candidates that add the curve to a plant, and its knots, SI by id."""
+        parts = builder.bent_line(self.spot.id, self.driver, len(self.knots))
+        fixed = [u.id for part in parts for u in part.unknowns if u.fixed]
+        return parts, dict(zip(fixed, self.knots.tolist(), strict=True))
+
+
+def place_over(spot: DisturbanceLocation, driver: str, course: Array) -> Place | None:
+    """A place with the range of a driver, by its course, shape (n,); None if that hardly moves.
+
+    The whole range counts: samples beyond the knots would distort a curve that is constant there.
+    """
+    low, high = float(np.min(course)), float(np.max(course))
+    if not high - low > limits.HARDLY_MOVES * float(np.max(np.abs(course))):
+        return None
+    return Place(spot, driver, low, high)
+
+
+def spots_of(bench: SimulationProblem) -> list[DisturbanceLocation]:
+    """Places at which a law may have an error."""
+    kinds = ("balance", "definition", "reading")
+    return [spot for spot in bench.builder.spots if spot.kind in kinds]
+
+
+def drivers_of(bench: SimulationProblem) -> list[str]:
+    """Possible drivers of a place."""
+    assert bench.ruleset.dynamics is not None
+    states = [s.id for s in bench.ruleset.dynamics.states]
+    drivers = [*states, *bench.balances(()).inputs][: limits.FOLLOWED]
+    return [*drivers, TIME] if bench.record.timed else drivers
 
 
 @dataclass(frozen=True)
@@ -128,17 +190,8 @@ def _fitted_over(
     fitted = fitter.as_fitted(at, errors, slow, judged)
     inverse = inverse_of(*rows_of(system_at(fitter, at, place, judged), form))
     determined = len(amounts) - float(np.trace(inverse[count:, count:]))
-    gained = _gained(ends, fitted, bare, determined)
+    gained = ends.gain(fitted, bare, determined) - limits.CURVE_RARITY
     return FittedCurve(place, form, amounts, fitter, fitted, judged, gained)
-
-
-def _gained(ends: FinalFits, fitted: Fitted, bare: Fitted, values: float) -> float:
-    """Gain of a curve over the model without it, less the price of `values`, the number of values
-    that the recording determines."""
-    found = sum(gain(bare.noise[n], fitted.noise[n], ends.samples[n]) for n in bare.noise)
-    found += bare.negative_log_prior - fitted.negative_log_prior
-    each = 0.5 * float(np.log(max(ends.news(fitted), 2.0)))
-    return found - each * values - limits.CURVE_RARITY
 
 
 def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System:

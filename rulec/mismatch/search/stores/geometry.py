@@ -19,22 +19,23 @@ from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
-from rulec.knowledge.parameter_belief import Coordinates
-from rulec.mismatch.evidence import limits as of_evidence
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import Prior
-from rulec.mismatch.evidence.stores.allowed_errors import errors_of_form
-from rulec.mismatch.evidence.stores.drift import errors_of_sensors
-from rulec.mismatch.evidence.stores.effect_forms import forms_of_effects
-from rulec.mismatch.evidence.stores.record import coarser
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.steady.fit import Prior, prior_with
+from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
+from rulec.mismatch.evidence.stores.noise import errors_of_sensors, innovations
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, coarser
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Evidence, Noise, Point
-from rulec.mismatch.search.prior import prior_with_sizes, range_over
+from rulec.mismatch.search.evidence import (
+    Evidence,
+    Noise,
+    Point,
+    Size,
+    prior_with_sizes,
+    range_over,
+    size_of,
+)
 from rulec.mismatch.search.refit import climbed
-from rulec.mismatch.search.sizes import Size, size_of
-from rulec.mismatch.search.stores.curve_places import drivers_of, spots_of
-from rulec.mismatch.search.stores.innovations import innovations
+from rulec.mismatch.search.stores.fitted_curve import drivers_of, spots_of
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,6 @@ class StoresGeometry(Evidence):
 
     @property
     def terms(self) -> int:
-        """Number of possible terms without a name."""
         return len(spots_of(self.bench)) * len(drivers_of(self.bench))
 
     def _table(self, moved: Array) -> Array:
@@ -129,12 +129,10 @@ class StoresGeometry(Evidence):
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """Effects that the model may lack."""
         return self.bench.candidates
 
     @cached_property
     def count(self) -> int:
-        """Number of rows."""
         return int(sum(known.sum() for known in self._known.values()))
 
     @property
@@ -206,8 +204,6 @@ class StoresGeometry(Evidence):
         return np.ones(self.count)
 
     def shown(self, columns: Array) -> dict[str, float]:
-        """By how much errors, shape (rows, errors), move each reading: root of their summed mean
-        squares, SI."""
         found = {}
         for (name, white), runs in zip(self.white.items(), self._runs, strict=True):
             squares = np.sum(columns[runs[0].start : runs[-1].stop] ** 2, axis=1)
@@ -215,7 +211,6 @@ class StoresGeometry(Evidence):
         return found
 
     def noise_odds(self, noise: Noise) -> float:
-        """Log prior density of the noise."""
         axes, odds = self.noises, 0.0
         for i, size in enumerate(noise[::3]):
             if size > limits.NO_WANDER:
@@ -237,7 +232,6 @@ class StoresGeometry(Evidence):
         return whitened
 
     def likelihood(self, residual: Array, noise: Noise) -> float:
-        """Log likelihood of whitened rows."""
         each = zip(_of_signals(noise), self._runs, strict=True)
         logs = sum(innovations(*own).logs(runs) for own, runs in each)
         return -0.5 * float(residual @ residual) - logs
@@ -255,45 +249,18 @@ class StoresGeometry(Evidence):
         return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
     def prior(self, setting: Configuration) -> Prior:
-        """The prior of all values."""
-        return prior_with_sizes(self._plain(setting), setting, self.size, self._range)
-
-    def _plain(self, setting: Configuration) -> Prior:
-        bench = self.bench
+        bench, unknowns = self.bench, {u.id: u for c in setting.joined for u in c.unknowns}
         names = bench.free(setting.joined)
-        unknowns = {u.id: u for c in setting.joined for u in c.unknowns}
-        of_plant = tuple(n for n in names if n not in unknowns)
-        belief = bench.belief(of_plant)
-        k, n = len(of_plant), len(names)
-        mean, scale = np.zeros(n), np.ones(n)
-        mean[:k] = belief.mean
-        scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
-        positive = belief.coordinates.positive
-        low, high = np.full(n, -np.inf), np.full(n, np.inf)
-        far = np.where(positive, of_evidence.FARTHEST, np.inf)
-        low[:k], high[:k] = mean[:k] - far, mean[:k] + far
-        for i, name in enumerate(names[k:], start=k):
-            low[i], high[i] = bench.ends(unknowns[name])
-            width = high[i] - low[i]
-            scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
-        return Prior(
-            names=names,
-            coordinates=Coordinates(np.concatenate([positive, np.zeros(n - k, dtype=bool)])),
-            belief=belief,
-            mean=mean,
-            known=np.zeros(n),
-            freedom=np.full(n, np.inf),
-            lowest=low,
-            highest=high,
-            size=scale,
-        )
+        belief = bench.belief(tuple(n for n in names if n not in unknowns))
+        bounds = {n: bench.ends(unknowns[n]) for n in names if n in unknowns}
+        plain = prior_with(belief, {}, bounds, setting)
+        return prior_with_sizes(plain, setting, self.size, self._range)
 
     def _range(self, unknown: Unknown, start: float) -> tuple[float, float]:
         driver = None if unknown.driver is None else self.course(Configuration(), unknown.driver)
         return range_over(unknown, start, driver)
 
     def size(self, candidate: Candidate, unknown: Unknown) -> Size:
-        """The prior of an amplitude."""
         if unknown.id not in self._sizes:
             self._sizes[unknown.id] = size_of(unknown, lambda: self._share(candidate, unknown))
         return self._sizes[unknown.id]
@@ -350,7 +317,6 @@ class StoresGeometry(Evidence):
         return np.concatenate(residual), whole
 
     def effect_forms(self, now: Point) -> Array:
-        """Rows of the errors of form of the effects' own laws, shape (rows, errors)."""
         values = {**self.bench.plain_values, **now.setting.values, **now.setting.fixed}
         moved = list(forms_of_effects(self.bench, now.setting.joined, values))
         return self._table(np.stack(moved, axis=1)) if moved else np.zeros((self.count, 0))

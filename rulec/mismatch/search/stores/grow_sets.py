@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
+from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.noise import Noise, no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
+from rulec.mismatch.search.evidence import Term, term_with
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.grow_sets import (
     Names,
@@ -25,9 +29,89 @@ from rulec.mismatch.search.settled.grow_sets import (
     prune,
 )
 from rulec.mismatch.search.settled.scan import Column, Found, joined, scan
+from rulec.mismatch.search.stores.fitted_curve import Place, drivers_of, place_over, spots_of
 from rulec.mismatch.search.stores.geometry import StoresGeometry, usual
-from rulec.mismatch.search.stores.nameless import terms
-from rulec.mismatch.search.stores.starting_values import from_afar, nearest
+
+# Starting values for the refit of a plant that stores, by least squares of simulation errors.
+#
+# Correlated errors of a model that is far off make a rough likelihood; here errors count as
+# independent.
+
+
+def from_afar(
+    bench: SimulationProblem,
+    setting: Configuration,
+    evaluations: int = limits.EVALUATIONS,
+    fits: int = limits.FITS_FROM_AFAR,
+) -> Configuration:
+    """Values of least simulation errors near a setting, as far as the evaluations lead."""
+    fitter = Fitter(bench, setting.joined, setting.fixed)
+    at = fitter.vector(setting.values)
+    measured = bench.record.measured
+    noise = {n: limits.FAR_OFF * float(np.nanstd(v)) + 1e-12 for n, v in measured.items()}
+    for _ in range(fits):
+        judged = _judged(bench, noise)
+        at = fitter.descend(at, judged, judged.basis(), evaluations)
+        with contextlib.suppress(RanAway):
+            errors, _ = fitter.errors(at, judged)
+            noise = {n: float(np.sqrt(np.mean(e[bench.known[n]] ** 2))) for n, e in errors.items()}
+    values = fitter.values(at)
+    return replace(setting, values={n: values[n] for n in fitter.free})
+
+
+def nearest(bench: SimulationProblem, every: Sequence[Configuration]) -> Configuration | None:
+    """The setting with the smallest residuals, by the sum of their logarithms over readings, of
+    those that do not run away."""
+    found = list[tuple[float, Configuration]]()
+    for setting in every:
+        fitter = Fitter(bench, setting.joined, setting.fixed)
+        at = fitter.vector(setting.values)
+        values = fitter.values(at)
+        there = replace(setting, values={n: values[n] for n in fitter.free})
+        with contextlib.suppress(RanAway), np.errstate(all="ignore"):
+            errors, _ = fitter.errors(at, _judged(bench, dict.fromkeys(bench.signals, 1.0)))
+            left = [errors[n][known] for n, known in bench.known.items()]
+            size = sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in left)
+            found.append((size, there))
+    return min(found, key=lambda one: one[0])[1] if found else None
+
+
+def _judged(bench: SimulationProblem, noise: dict[str, float]) -> Judged:
+    """Weights of independent errors of the given standard deviation."""
+    new = {n: Noise(spread, 1.0) for n, spread in noise.items()}
+    return Judged(bench.known, new, no_drift(bench), np.zeros(0))
+
+
+# Terms without a name of a plant that stores: a place that follows a driver by any smooth
+# function.
+
+
+def terms(geometry: StoresGeometry, model: Model) -> list[Term]:
+    """Terms for each place and each driver, linearised at a model."""
+    bench, found = geometry.bench, list[Term]()
+    for driver in drivers_of(bench):
+        course = geometry.course(model.setting, driver)[bench.record.open]
+        for spot in spots_of(bench):
+            place = place_over(spot, driver, course)
+            if place is not None:
+                found += _terms(geometry, model, place)
+    return found
+
+
+def _terms(geometry: StoresGeometry, model: Model, place: Place) -> Iterator[Term]:
+    parts, knots = place.parts(geometry.bench.builder)
+    setting = model.setting
+    for part in parts:
+        own = {u.id: knots[u.id] for u in part.unknowns if u.fixed}
+        nothing = {u.id: 0.0 for u in part.unknowns if not u.fixed}
+        setting = setting.joining(part, nothing, own)
+    coefficients = [u.id for part in parts for u in part.unknowns if not u.fixed]
+    slopes = geometry.simulated(setting, coefficients)[1] @ place.bends
+    for basis in place.bases():
+        columns, spot = slopes @ basis.at(place.knots), place.spot
+        term = term_with(columns, spot.id, spot, place.driver, basis, np.zeros(0))
+        if term is not None:
+            yield term
 
 
 def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) -> list[Column]:

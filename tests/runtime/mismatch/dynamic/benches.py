@@ -11,15 +11,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.stores.final_fits import FinalFits, fixed_values, plain_end
-from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, fixed_values, plain_end
 from rulec.mismatch.evidence.stores.model import model_of
-from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.settled.grow_sets import join_terms
 from rulec.mismatch.search.stores.best_set import Found
-from rulec.mismatch.search.stores.grow_sets import begun, grow
-from rulec.mismatch.search.stores.nameless import terms
+from rulec.mismatch.search.stores.grow_sets import begun, grow, terms
 from rulec.mismatch.stores import Explanation, explanation
 from tests.conftest import ROOT
 

@@ -11,8 +11,7 @@ import pytest
 
 from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
-from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.fit import Fitter
+from rulec.mismatch.evidence.stores.fit import Fitter, plain_end
 from rulec.mismatch.search.settled import grow_sets
 from rulec.mismatch.search.settled.grow_sets import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove

@@ -9,8 +9,7 @@ import pytest
 
 from rulec.mismatch.answer.findings import findings_of, location_of
 from rulec.mismatch.answer.written_plant import written
-from rulec.mismatch.evidence.stores.final_fits import fixed_values, plain_end
-from rulec.mismatch.evidence.stores.fit import Fitter
+from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.best_set import search as searched

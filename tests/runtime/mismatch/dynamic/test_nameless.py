@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.locate import Suspect
-from rulec.mismatch.evidence.stores.model import model_of
+from rulec.mismatch.evidence.stores.fit import plain_end
+from rulec.mismatch.evidence.stores.model import Suspect, model_of
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.search.stores.likeliest_curve import curves_of, likeliest_curve
+from rulec.mismatch.search.stores.best_set import curves_of, likeliest_curve
 from rulec.mismatch.stores import nameless_places
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, searched, voltage
 

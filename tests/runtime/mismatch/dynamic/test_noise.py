@@ -8,8 +8,13 @@ from rulec_runtime.recordings.robust_statistics import memory_of
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from rulec.mismatch.evidence.stores.noise import Noise, gain, noise_of, score_covariance
-from rulec.mismatch.search.stores.innovations import innovations
+from rulec.mismatch.evidence.stores.noise import (
+    Noise,
+    gain,
+    innovations,
+    noise_of,
+    score_covariance,
+)
 
 N = 20_000
 ALL = np.ones(N, dtype=bool)

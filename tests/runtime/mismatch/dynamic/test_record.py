@@ -11,7 +11,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
 
 from rulec.mismatch.evidence.failing_sensors import coarse_step, failing
-from rulec.mismatch.evidence.stores.record import Record, record_of
+from rulec.mismatch.evidence.stores.simulation_problem import Record, record_of
 from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 from tests.runtime.mismatch.made import changed, without

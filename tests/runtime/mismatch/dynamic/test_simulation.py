@@ -11,13 +11,11 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.mismatch.evidence.stores.final_fits import fixed_values, plain_end
-from rulec.mismatch.evidence.stores.fit import Fitter
-from rulec.mismatch.evidence.stores.locate import suspects
-from rulec.mismatch.evidence.stores.model import model_of
+from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
+from rulec.mismatch.evidence.stores.model import model_of, suspects
 from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.inference.interval import profile
+from rulec.mismatch.inference.prove import profile
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     OVERFLOW,

@@ -1,0 +1,295 @@
+"""Refits of sets after the search: to each recording, for a plant file, and for an experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.join_recordings import part_of
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.text import listed
+
+from rulec.effects.candidate import TIME
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.model import HELDOUT
+from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.system import System, system_of
+from rulec.mismatch.result import CandidateSet, Likely, Moved, Presence
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model, refitted
+from rulec.mismatch.search.settled.best_set import candidates_of, titled_with_module
+from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.grow_sets import Names, Posterior, Progress, begun, explain
+from rulec.mismatch.search.settled.nameless import terms
+from rulec.mismatch.search.settled.scan import id_of, name_of
+
+# The result of each of several recordings alone, and the change by each further one.
+#
+# Each time the search runs on the rows of some recordings. Reusing the sets found on all rows
+# would be cheaper and wrong: a set that a later recording refutes would have been refitted to its
+# rows too, with the noise and errors of form that this needs, and would seem refuted before.
+
+NOTHING = "nothing"
+"""Id of the empty set of explanations."""
+
+TERM = "~"
+"""Mark before the driver in the name of a term without a name."""
+
+SORTED = {"physics": "named", "ageing": "named", "fault": "fault", "sensor": "sensor"}
+"""Verdict by the sort of the only certain explanation."""
+
+
+@dataclass(frozen=True)
+class SingleRecording:
+    """The result of one recording, by its number, alone."""
+
+    number: int
+    verdict: str
+    likely: tuple[Likely, ...]
+
+
+@dataclass(frozen=True)
+class ByRecording:
+    """The result of each recording alone, and how the second and each later one, by its number,
+    moved probabilities."""
+
+    alone: tuple[SingleRecording, ...]
+    moved: Mapping[int, tuple[Moved, ...]]
+
+
+def by_recording(
+    recording: Recording,
+    system: System,
+    heldout: Sequence[tuple[float, float]],
+    posterior: Posterior,
+    progress: Progress,
+) -> ByRecording | None:
+    """Search each recording alone, and the first few together; None for a single recording.
+
+    `posterior` is that of all recordings.
+    """
+    count = len(recording.sources)
+    if count < 2:
+        return None
+    known: dict[frozenset[int], Posterior | None] = {frozenset(range(count)): posterior}
+
+    def on(numbers: Collection[int]) -> Posterior | None:
+        chosen = frozenset(numbers)
+        if chosen not in known:
+            progress(f"searching {listed([recording.sources[i] for i in sorted(chosen)])} alone")
+            rows = _rows_of(part_of(recording, chosen), system, heldout)
+            known[chosen] = explain(rows, lambda text: None) if rows is not None else None
+        return known[chosen]
+
+    each = tuple(SingleRecording(number, *_result(on({number}))) for number in range(count))
+    moved = {n: _moved(on(range(n)), on(range(n + 1))) for n in range(1, count)}
+    return ByRecording(each, moved)
+
+
+def _rows_of(
+    recording: Recording, system: System, heldout: Sequence[tuple[float, float]]
+) -> Rows | None:
+    """Rows of some recordings; None where there are too few."""
+    data = prepare(recording, system.ruleset, heldout)
+    if data is None or int(data.open.sum()) < common.FEWEST_POINTS:
+        return None
+    rows = rows_of(system_of(system.ruleset, system.builder, data), Configuration())
+    return rows if rows.groups >= common.FEWEST_POINTS else None
+
+
+def _result(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
+    """The verdict by probabilities only, and the likely explanations, the likeliest first."""
+    if found is None:
+        return "cannot judge", ()
+    every, (titles, sorts) = _by_id(found), _titles(found)
+    kept = sorted((k for k, p in every.items() if p >= common.MENTIONED), key=lambda k: -every[k])
+    return _verdict(every, sorts), tuple(Likely(key, titles[key], every[key]) for key in kept)
+
+
+def _key(name: str) -> str:
+    """One key for a fault with any course, and for terms without a name over one driver."""
+    _, mark, driver = name.rpartition(TERM)
+    return TERM + driver if mark else id_of(name)
+
+
+def _by_id(posterior: Posterior) -> dict[str, float]:
+    """Probability of each explanation, by its id; as in a finding, that errors of laws and sensors
+    alone explain the misfit counts against those of the best set."""
+    found = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
+    for names, probability in posterior.sets.items():
+        for key in {_key(name) for name in names}:
+            found[key] = found.get(key, 0.0) + probability
+    exact = posterior.tolerance.stand_out
+    return {k: p * (1.0 - limits.INEXACT * (1.0 - exact.get(k, 1.0))) for k, p in found.items()}
+
+
+def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
+    """Titles and sorts of all explanations by their ids."""
+    titles = {NOTHING: "nothing left out"}
+    sorts = {NOTHING: "none"}
+    for names, model in posterior.models.items():
+        for candidate in model.setting.joined:
+            key, title = _key(name_of(model.setting, candidate)), titled_with_module(candidate)
+            lower = title[:1].lower() + title[1:] if title[1:2].islower() else title
+            titles[key], sorts[key] = lower, candidate.sort
+        for key in (_key(name) for name in names if TERM in name):
+            driver = key.removeprefix(TERM)
+            follows = "time" if driver == TIME else driver
+            titles[key], sorts[key] = f"something without a name over {follows}", "free"
+    return titles, sorts
+
+
+def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
+    if found[NOTHING] >= limits.LIKELIER:
+        return "none"
+    best = max(found.keys() - {NOTHING}, key=lambda key: (found[key], key))
+    sort = SORTED.get(sorts[best], "unnamed")
+    return "ambiguous" if sort != "unnamed" and found[best] < common.CERTAIN else sort
+
+
+def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ...]:
+    """Probabilities before and after of explanations that are likely in either; None before the
+    first recording that could be judged."""
+    titles: dict[str, str] = {}
+    shares: list[dict[str, float]] = []
+    for found in (before, after):
+        shares.append({} if found is None else _by_id(found))
+        titles |= {} if found is None else _titles(found)[0]
+    first, last = shares
+    every = {k: (first.get(k, 0.0 if first else None), last.get(k, 0.0)) for k in first | last}
+    largest = {key: max(old or 0.0, new) for key, (old, new) in every.items()}
+    kept = [key for key, share in largest.items() if share >= common.MENTIONED]
+    kept.sort(key=lambda key: (-largest[key], key))
+    return tuple(Moved(key, titles[key], *every[key]) for key in kept)
+
+
+# Refit a set for a plant file: no errors of sensors and no errors of form.
+#
+# The weight of each row follows from the accuracy of its laws, or from a better one where the
+# residual shows it. Rows that share an error of form count once.
+#
+# Source: Ribatet, Cooley, Davison 2012 (composite likelihood, scaled to the joint information of
+# its parts); Tuo and Wu 2015 (the law that is to predict, not the one beside its error of form).
+
+
+def clear_states(system: System, clear: np.ndarray) -> Rows:
+    """Means of operating states in which all but `clear` points, shape (n,), are held out."""
+    data = system.data
+    part = np.where(clear, data.part, HELDOUT)
+    ends = data.time[1:][np.diff(clear)]
+    return rows_of_states(replace(system, data=replace(data, part=part)), ends)
+
+
+def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
+    """The likeliest refit from several starts."""
+    system, smooth, inexact = rows.system, Geometry(rows), 0.0
+    squares = np.sum(smooth.forms**2, axis=0)
+    # The effective number of independent errors of form.
+    ways = float(squares.sum()) ** 2 / max(float(np.sum(squares**2)), 1e-300)
+    alike = max(len(smooth.point) / ways, 1.0) if ways else 1.0
+    stated = max(float(squares.sum()) / len(smooth.point), 1e-300)
+    errors = smooth.shown(smooth.forms)
+    for _ in range(common.ACCURACY_STEPS):
+        noise, share = dict(system.data.noise), np.sqrt(alike) * inexact
+        for name, error in errors.items():
+            noise[name] = np.hypot(noise[name], share * error)
+        noisier = replace(system, data=replace(system.data, noise=noise))
+        geometry = Geometry(rows_of(noisier, Configuration()), exact=True)
+        found = [refitted(geometry, start, without_error=system.shared) for start in starts]
+        best = max(found, key=lambda model: model.evidence)
+        starts = [best.setting]
+        off = rows.errors(system.flows(best.setting))[0][smooth.seen]
+        inexact = float(np.sqrt(np.clip((np.mean(off**2) - 1.0) / stated, 0.0, 1.0)))
+    return best
+
+
+def possible_sets(posterior: Posterior) -> tuple[CandidateSet, ...]:
+    """The sets that are still possible, the likeliest first."""
+    sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
+    likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= common.REPORTED]
+    return tuple(_candidate_set(posterior, names, probability) for names, probability in likely)
+
+
+def _candidate_set(posterior: Posterior, names: Names, probability: float) -> CandidateSet:
+    model, known = posterior.models[names], candidates_of(posterior)
+    setting = model.setting
+    titles = {term.name: _in_words(term) for term in model.terms}
+    titles |= {name: titled_with_module(known[name]) for name in names if name in known}
+    return CandidateSet(
+        names=tuple(sorted(names)),
+        titles=tuple(titles[name] for name in sorted(names)),
+        probability=probability,
+        joined=tuple(c.id for c in setting.joined),
+        values={name: float(value) for name, value in setting.values.items()},
+        fixed={name: float(value) for name, value in setting.fixed.items()},
+        periods=tuple(
+            Presence(c.unknown, tuple((s.since, s.until, s.level) for s in c.periods), c.grows)
+            for c in setting.courses
+        ),
+        terms=tuple((term.name, term.basis.length) for term in model.terms),
+    )
+
+
+def _in_words(term: Term) -> str:
+    where = f"{term.changed.module}.{term.changed.place}"
+    if term.basis.says:
+        return f"{where} {term.basis.says}"
+    return f"{where} follows {term.driver} in a way without a name"
+
+
+@dataclass(frozen=True)
+class Again:
+    """Candidate sets and their refits to the means of operating states in `geometry`, in order."""
+
+    geometry: Geometry
+    sets: tuple[CandidateSet, ...]
+    models: tuple[Model, ...]
+
+
+def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
+    """Refit sets from their earlier values, but for those with a term that switches with set
+    points: its values at other set points are not known.
+
+    Raises KeyError with the id of a candidate that the knowledge base does not have.
+    """
+    search = begun(every)
+    plain = search.models[frozenset()]
+    # Terms that switch have no name and length of their own.
+    smooth = [t for t in terms(search.settled, plain) if not t.basis.says]
+    named = {(t.name, t.basis.length): t for t in smooth}
+    kept, models = [], []
+    for one in sets:
+        if any(not length for _, length in one.terms):
+            continue
+        own = tuple(named[name] for name in one.terms)
+        first = search.refit(_setting(search.settled, one), plain, own)
+        # The plain model has large errors where an effect is missing, and these would explain part
+        # of that effect; the second refit starts from the errors of the set itself.
+        models.append(search.refit(first.setting, first, own))
+        kept.append(one)
+    return Again(search.settled, tuple(kept), tuple(models))
+
+
+def _setting(geometry: Geometry, one: CandidateSet) -> Configuration:
+    system = geometry.rows.system
+    known = {candidate.id: candidate for candidate in system.builder.candidates}
+    return Configuration(
+        joined=tuple(known[id_] for id_ in one.joined),
+        values=one.values,
+        fixed=one.fixed,
+        courses=tuple(_course(period, system.data.time) for period in one.periods),
+    )
+
+
+def _course(period: Presence, time: Array) -> Course:
+    spans = tuple(Span(*span) for span in period.spans)
+    lasts = spans[-1].until >= float(time[-1])
+    end = np.array([spans[-1].level if lasts else -1])
+    risen = np.zeros(1) if period.grows else None
+    return Course(period.unknown, end, spans, risen=risen).at_times(time)
