@@ -342,7 +342,7 @@ def test_shares_no_code_with_what_it_tests(file: Path) -> None:
     """No import of the tool, of its knowledge files neither; short files."""
     text = file.read_text(encoding="utf-8")
     # Effects and their right answers are a table beside its reader: YAML, for its comments.
-    foreign = {"rulec", "rulec_runtime", *(() if file.stem == "effects" else ("yaml",))}
+    foreign = {"rulec", "rulec_runtime", *(() if file.stem == "effect" else ("yaml",))}
     for node in ast.walk(ast.parse(text)):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
