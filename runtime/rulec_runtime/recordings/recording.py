@@ -251,7 +251,7 @@ def _meant(title: str, missing: Sequence[str]) -> str:
     name, _, unit = (part.strip(" )") for part in title.partition("("))
     if name in missing:
         return f"write the unit in square brackets: '{name} [{unit}]'"
-    near = nearest(parts_of(title)[0], missing)
+    near = nearest(parts_of(name)[0], missing)
     return f"did you mean '{near}'?" if near else "is this a recording of another plant?"
 
 
