@@ -40,19 +40,8 @@ SAME_PATTERN = 0.99
 """Cosine of the errors of two places above which no residual distinguishes them. Origin:
 assumed."""
 
-COURSE_KNOTS = (48, 192)
-"""Knots of an error over a recording: of a smooth one, and of one that surges. Origin: assumed."""
-
-PLACE_NEARLY = 2.0
-"""Log likelihood below the best place within which others count as alike. Origin: assumed."""
-
-PLACE_ALIKE = 0.02
-"""Share of the squared errors below the best place within which others count as alike. Origin:
-assumed."""
-
-PLACE_SHARE = 0.3
-"""Share of the squared errors that an arbitrary error at a place must explain for the place to be
-reported. Origin: assumed."""
+COURSE_KNOTS = 48
+"""Knots of an error over a recording. Origin: assumed."""
 
 # Terms without a name.
 

@@ -18,14 +18,14 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.findings import location_of_curve, location_of_spot
+from rulec.mismatch.answer.findings import location_of_curve
 from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
 from rulec.mismatch.evidence.stores.errors_of_form import allowed
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
-from rulec.mismatch.evidence.stores.model import StoresModel, Suspect, model_of, suspects
-from rulec.mismatch.evidence.stores.noise import Noise, no_drift
+from rulec.mismatch.evidence.stores.model import StoresModel, model_of
+from rulec.mismatch.evidence.stores.noise import no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import (
     SimulationProblem,
     lacking,
@@ -35,7 +35,6 @@ from rulec.mismatch.evidence.stores.simulation_problem import (
 )
 from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
-from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.curve_found import Accepted
 from rulec.mismatch.search.stores.best_set import Found, curves_of, likeliest_curve, search
 from rulec.mismatch.search.stores.geometry import StoresGeometry
@@ -75,13 +74,9 @@ def explain(
         dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, judged)
-    tell("looking for places where something is wrong")
-    # A place may explain errors as far as they exceed noise.
-    sharp = replace(best, noise={n: Noise(floor, 1.0) for n, floor in _floors(bench).items()})
-    left = suspects(bench, sharp, judged)
     model = model_of(bench, best, judged, fixed_values(best))
-    nameless = nameless_places(model, left, len(bench.candidates))
-    if found.nameless or (nameless and not accepted):
+    nameless: tuple[Location, ...] = ()
+    if found.nameless:
         tell("drawing what has no name")
         unnamed = likeliest_curve(found)
         if unnamed is not None:
@@ -108,7 +103,7 @@ def explanation(
         model=model,
         accepted=accepted,
         failing=(*failing(recording, ruleset), *impossible(recording, ruleset)),
-        places=nameless if found.nameless or not model.joined else (),
+        places=nameless,
         hidden=None,
         posterior=found.posterior,
         noise="noise from third differences of the readings; errors of the repaired model are "
@@ -335,48 +330,6 @@ def _least(proofs: Sequence[Proof]) -> float:
         for part in ([p.fit.heldout for p in proofs], [p.fit.estimation for p in proofs])
     )
     return -limits.PROVEN if learnt and not heldout else limits.PROVEN
-
-
-def _floors(bench: SimulationProblem) -> dict[str, float]:
-    """Standard deviation of the noise of each measured signal, SI."""
-    record = bench.record
-    return {
-        n: max(noise_floor(v[np.isfinite(v)]), record.resolution[n])
-        for n, v in record.measured.items()
-    }
-
-
-def nameless_places(
-    model: StoresModel, left: Sequence[Suspect], tried: int
-) -> tuple[Location, ...]:
-    """The place where the final model is clearly wrong, if any, with indistinguishable ones."""
-    least = of_search.NEEDED_OVER_TIME + float(np.log(max(tried, 1)))
-    if not left or left[0].gain < least:
-        return ()
-    bench, noise = model.bench, model.fitted.noise
-    floors = _floors(bench)
-    far = any(own.spread > limits.FAR_OFF * floors[n] for n, own in noise.items())
-    # Linearisation fails for a model that is far off: then the most probable place must do.
-    if left[0].share < limits.PLACE_SHARE and not far:
-        return ()
-    steps = bench.record.resolution
-    if all(own.spread < limits.BEYOND_NOISE * steps[n] for n, own in noise.items()):
-        return ()
-    first = left[0]
-    near = [
-        s
-        for s in left
-        if s.gain > first.gain - limits.PLACE_NEARLY or s.share > first.share - limits.PLACE_ALIKE
-    ]
-    return (
-        location_of_spot(
-            model,
-            first.spot,
-            first.share,
-            np.where(bench.record.open, first.course**2, np.nan),
-            [other.spot for other in near if other is not first],
-        ),
-    )
 
 
 def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) -> float:

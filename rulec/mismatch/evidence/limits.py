@@ -186,13 +186,6 @@ PERIOD_SHARE = 0.8
 SLOW_VALUES = 40
 """Values of the course of a slow error. Origin: assumed."""
 
-SMOOTH_ENOUGH = 0.5
-"""Share of the squared errors that a smooth course must explain. Origin: assumed."""
-
-COURSE_SIZES = (-3.0, 1.5, 19)
-"""Decimal logarithms of the smallest and the largest size of an error to try, relative to the one
-that moves readings by their scatter, and the number of sizes. Origin: numerical."""
-
 # Gain of each candidate.
 
 MOST_STARTS = 12

@@ -15,10 +15,6 @@ CURVE_RARITY = 20.0
 COMMON = 6.0
 """Additional gain required of a claim about several modules instead of one. Origin: assumed."""
 
-NEEDED_OVER_TIME = 3.0
-"""Gain in log likelihood that an explanation of a plant that stores needs beyond the logarithm of
-the number tried. Origin: assumed."""
-
 # Faults that come and go.
 
 COMING = 4
@@ -326,9 +322,6 @@ EVALUATIONS = 25
 
 EVALUATIONS_OF_EACH = 5
 """The same for each starting point, of which the best is continued. Origin: numerical."""
-
-SAMPLES_TRIED = 320
-"""Most samples on which starting points are tried. Origin: numerical."""
 
 FITS_FROM_AFAR = 2
 """Number of such fits, each with the errors that the last one left. Origin: numerical."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -110,14 +110,6 @@ def record_of(
         odd=np.any([strange[n] for n in measured], axis=0),
         timed=recording.one_clock,
     )
-
-
-def coarser(record: Record, most: int) -> Record:
-    """Average neighbours, to at most `most` samples."""
-    factor = -(-len(record.time) // most)
-    time, inputs, measured = thinned(record.time, record.inputs, record.measured, factor)
-    part = record.part[::factor][: len(time)]
-    return replace(record, time=time, inputs=inputs, measured=measured, part=part)
 
 
 def without_odd(signal: SignalSpec, values: Array) -> Array:

@@ -140,7 +140,7 @@ def _means(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Ar
     much better are reported.
     """
     height = float(np.std(drawn.form.table @ drawn.amounts))
-    found = response(bench, drawn.fitted, drawn.place.spot, common.COURSE_KNOTS[0])
+    found = response(bench, drawn.fitted, drawn.place.spot, common.COURSE_KNOTS)
     if found is None or not height > 0.0:
         return np.zeros((0, 3))
     moved, shapes, size = found

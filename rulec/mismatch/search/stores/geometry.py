@@ -23,7 +23,7 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior, prior_with
 from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
 from rulec.mismatch.evidence.stores.noise import errors_of_sensors, innovations
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, coarser
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import (
     Evidence,
@@ -83,13 +83,6 @@ class StoresGeometry(Evidence):
             own = zip(self._known.items(), np.split(column, len(self._known)), strict=True)
             columns.append(np.concatenate([v[known] / self.white[n] for (n, known), v in own]))
         return np.stack(columns, axis=1)
-
-    @cached_property
-    def coarse(self) -> SimulationProblem:
-        """The same problem with fewer samples, to try many starting points."""
-        bench = self.bench
-        record = coarser(bench.record, limits.SAMPLES_TRIED)
-        return SimulationProblem(bench.ruleset, bench.builder, record)
 
     @cached_property
     def _known(self) -> dict[str, NDArray[np.bool_]]:

@@ -6,6 +6,7 @@ import contextlib
 import itertools
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 from rulec_runtime.simulation.balances import RanAway
@@ -171,7 +172,7 @@ def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list
             others.append(replace(there, values={**there.values, **own}))
     # Beside another explanation the values of the plant are reliable.
     stated = [_as_stated(there) for there in others] if not model.setting.joined else []
-    best = (nearest(geometry.coarse, kind) for kind in (predicted, others, stated))
+    best = (nearest(geometry.bench, kind) for kind in (predicted, others, stated))
     return [way for way in best if way is not None]
 
 
@@ -233,14 +234,28 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
         if names | new not in search.odds:
             begins = ways(geometry, model, found)
             count = limits.EVALUATIONS_OF_EACH
-            near = [from_afar(geometry.coarse, way, count, fits=1) for way in begins]
+            near = [from_afar(geometry.bench, way, count, fits=1) for way in begins]
             promises = [(geometry.promise(way), way) for way in near]
             tried += [(*max(promises, key=lambda one: one[0]), new)] if promises else []
-    tried.sort(key=lambda one: -one[0])
     # Larger sets have improved more by now, so both kinds are kept apart.
     few, more = ([t for t in tried if (len(t[2]) > 1) is pair] for pair in (False, True))
-    for promised, way, new in (*few[: limits.SETS_REFITTED], *more[: limits.SETS_REFITTED // 2]):
-        with contextlib.suppress(np.linalg.LinAlgError):
-            farther = from_afar(geometry.bench, way)
-            begin = farther if geometry.promise(farther) > promised else way
-            search.keep(names | new, search.refit(begin, model))
+    for kind, most in ((few, limits.SETS_REFITTED), (more, limits.SETS_REFITTED // 2)):
+        for way, new in promising(geometry, kind, most):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                search.keep(names | new, search.refit(way, model))
+
+
+def promising(
+    geometry: StoresGeometry, tried: Sequence[tuple[float, Configuration, Names]], most: int
+) -> list[tuple[Configuration, Names]]:
+    """The best of some starting points, each with its names, after the better half of them went on:
+    a law with a bend shows late how well it fits.
+
+    Source: successive halving (Karnin, Koren and Somekh 2013).
+    """
+    gain, ends = itemgetter(0), list[tuple[float, Configuration, Names]]()
+    half = sorted(tried, key=gain, reverse=True)[: max(most, len(tried) // 2)]
+    for promised, way, new in half:
+        there = from_afar(geometry.bench, way)
+        ends.append(max((promised, way, new), (geometry.promise(there), there, new), key=gain))
+    return [(way, new) for _, way, new in sorted(ends, key=gain, reverse=True)[:most]]

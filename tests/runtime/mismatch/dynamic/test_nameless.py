@@ -2,39 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.stores.fit import plain_end
-from rulec.mismatch.evidence.stores.model import Suspect, model_of
-from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.search.stores.best_set import curves_of, likeliest_curve
-from rulec.mismatch.stores import nameless_places
-from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, searched, voltage
+from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, voltage
 
 LOSS = "lower.store-loss@inflow"
-
-
-@pytest.mark.parametrize(
-    ("share", "times", "places"),
-    [
-        (0.6, 1.5, ["upper.h"]),
-        (0.1, 1.5, []),  # no place explains it, and it may be noise of another kind
-        (0.1, 20.0, ["upper.h"]),  # no straight way back leads from so far
-    ],
-)
-def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places: list[str]) -> None:
-    """Something is wrong somewhere, whatever explains it."""
-    place = bench(made())
-    ends, plain = plain_end(place, {})
-    plain = replace(plain, noise={"lower.y": Noise(times * NOISE, 5.0)})
-    spot = next(s for s in place.builder.spots if s.id == "balance:upper.h")
-    left = [Suspect(spot, np.ones(len(place.time)), 100.0, share)]
-    model = model_of(place, plain, ends.judged, {})
-    found = nameless_places(model, left, len(place.candidates))
-    assert places == [f"{p.module}.{p.place}" for p in found]
 
 
 def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:

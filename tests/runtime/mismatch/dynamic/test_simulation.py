@@ -12,8 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
-from rulec.mismatch.evidence.stores.model import model_of, suspects
-from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import profile
 from tests.runtime.mismatch.dynamic.benches import (
@@ -110,17 +109,6 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
         width[key] = high - low
     assert width[f"{OVERFLOW}.l_o"] > 0.3 * RIM[f"{OVERFLOW}.l_o"]
     assert width[f"{OVERFLOW}.f"] < 0.1
-
-
-@pytest.mark.parametrize("spot", ["balance:upper.h", "balance:lower.h", "reading:lower.y"])
-def test_the_place_of_an_error_is_found(spot: str) -> None:
-    """An error that comes and goes, in a balance or a sensor: its place is suspected first."""
-    size = 0.5 if spot.startswith("reading") else 2e-4
-    course = size * np.sin(np.arange(1024) / 60.0) ** 3
-    place = bench(made(n=1024, seed=6, errors={spot: course}))
-    ends, plain = plain_end(place, {})
-    sharp = replace(plain, noise={"lower.y": Noise(NOISE, 1.0)})
-    assert spot == suspects(place, sharp, replace(ends.judged, noise=sharp.noise))[0].spot.id
 
 
 def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
