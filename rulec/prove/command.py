@@ -25,11 +25,10 @@ from rulec.engines.engine import chosen
 from rulec.prove import contacts
 from rulec.prove.campaign import Campaign, Changed, Workers, digest_of, unusable
 from rulec.prove.interruption import interruptible
-from rulec.prove.page import page
+from rulec.prove.page import page, show
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Further, Run
 from rulec.prove.second_round import arms_of, asked_again, judged_again
-from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
 
 Ask = Callable[[argparse.Namespace, Console, Console], int]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,9 +11,7 @@ import numpy as np
 
 from rulec.prove import limits
 from rulec.prove.results import Judged
-from rulec.prove.truth.sealed import CONCEALMENTS, DIFFICULTIES
-
-HALVES = ("stationary", "dynamic")
+from rulec.prove.truth.sealed import DIFFICULTIES
 
 
 @dataclass(frozen=True)
@@ -61,14 +59,11 @@ class Row:
         return self.high < self.goal.low or self.low > self.goal.high
 
     @property
-    def verdict(self) -> str:
-        """`met`, `missed` or `no case`."""
-        return "no case" if self.met is None else "met" if self.met else "missed"
-
-    @property
     def words(self) -> str:
-        """The verdict, and whether the interval leaves it in doubt."""
-        return self.verdict + ("" if self.met is None or self.sure else ", not surely")
+        """`met`, `missed` or `no case`, and whether the interval leaves it in doubt."""
+        if self.met is None:
+            return "no case"
+        return ("met" if self.met else "missed") + ("" if self.sure else ", not surely")
 
 
 NAN = float("nan")
@@ -105,15 +100,6 @@ def table(judged: Sequence[Judged]) -> list[Row]:
         _number(f"{error}, median", ratio, ratios, np.median),
         _number(f"{error}, mean", ratio, ratios, np.mean),
         _number(course, goal_of("course", False), values_of(judged, "course"), np.mean),
-    ]
-
-
-def plain(judged: Sequence[Judged]) -> list[Judged]:
-    """Return the cases with an effect that is plain to see: the readings suffice to name it."""
-    return [
-        j
-        for j in judged
-        if not j.clean and j.gain >= limits.PLAIN_GAIN and j.margin >= limits.PLAIN_MARGIN
     ]
 
 
@@ -154,58 +140,12 @@ def bootstrap(
 
 
 @dataclass(frozen=True)
-class Bin:
-    """Cases with a strength from `low` to `high`; `ends` is the 95 % interval of the share."""
-
-    low: float
-    high: float
-    count: int
-    hits: float
-    ends: tuple[float, float]
-
-    @property
-    def share(self) -> float:
-        return self.hits / self.count
-
-    @property
-    def centre(self) -> float:
-        """Geometric mean of the ends."""
-        return math.sqrt(self.low * self.high)
-
-
-def curve(judged: Sequence[Judged], name: str = "name_right") -> dict[str, list[Bin]]:
-    """Return the bins with cases of `name_right` or `place_right` against strength, per half.
-
-    Strengths below 1 are in the first bin.
-    """
-    return {half: list(_bins([j for j in judged if j.half == half], name)) for half in HALVES}
-
-
-def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
-    scored: dict[int, list[float]] = {}
-    for j in judged:
-        value = getattr(j, name)
-        if not j.clean and value is not None and math.isfinite(j.gain):
-            number = math.floor(limits.BINS_PER_DECADE * math.log10(max(j.gain, 1.0)) + 1e-9)
-            scored.setdefault(number, []).append(float(value))
-    for number, values in sorted(scored.items()):
-        low, high = (10 ** (n / limits.BINS_PER_DECADE) for n in (number, number + 1))
-        yield Bin(low, high, len(values), sum(values), wilson(sum(values), len(values)))
-
-
-@dataclass(frozen=True)
 class Group:
     """Cases that have something in common, and their shares (no goal is set for them)."""
 
     title: str
     count: int
     shares: tuple[Row, ...]
-
-
-def by_concealment(judged: Sequence[Judged]) -> list[Group]:
-    """Group cases by concealment; a case that is concealed in two ways is in both groups."""
-    groups = ((w, [j for j in judged if name in j.concealed]) for name, w in CONCEALMENTS.items())
-    return [group(title, cases) for title, cases in groups if cases]
 
 
 def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
@@ -216,12 +156,6 @@ def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
     found = [group(title, cases) for title, cases in groups if cases]
     plain_ones = [j for j in judged if not j.difficulties]
     return [*found, group("none", plain_ones)] if found and plain_ones else found
-
-
-def by(judged: Sequence[Judged], name: str) -> list[Group]:
-    """Group cases by an attribute such as `plant` or `partition`."""
-    titles = sorted({str(getattr(j, name)) for j in judged})
-    return [group(t, [j for j in judged if str(getattr(j, name)) == t]) for t in titles]
 
 
 def group(title: str, judged: Sequence[Judged]) -> Group:

@@ -10,24 +10,22 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
-from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.document import Head, document, numbered, section
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.document import Head, document, numbered
 from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
 
 from rulec.mismatch.answer.terminal_and_page import ReadingCourses, over_time
 from rulec.mismatch.result import Curves
+from rulec.prove import tables
 from rulec.prove.real.rig_folder import FalseAlarm
 from rulec.prove.real.run_tool import MODELS
 from rulec.prove.real.score import Alarm, Scored, ScoredFinding, Total, alarms, totals
+from rulec.prove.tables import Table, sections
 
-TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
-ERRORS = ("rig", "reading", *MODELS, "ratio", "noise", "grey box")
-WORDS = ("rig", "told", "", "reading", "wrong", "story", "right")
-"""Headings of columns of words."""
+SCORES = (".place", ".name", ".class", ".p", ".size", ".false", ".sure", ".utility", ".CPU s")
+ERRORS = ("rig", "reading", *(f".{model}" for model in MODELS), ".ratio", ".noise", ".grey box")
 
 NOTE = (
     "name: share of what is missing whose id is the headline of a finding; class: whose id is in "
@@ -70,33 +68,18 @@ def tell(out: Console, result: Result) -> None:
     """Print the tables."""
     out.print(styled("[bold]{}[/]", result.headline))
     out.print(styled("[dim]{}[/]\n", NOTE))
-    for title, titles, rows in parts(result):
-        if title:
-            out.print(styled("\n[bold]{}[/]", title))
-        shown = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-        for heading in titles:
-            wide = heading in WORDS
-            narrow = not wide or heading == "rig"
-            shown.add_column(heading, justify="left" if wide else "right", no_wrap=narrow)
-        for row in rows:
-            shown.add_row(*map(one_line, row))
-        out.print(shown)
+    tables.tell(out, parts(result))
 
 
 def page(result: Result, made: Made | None) -> str:
-    """Write the same as one HTML file."""
+    """Write the same as one HTML file, with the origin of the rigs and pictures."""
+    rigs = [
+        (r.name, r.title, r.licence, r.source, r.truth.source if r.truth else "nothing is known")
+        for r in (s.rig for s in result.scored)
+    ]
+    of = ("rig", "what", "licence", "source", "how the answer is known")
     body = [f'<p class="key">{safe(NOTE)}</p>']
-    for title, titles, rows in parts(result):
-        cells = [[safe(cell) for cell in row] for row in rows]
-        body.append(
-            section(safe(title or "Answers"), table(title or "answers", columns(*titles), cells))
-        )
-    rigs = []
-    for rig in (s.rig for s in result.scored):
-        known = rig.truth.source if rig.truth else "nothing is known"
-        rigs.append([safe(text) for text in (rig.name, rig.title, rig.licence, rig.source, known)])
-    of = columns("rig", "what", "licence", "source", "how the answer is known")
-    body.append(section("Rigs", table("rigs", of, rigs)))
+    body.append(sections([*parts(result), Table("Rigs", of, rigs)], "Answers"))
     body += numbered(figure for s in result.scored if (figure := draw(s)) is not None)
     head = Head(kind="Real recordings", verdict=result.headline, made=made)
     return document(head, "".join(body))
@@ -114,18 +97,19 @@ def form(result: Result) -> dict[str, Any]:
     }
 
 
-def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
-    """Yield the tables with title, headings and cells."""
-    yield "", ("rig", "told"), [[s.rig.name, _said(s)] for s in result.scored]
-    yield "Scores", TITLES, [_answer_row(s) for s in result.scored]
-    yield "Errors on unseen rows", ERRORS, [r for s in result.scored for r in _error_rows(s)]
-    yield "All rigs", ("", "mean", "95 % interval", "rigs"), [_total_row(t) for t in result.totals]
+def parts(result: Result) -> Iterator[Table]:
+    """Yield the tables."""
+    yield Table("", ("rig", "told"), [(s.rig.name, _said(s)) for s in result.scored])
+    yield Table("Scores", ("rig", *SCORES), [_answer_row(s) for s in result.scored])
+    yield Table("Errors on unseen rows", ERRORS, [r for s in result.scored for r in _error_rows(s)])
+    of_all = ("", ".mean", ".95 % interval", ".rigs")
+    yield Table("All rigs", of_all, [_total_row(t) for t in result.totals])
     if result.alarms:
-        rows = [_alarm_row(alarm) for alarm in result.alarms]
-        yield "False alarms", ("rig", "wrong", "told again", "story", "right"), rows
+        of_alarms = ("rig", "wrong", ".told again", "story", "right")
+        yield Table("False alarms", of_alarms, [_alarm_row(alarm) for alarm in result.alarms])
     if result.hidden is not None:
-        rows = [[name, "; ".join(diff) or "the same"] for name, diff in result.hidden.items()]
-        yield "Under other names", ("rig", ""), rows
+        rows = [(name, "; ".join(diff) or "the same") for name, diff in result.hidden.items()]
+        yield Table("Under other names", ("rig", ""), rows)
 
 
 def _answer_row(s: Scored) -> list[str]:
