@@ -16,6 +16,7 @@ from rich.console import Console
 from rulec_runtime.report.text import number
 
 from rulec.prove.campaign import Campaign, opened
+from rulec.prove.judge import class_probability
 from rulec.prove.limits import BELIEVED, CERTAIN
 from rulec.prove.partition import Planned
 from rulec.prove.scores import Goal, Row, goal_of, of_hits
@@ -62,7 +63,7 @@ class Judged:
 def judge(answer: ContactAnswer, form: Form) -> Judged:
     """Score the tool's answer in JSON; a failed analysis reports nothing."""
     verdict, effects = str(form.get("verdict", "failed")), list(form.get("effects", ()))
-    sure = [e for e in effects if _probability(e) >= CERTAIN and e.get("sort") != "free"]
+    sure = [e for e in effects if class_probability(e) >= CERTAIN and e.get("sort") != "free"]
     right = [_in_class(answer.names, e) for e in sure]
     found = verdict == TICK if not answer.other else any(right)
     if answer.other and not answer.names:
@@ -72,7 +73,7 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
         answer.case,
         answer.other,
         verdict,
-        tuple((str(e["id"]), _probability(e)) for e in effects),
+        tuple((str(e["id"]), class_probability(e)) for e in effects),
         0.0 if verdict in WITHOUT_VALUES else _far(answer, form),
         _beyond(answer, form) if verdict == TICK else None,
         found,
@@ -80,10 +81,6 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
         float(form.get("seconds", 0.0)),
         str(form.get("error", "")),
     )
-
-
-def _probability(effect: Form) -> float:
-    return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 
 def _in_class(names: Sequence[str], effect: Form) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -217,13 +218,24 @@ class Reliability:
         return "as said" if low <= self.said <= high else "too sure" if high < self.said else "shy"
 
 
-def reliability(judged: Sequence[Judged]) -> list[Reliability]:
-    """Return all names in the answers by their probability; bins with names only."""
-    claims = [claim for j in judged for claim in j.claims]
-    found = []
+B = TypeVar("B")
+
+
+def by_probability(
+    all_: Sequence[B], probability: Callable[[B], float]
+) -> Iterator[tuple[float, float, list[B]]]:
+    """Yield the ends of each bin of probabilities, and what is in it; bins with something only."""
     for low, high in pairwise(limits.PROBABILITIES):
-        own = [c for c in claims if low <= c.probability < high or c.probability == high == 1.0]
+        own = [b for b in all_ if low <= (p := probability(b)) < high or p == high == 1.0]
         if own:
-            right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
-            found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
+            yield low, high, own
+
+
+def reliability(judged: Sequence[Judged]) -> list[Reliability]:
+    """Return all names in the answers by their probability."""
+    found = []
+    claims = [claim for j in judged for claim in j.claims]
+    for low, high, own in by_probability(claims, lambda claim: claim.probability):
+        right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
+        found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
     return found

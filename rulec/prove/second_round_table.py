@@ -7,16 +7,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from statistics import fmean
 from typing import Any
 
 from rulec_runtime.report.text import counted, percent
 
 from rulec.prove.judge import is_named, judged_words
-from rulec.prove.limits import PROBABILITIES
 from rulec.prove.results import ARMS, COVERED, RECIPE, RUN, Further, Judged
-from rulec.prove.scores import table
+from rulec.prove.scores import by_probability, table
 from rulec.prove.tables import Table, value_of
 from rulec.prove.truth.sealed import Answer, Planted
 
@@ -30,14 +28,22 @@ def further_of(
     answer: Answer, first: Judged, recipe: Form, before: Form, after: Mapping[str, Form]
 ) -> Further:
     """Judge a second round; `after` has the answers with a second recording by arm."""
-    known = _entries(before, *after.values())
+    known = {
+        str(one["id"]): str(one["effect"])
+        for form in (before, *after.values())
+        for effect in form.get("effects", ())
+        for one in (effect, *effect["alternatives"])
+    }
     candidates = recipe.get("explanations", before.get("standing", ()))
     right = [right_set(answer, one["names"], known) for one in candidates]
     sure_before = sure_of(answer, before, known)
+    # The tool's message without the text that the proof adds around it.
+    error = str(recipe.get("error", ""))
+    message = error.rpartition("rulec experiment: ")[2].rpartition(" (")[0].removeprefix("rulec: ")
     judged = Further(
         case=answer.case,
         outcome="refused" if "error" in recipe else "alike",
-        why=_message(str(recipe.get("error", ""))),
+        why=message or error,
         sure_before=sure_before,
         stood=any(right),
     )
@@ -49,7 +55,8 @@ def further_of(
         stalled = "not_run" in form
         sure[arm] = sure_before if stalled else sure_of(answer, form, known)
         again[arm] = first if stalled else judged_words(answer, form, first.partition)
-    steps, covers = recipe["steps"], _covers(recipe)
+    steps = recipe["steps"]
+    covers = all(step["covers"] for step in steps)
     return replace(
         judged,
         outcome="stalled" if "not_run" in after[RECIPE] else COVERED if covers else RUN,
@@ -60,17 +67,6 @@ def further_of(
         sure=sure,
         after=again,
     )
-
-
-def _covers(recipe: Form) -> bool:
-    """Whether a recipe only covers the allowed range and distinguishes nothing."""
-    return all(step["covers"] for step in recipe["steps"])
-
-
-def _message(error: str) -> str:
-    """The tool's message without the text that the proof adds around it."""
-    said = error.rpartition("rulec experiment: ")[2].rpartition(" (")
-    return said[0].removeprefix("rulec: ") or error
 
 
 def sure_of(answer: Answer, form: Form, known: Mapping[str, str]) -> float:
@@ -87,8 +83,10 @@ def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) ->
     acts at several places at once, so any number of them is right.
     """
     if answer.verdict == "unnamed":
+        # Such as `signal:B.P_el~B.l`, whose place is `B.P_el`.
+        parts = [name.partition(":")[2].partition(NAMELESS) for name in names]
         places = {place for p in answer.effects for place in p.places}
-        return bool(names) and all(NAMELESS in name and _place(name) in places for name in names)
+        return bool(names) and all(mark and place in places for place, mark, _ in parts)
     planted = [p for p in answer.effects if p.names]
     if len(names) != len(planted):
         return False
@@ -104,21 +102,6 @@ def _is(planted: Planted, name: str, known: Mapping[str, str]) -> bool:
     entry, _, place = rest.partition("@")
     effect = known.get(id_, entry)
     return is_named(planted, {"effect": effect, "id": id_, "modules": (module,), "place": place})
-
-
-def _place(name: str) -> str:
-    """The place of a nameless term, such as `B.P_el` of `signal:B.P_el~B.l`."""
-    return name.partition(":")[2].partition(NAMELESS)[0]
-
-
-def _entries(*forms: Form) -> dict[str, str]:
-    """Entries of the catalogue by the ids in answers."""
-    found: dict[str, str] = {}
-    for form in forms:
-        for effect in form.get("effects", ()):
-            for one in (effect, *effect["alternatives"]):
-                found[str(one["id"])] = str(one["effect"])
-    return found
 
 
 FALSE_NAMES = 6
@@ -157,15 +140,13 @@ class Gained:
 
 def gained(further: Sequence[Further]) -> list[Gained]:
     """Return predicted against realised certainty; bins with recipes only."""
-    ran, found = [f for f in further if f.outcome == RUN], []
-    for low, high in pairwise(PROBABILITIES):
-        own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
-        if own:
-            stood = [f.sure[RECIPE] for f in own if f.stood]
-            said, realised = ([f.expected[1] for f in own], [f.sure[RECIPE] for f in own])
-            mean = fmean(stood) if stood else float("nan")
-            bin_ = Gained(low, high, len(own), fmean(said), fmean(realised), len(stood), mean)
-            found.append(bin_)
+    found = []
+    ran = [f for f in further if f.outcome == RUN]
+    for low, high, own in by_probability(ran, lambda f: f.expected[1]):
+        stood = [f.sure[RECIPE] for f in own if f.stood]
+        said, realised = (fmean(f.expected[1] for f in own), fmean(f.sure[RECIPE] for f in own))
+        mean = fmean(stood) if stood else float("nan")
+        found.append(Gained(low, high, len(own), said, realised, len(stood), mean))
     return found
 
 

@@ -18,7 +18,6 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_text
 
 from rulec.language.document import read_document
-from rulec.prove.real.files import opened, write_packed, write_yaml
 from rulec.prove.real.rig_folder import (
     ABOUT,
     ALARMS,
@@ -31,6 +30,9 @@ from rulec.prove.real.rig_folder import (
     TRAIN,
     checked,
     digest_of,
+    opened,
+    write_packed,
+    write_yaml,
 )
 
 Row = Mapping[str, str]

@@ -12,6 +12,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.language.units import UnitTable
+from rulec.prove.judge import class_probability, interval_of
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
 from rulec.prove.real.rig_folder import FalseAlarm, Missing, Rig, Size, Truth
 from rulec.prove.scores import bootstrap
@@ -152,7 +153,7 @@ def scored(rig: Rig, asked: Form) -> Scored:
 
 def scored_finding(effect: Form) -> ScoredFinding:
     """Read a finding with the causes it leaves open: its class, and likely ones if it is unsure."""
-    sure = float(effect.get("class_probability") or effect["probability"] or 0.0)
+    sure = class_probability(effect)
     others = (
         a
         for a in effect["alternatives"]
@@ -232,7 +233,7 @@ def _inside(truth: Truth | None, right: Sequence[ScoredFinding | None]) -> tuple
 
 def _hits(missing: Missing, found: ScoredFinding, units: UnitTable) -> Iterator[bool]:
     for size in missing.sizes:
-        interval = _interval(found.form, size.parameter)
+        interval = interval_of(found.form, size.parameter, size.parameter == "degree")
         if size.name in ("", found.form["effect"]) and interval:
             low, high, unit = interval
             value, u = _in_unit(size, unit, units)
@@ -248,18 +249,6 @@ def _in_unit(size: Size, unit: str, units: UnitTable) -> tuple[float, float]:
     if own.dimension != other.dimension:
         return math.nan, math.nan
     return other.from_si(own.to_si(size.value)), size.u * own.factor / other.factor
-
-
-def _interval(effect: Form, parameter: str) -> tuple[float, float, str] | None:
-    """Ends of the 95 % interval of a parameter, or of the degree of the first period; unit."""
-    found = effect["parameters"].get(parameter)
-    if found and found.get("lower") is not None and found.get("upper") is not None:
-        return float(found["lower"]), float(found["upper"]), str(found["unit"])
-    periods = effect.get("periods") or ()
-    if parameter == "degree" and periods and periods[0].get("u") is not None:
-        degree, reach = periods[0]["degree"], COVERAGE_OF_DEGREES * periods[0]["u"]
-        return degree - reach, degree + reach, str(periods[0].get("unit", "1"))
-    return None
 
 
 def utility(missing: Sequence[Missing], said: Sequence[ScoredFinding], candidates: int) -> float:

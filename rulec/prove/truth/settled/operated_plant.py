@@ -164,7 +164,7 @@ def scene(
     seconds = np.arange(samples, dtype=np.float64)
 
     def setting() -> Array:
-        return drive.PROFILES[profile](random, samples)
+        return drive.course(random, profile, samples)
 
     def reached(setting: Array) -> Array:
         return approach(seconds, setting, SPEED_TIME)

@@ -1,4 +1,5 @@
-"""Volume balances, integrated from sample to sample and from jump to jump of a flow.
+"""Volume balances, integrated from sample to sample and from jump to jump of a flow; drives with a
+memory.
 
 Source: conservation of volume; LSODA (Petzold 1983) as in scipy. Its `odeint` restarts at every
 sample five times faster than `solve_ivp`, whose LSODA also leaks 2 kB each time (1.17).
@@ -7,7 +8,8 @@ sample five times faster than `solve_ivp`, whose LSODA also leaks 2 kB each time
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,9 +19,7 @@ from scipy.integrate import odeint
 
 from ..units import Array
 from .laws import arriving, bypassed, loss, outflow, overflow, supply
-from .memory import path, with_play
 from .plant import Plant, Tank
-from .step import step
 
 RELATIVE, ABSOLUTE = 1e-7, 1e-7
 """Tolerances; levels are of the order of 10 cm."""
@@ -32,6 +32,9 @@ SOLVED = "Integration successful."
 
 SAME = 1e-6
 """s; closer times are one."""
+
+
+Rates = Callable[[float, Sequence[float]], list[float]]
 
 
 @dataclass(frozen=True)
@@ -210,3 +213,100 @@ def _course(
         picked[:, -2],
         picked[:, -1],
     )
+
+
+NODES = (0.2, 0.3, 0.6, 1.0, 0.875)
+STAGES = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (3 / 10, -9 / 10, 6 / 5),
+    (-11 / 54, 5 / 2, -70 / 27, 35 / 27),
+    (1631 / 55296, 175 / 512, 575 / 13824, 44275 / 110592, 253 / 4096),
+)
+FIFTH = (37 / 378, 0.0, 250 / 621, 125 / 594, 0.0, 512 / 1771)
+FOURTH = (2825 / 27648, 0.0, 18575 / 48384, 13525 / 55296, 277 / 14336, 1 / 4)
+OFF = tuple(a - b for a, b in zip(FIFTH, FOURTH, strict=True))
+
+ACCEPTED = 1e-5
+"""Largest estimated error of a step, cm; 5 microvolt of a usual sensor."""
+
+
+def step(rates: Rates, state: Sequence[float], begin: float, end: float) -> list[float] | None:
+    """Return the state after one step over a whole sample, or None if that is not accurate enough.
+
+    Source: Cash, Karp 1990, the pair of orders 5 and 4.
+    """
+    width = end - begin
+    slopes = [rates(begin, state)]
+    for node, weights in zip(NODES, STAGES, strict=True):
+        slopes.append(rates(begin + node * width, _moved(state, slopes, weights, width)))
+    if max(map(abs, _moved([0.0] * len(state), slopes, OFF, width))) > ACCEPTED:
+        return None
+    return _moved(state, slopes, FIFTH, width)
+
+
+def _moved(
+    state: Sequence[float],
+    slopes: Sequence[Sequence[float]],
+    weights: Sequence[float],
+    width: float,
+) -> list[float]:
+    """State plus weighted slopes."""
+    result = list(state)
+    for slope, weight in zip(slopes, weights, strict=True):
+        if weight:
+            by = weight * width
+            result = [x + by * k for x, k in zip(result, slope, strict=True)]
+    return result
+
+
+def with_play(value: Array, width: float) -> Array:
+    """Return the course of a pointer with play, which moves only when pushed.
+
+    Source: Prandtl's play operator.
+    """
+    result, pointer = np.empty_like(value), float(value[0])
+    for i, pushed in enumerate(value.tolist()):
+        pointer = min(max(pointer, pushed - 0.5 * width), pushed + 0.5 * width)
+        result[i] = pointer
+    return result
+
+
+@dataclass(frozen=True)
+class Path:
+    """Position of a drive: linear between corners, or a step at each; at rest before the first."""
+
+    times: Sequence[float]
+    values: Sequence[float]
+    stepped: bool
+
+    def at(self, time: float) -> float:
+        """Return the position; at a step, that after it."""
+        i = bisect_right(self.times, time) - 1
+        if i < 0:
+            return self.values[0]
+        if self.stepped or i == len(self.times) - 1:
+            return self.values[i]
+        share = (time - self.times[i]) / (self.times[i + 1] - self.times[i])
+        return self.values[i] + share * (self.values[i + 1] - self.values[i])
+
+
+def path(time: Array, wanted: Array, rate: float) -> Path:
+    """Return the path of a drive that moves at most at a `rate` to the setting of each sample."""
+    if math.isinf(rate):
+        return Path(time.tolist(), wanted.tolist(), stepped=True)
+    here = float(wanted[0])
+    times, values = [float(time[0])], [here]
+    for i in range(len(time) - 1):
+        begin, end, goal = float(time[i]), float(time[i + 1]), float(wanted[i])
+        arrival = begin + abs(goal - here) / rate
+        if arrival < end:
+            if arrival > begin:
+                times.append(arrival)
+                values.append(goal)
+            here = goal
+        else:
+            here += math.copysign(rate * (end - begin), goal - here)
+        times.append(end)
+        values.append(here)
+    return Path(times, values, stepped=False)
