@@ -34,8 +34,6 @@ level; cm, s, V. All are within two uncertainties of the module types."""
 LEAST: Mapping[str, float] = {"k": 1.0, "A": 13.0, "a": 0.015, "g": 0.4, "h0": 1.0}
 """Least drawn values; the largest is two uncertainties above the nominal one."""
 
-UNITS: Mapping[str, str] = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
-
 CARD_ZERO, METER_SLOPE = 0.01, 0.002
 """Standard uncertainties: card 0.2 % of 10 V, flow meter 0.4 %, over 2."""
 
@@ -141,19 +139,6 @@ def build(
     ranges[layout.feed] = flow / plant.feed.gain
     plant, meter, told = hardened(plant, difficulties, seed, ranges, layout.metered)
     return Setup(layout, plant, kind, time, shown, meter, told)
-
-
-def parameters(setup: Setup) -> dict[str, tuple[float, str]]:
-    """Return the true base parameters with their units, without gains of absent sensors."""
-    plant, layout = setup.plant, setup.layout
-    found = {} if layout.metered else {f"{layout.feed}.k": (plant.feed.gain, UNITS["k"])}
-    for tank in plant.tanks:
-        found[f"{tank.name}.A"] = tank.area, UNITS["A"]
-        found[f"{tank.name}.a"] = tank.outlet, UNITS["a"]
-        found[f"{tank.name}.h0"] = tank.level, UNITS["h0"]
-    for sensor in plant.sensors:
-        found[f"{sensor.tank}.g"] = sensor.gain, UNITS["g"]
-    return found
 
 
 def recorded_input(setup: Setup, seed: int) -> Array:

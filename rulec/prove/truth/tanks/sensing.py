@@ -8,7 +8,8 @@ import numpy as np
 
 from ..smooth import coloured
 from ..units import Array
-from .balance import Course, with_play
+from .balance import Course
+from .drive import with_play
 from .plant import LEVEL_ZERO, LevelSensor, Plant
 
 
