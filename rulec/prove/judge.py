@@ -19,22 +19,21 @@ from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
 Array = NDArray[np.float64]
 
 TIME = "time [s]"
+NAN = float("nan")
 
 
 def columns_of(text: str) -> dict[str, Array]:
     """Read a CSV table as columns by header; NaN in cells without a number."""
     head, *rows = csv.reader(io.StringIO(text))
-    return {
-        name: np.array([_number(row[i]) for row in rows], dtype=float)
-        for i, name in enumerate(head)
-    }
 
+    def number(cell: str) -> float:
+        try:
+            return float(cell)
+        except ValueError:
+            return NAN
 
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
+    columns = {name: [number(row[i]) for row in rows] for i, name in enumerate(head)}
+    return {name: np.array(cells, dtype=float) for name, cells in columns.items()}
 
 
 def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
@@ -49,7 +48,6 @@ def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
     return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
 
 
-NAN = float("nan")
 ERRORS = ("shipped", "recalibrated", "repaired", "noise")
 Form = Mapping[str, Any]
 
