@@ -151,17 +151,11 @@ class Group:
 
 def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
     """Group cases by difficulty, a case with two in both groups; empty if no case has any."""
-    groups = [
-        (w, [j for j in judged if name in j.difficulties]) for name, w in DIFFICULTIES.items()
-    ]
-    found = [group(title, cases) for title, cases in groups if cases]
-    plain_ones = [j for j in judged if not j.difficulties]
-    return [*found, group("none", plain_ones)] if found and plain_ones else found
-
-
-def group(title: str, judged: Sequence[Judged]) -> Group:
-    """Return the shares of some cases."""
-    return Group(title, len(judged), _shares(judged))
+    cases = {w: [j for j in judged if n in j.difficulties] for n, w in DIFFICULTIES.items()}
+    if not any(cases.values()):
+        return []
+    cases["none"] = [j for j in judged if not j.difficulties]
+    return [Group(title, len(own), _shares(own)) for title, own in cases.items() if own]
 
 
 def _shares(judged: Sequence[Judged]) -> tuple[Row, ...]:
