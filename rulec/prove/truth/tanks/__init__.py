@@ -3,8 +3,8 @@
 It shares no code with the packages it tests. Files in order of data flow: `feed` and `plant`,
 `laws` (flows), `balance` (levels over time), `sensing` (voltages), `drive` (inputs), `build` (true
 parameters by seed, difficulties), `effects.yaml`, `effect`, `case` (with sized effects),
-`right_answer`, `model` (the true plant as a model), `detection_limit`, `refit`, `sealed` (common
-form), `suite` (with random plants). All is in cm, s and V.
+`right_answer`, `model` (the true plant as a model, and its fit), `detection_limit`, `sealed` (the
+common form), `suite` (with random plants). All is in cm, s and V.
 """
 
 from .build import CASCADED, Layout, build

@@ -14,7 +14,7 @@ from ..recording import write_csv
 from .build import CASCADED, Layout
 from .case import Case
 from .detection_limit import detection_limits
-from .refit import heldout_errors
+from .model import heldout_errors
 from .right_answer import right
 
 _PACKAGE = Path(__file__).parents[3]
