@@ -22,13 +22,14 @@ from rulec.prove.truth.settled.rigs import drawn_rig, write_plant
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks import CASCADED, build
 from rulec.prove.truth.tanks.balance import integrate
-from rulec.prove.truth.tanks.build import Setup, parameters
+from rulec.prove.truth.tanks.build import Setup
 from rulec.prove.truth.tanks.feed import Curve, Kink, Warming
 from rulec.prove.truth.tanks.laws import GRAVITY
 from rulec.prove.truth.tanks.plant import Opening, Plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
 from tests.conftest import ROOT
+from tests.tank_row import parameters
 
 SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
 PIECES = 10

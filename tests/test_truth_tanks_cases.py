@@ -13,12 +13,11 @@ import yaml
 
 from rulec.prove.truth.sealed import HIDES
 from rulec.prove.truth.tanks import CASCADED, Case, Layout, build, case, possible_effects
-from rulec.prove.truth.tanks.build import UNITS, parameters
 from rulec.prove.truth.tanks.case import ACCEPTED, Readings, change_of, rms, run
 from rulec.prove.truth.tanks.sealed import SealedCase
 from rulec.prove.truth.tanks.sensing import shown
 from tests.conftest import ROOT
-from tests.tank_row import ROW
+from tests.tank_row import ROW, UNITS, parameters
 
 SHORT = 120
 """Samples of a case that is made for one test."""
@@ -106,7 +105,7 @@ def test_parameters_lie_within_what_module_types_state() -> None:
         text = (ROOT / "kb" / "modules" / f"{module}.yaml").read_text(encoding="utf-8")
         for name, part in yaml.safe_load(text)["parameters"].items():
             stated[name] = part["value"], part["u"], part["unit"]
-    assert {name: stated[name][2] for name in UNITS} == dict(UNITS)
+    assert {name: stated[name][2] for name in UNITS} == UNITS
     for seed in range(20):
         for name, (value, _) in parameters(build(CASCADED, seed, 20)).items():
             middle, u, _ = stated[name.partition(".")[2]]

@@ -7,28 +7,27 @@ would `rulec mismatch` report? The answer holds for this plant and this recordin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, safe
 
 from rulec.api.mismatch import mismatch
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.json_form import power_form
 from rulec.mismatch.result import Detectability, SelfProof
+from rulec.prove.tables import Table, sections, tell
 
 OFTEN, SOMETIMES = 0.9, 0.1
 """Least shares of the replays for an effect to count as reported, and as reported at times."""
 
-COLUMNS = ("effect", "usual size", "told", "told from", "told instead")
+COLUMNS = ("effect", ".usual size", ".told", ".told from", "told instead")
 
 MEANING = (
     "told: with a probability of 0.9, alone or with those that predict the same here; told from: "
@@ -120,14 +119,18 @@ def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
     return (title_of(seen), usual, f"{seen.told_usual} of {replays}", least, ", ".join(instead))
 
 
+def tables(found: Blind) -> list[Table]:
+    """Return one table per group."""
+    return [
+        Table(title, COLUMNS, [cells(seen, found.proof.replays) for seen in effects])
+        for title, effects in found.groups
+    ]
+
+
 def show(out: Console, found: Blind) -> None:
-    """Print the result, then one table per group."""
+    """Print the result, then the tables."""
     out.print(styled("[bold]{}[/]", found.headline))
-    for title, effects in found.groups:
-        shown = Table(*COLUMNS, title=f"\n{title}", title_justify="left", box=None, pad_edge=False)
-        for seen in effects:
-            shown.add_row(*(styled("{}", c) for c in cells(seen, found.proof.replays)))
-        out.print(shown)
+    tell(out, tables(found))
     count = len(found.unseen)
     if count:
         out.print(styled("\n[bold]{}[/]", NEVER.format(counted(count, "effect"))), end=" ")
@@ -137,10 +140,10 @@ def show(out: Console, found: Blind) -> None:
 
 def page(found: Blind, made: Made | None = None) -> str:
     """Write the page; the same result gives the same text."""
-    parts = [section(t, _rows(t, effects, found)) for t, effects in found.groups]
+    body = sections(tables(found))
     if found.unseen:
-        body = f"<p>{safe('; '.join(found.unseen))}.</p>"
-        parts.append(section(NEVER.format(counted(len(found.unseen), "effect")), body))
+        never = NEVER.format(counted(len(found.unseen), "effect"))
+        body += section(never, f"<p>{safe('; '.join(found.unseen))}.</p>")
     head = Head(
         kind="Blind test of a recording",
         verdict=found.headline,
@@ -148,9 +151,4 @@ def page(found: Blind, made: Made | None = None) -> str:
         facts=(("Plant", found.plant), ("Recording", found.recording)),
         made=made,
     )
-    return document(head, "".join(parts))
-
-
-def _rows(title: str, effects: Sequence[Detectability], found: Blind) -> str:
-    rows = ([safe(c) for c in cells(seen, found.proof.replays)] for seen in effects)
-    return table(title, columns(*COLUMNS), rows)
+    return document(head, body)

@@ -46,27 +46,24 @@ def unusable(work: Path) -> str | None:
 
     Creates the folder if it does not exist, and changes nothing in it. Other files may be in it.
     """
+    seals, cases = work / SEALS, work / CASES
+    place, why = work, ""
     try:
         work.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=work).close()
-        seals, cases = work / SEALS, work / CASES
         if seals.exists() and not seals.is_file():
-            return _refused(seals, "a run has a file there")
-        if cases.exists() and not cases.is_dir():
-            return _refused(cases, "a run has a folder there")
-        if cases.exists() and not seals.exists():
-            return _refused(cases, f"no run of rulec prove left it, or there would be a {SEALS}")
-        if cases.exists():
+            place, why = seals, "a run has a file there"
+        elif cases.exists() and not cases.is_dir():
+            place, why = cases, "a run has a folder there"
+        elif cases.exists() and not seals.exists():
+            place, why = cases, f"no run of rulec prove left it, or there would be a {SEALS}"
+        elif cases.exists():
             tempfile.TemporaryFile(dir=cases).close()
     except (FileExistsError, NotADirectoryError):
-        return _refused(work, "a file is in the way")
+        why = "a file is in the way"
     except OSError as error:
-        return _refused(work, f"cannot write there ({error.strerror})")
-    return None
-
-
-def _refused(place: Path, why: str) -> str:
-    return f"--keep: {place}: {why}; name another folder"
+        why = f"cannot write there ({error.strerror})"
+    return f"--keep: {place}: {why}; name another folder" if why else None
 
 
 OPENED = "answer-opened.json"
@@ -118,8 +115,7 @@ class Campaign:
         whose = self.partition.digest
         if kept := owned(self.folder, whose):
             return kept
-        cases = enumerate(self.partition.cases())
-        todo = [(case, folder_of(self.folder, i)) for i, case in cases]
+        todo = [(c, folder_of(self.folder, i)) for i, c in enumerate(self.partition.cases())]
         made = self.workers.each("sealing", _seal, todo)
         _write_seals(self.folder, [*_head(whose), *made])
         return made

@@ -25,11 +25,10 @@ from rulec.engines.engine import chosen
 from rulec.prove import contacts
 from rulec.prove.campaign import Campaign, Changed, Workers, digest_of, unusable
 from rulec.prove.interruption import interruptible
-from rulec.prove.page import page
+from rulec.prove.page import page, show
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Further, Run
 from rulec.prove.second_round import arms_of, asked_again, judged_again
-from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
 
 Ask = Callable[[argparse.Namespace, Console, Console], int]
@@ -96,42 +95,41 @@ def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Cons
 
 def _mistake(options: argparse.Namespace) -> str | None:
     """Return the first mistake in the options, before the long work starts."""
-    if options.final and options.contacts:
-        return "--final: first contacts are drawn, none is kept apart; leave --final out"
-    if options.final and register()["final"]["seed"] is None:
-        return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
     try:
         engine_of(options)
     except Misused as misused:
         return str(misused)
-    if options.hidden_names or options.limit is not None:
-        first = "--hidden-names" if options.hidden_names else "--limit"
-        return f"{first}: this is for real recordings; add --real DIR"
-    if options.contacts and options.report:
-        return "--report: there is no page of first contacts, a table and --json only"
-    if not partition_of(options)[0].cases():
-        return f"--only {options.only}: no case has this in its name"
-    return _mistake_of_rounds(options) or mistake_of_places(options)
+    contacts_, again = options.contacts, options.rounds > 1
+    undrawn = options.final and register()["final"]["seed"] is None
+    cases = [] if undrawn else partition_of(options)[0].cases()
+    mistakes = {
+        "--final: first contacts are drawn, none is kept apart; leave --final out": (
+            options.final and contacts_
+        ),
+        "--final: the final cases were not drawn yet; --seed N draws cases of your own": undrawn,
+        "--hidden-names: this is for real recordings; add --real DIR": options.hidden_names,
+        "--limit: this is for real recordings; add --real DIR": options.limit is not None,
+        "--report: there is no page of first contacts, a table and --json only": (
+            contacts_ and options.report
+        ),
+        f"--only {options.only}: no case has this in its name": not cases,
+        "--baselines: they are asked beside a second recording; add --rounds 2": (
+            options.baselines is not None and not again
+        ),
+        "--rounds: first contacts are asked once; leave --contacts out": again and contacts_,
+        "--rounds: how drifts go on is not known; leave --hard out": again and options.hard,
+        "--rounds: experiments are planned for settled plants; add --only stationary": (
+            again and not all(isinstance(case, Settled) for case in cases)
+        ),
+    }
+    found = next((mistake for mistake, made in mistakes.items() if made), None)
+    return found or mistake_of_places(options)
 
 
 def mistake_of_places(options: argparse.Namespace) -> str | None:
     """Return why results cannot be written, or the kept folder not be used; None if they can."""
     unwritable = without_folder(options, "json", "report")
     return unwritable or (unusable(Path(options.keep)) if options.keep else None)
-
-
-def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
-    if options.baselines is not None and options.rounds < 2:
-        return "--baselines: they are asked beside a second recording; add --rounds 2"
-    if options.rounds < 2:
-        return None
-    if options.contacts:
-        return "--rounds: first contacts are asked once; leave --contacts out"
-    if options.hard:
-        return "--rounds: how drifts go on is not known; leave --hard out"
-    if not all(isinstance(case, Settled) for case in partition_of(options)[0].cases()):
-        return "--rounds: experiments are planned for settled plants; add --only stationary"
-    return None
 
 
 def engine_of(options: argparse.Namespace) -> Engine:

@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.text import number
 
 from rulec.prove.campaign import Campaign, opened
+from rulec.prove.judge import class_probability
 from rulec.prove.limits import BELIEVED, CERTAIN
 from rulec.prove.partition import Planned
 from rulec.prove.scores import Goal, Row, goal_of, of_hits
-from rulec.prove.tables import grid, interval_of
-from rulec.prove.terminal import MARK
+from rulec.prove.tables import Table, interval_of, tell, verdict_of
 from rulec.prove.truth.contacts import Contact, ContactAnswer
 
 TICK = "none"
@@ -64,7 +63,7 @@ class Judged:
 def judge(answer: ContactAnswer, form: Form) -> Judged:
     """Score the tool's answer in JSON; a failed analysis reports nothing."""
     verdict, effects = str(form.get("verdict", "failed")), list(form.get("effects", ()))
-    sure = [e for e in effects if _probability(e) >= CERTAIN and e.get("sort") != "free"]
+    sure = [e for e in effects if class_probability(e) >= CERTAIN and e.get("sort") != "free"]
     right = [_in_class(answer.names, e) for e in sure]
     found = verdict == TICK if not answer.other else any(right)
     if answer.other and not answer.names:
@@ -74,7 +73,7 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
         answer.case,
         answer.other,
         verdict,
-        tuple((str(e["id"]), _probability(e)) for e in effects),
+        tuple((str(e["id"]), class_probability(e)) for e in effects),
         0.0 if verdict in WITHOUT_VALUES else _far(answer, form),
         _beyond(answer, form) if verdict == TICK else None,
         found,
@@ -82,10 +81,6 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
         float(form.get("seconds", 0.0)),
         str(form.get("error", "")),
     )
-
-
-def _probability(effect: Form) -> float:
-    return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 
 def _in_class(names: Sequence[str], effect: Form) -> bool:
@@ -151,22 +146,18 @@ def why(judged: Judged) -> str:
 
 def show(out: Console, found: Sequence[Judged]) -> None:
     """Print the figures, and the cases with mistakes."""
-    rows = (
-        (
-            *(row.score, row.goal.text, f"{row.hits:g} of {row.count}", interval_of(row)),
-            styled(MARK[row.met], row.verdict),
-        )
-        for row in figures(found)
-    )
-    out.print(grid(("score", "goal", "reached", "95 % interval", ""), rows, wrap=False))
-    bad = [
-        (j.case, j.verdict, ", ".join(f"{name} {number(p, 2)}" for name, p in j.said), why(j))
-        for j in found
-        if why(j)
+    reached = [
+        (r.score, r.goal.text, f"{r.hits:g} of {r.count}", interval_of(r), verdict_of(r))
+        for r in figures(found)
     ]
+    bad = [
+        (j.case, j.verdict, ", ".join(f"{name} {number(p, 2)}" for name, p in j.said), mistakes)
+        for j in found
+        if (mistakes := why(j))
+    ]
+    tell(out, [Table("", ("score", ".goal", ".reached", ".95 % interval", ""), reached)])
     if bad:
-        out.print(styled("\n[bold]Not as it should be[/]"))
-        out.print(grid(("case", "verdict", "said", "because"), bad))
+        tell(out, [Table("Not as it should be", ("case", "verdict", "said", "because"), bad)])
 
 
 def form_of(found: Sequence[Judged]) -> dict[str, Any]:

@@ -19,22 +19,21 @@ from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
 Array = NDArray[np.float64]
 
 TIME = "time [s]"
+NAN = float("nan")
 
 
 def columns_of(text: str) -> dict[str, Array]:
     """Read a CSV table as columns by header; NaN in cells without a number."""
     head, *rows = csv.reader(io.StringIO(text))
-    return {
-        name: np.array([_number(row[i]) for row in rows], dtype=float)
-        for i, name in enumerate(head)
-    }
 
+    def number(cell: str) -> float:
+        try:
+            return float(cell)
+        except ValueError:
+            return NAN
 
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
+    columns = {name: [number(row[i]) for row in rows] for i, name in enumerate(head)}
+    return {name: np.array(cells, dtype=float) for name, cells in columns.items()}
 
 
 def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
@@ -49,7 +48,6 @@ def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
     return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
 
 
-NAN = float("nan")
 ERRORS = ("shipped", "recalibrated", "repaired", "noise")
 Form = Mapping[str, Any]
 
@@ -103,6 +101,11 @@ def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
         error=str(form.get("error", "")),
         difficulties=tuple(answer.difficulties),
     )
+
+
+def class_probability(effect: Form) -> float:
+    """Return the probability of a finding together with those that coincide with it."""
+    return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 
 def _candidates(effect: Form) -> list[tuple[str, str]]:
@@ -193,22 +196,24 @@ def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, i
             if not is_named(p, effect):
                 continue
             for name, value in p.parameters.get(effect["effect"], {}).items():
-                estimate = _estimate(effect, name)
-                if estimate is not None:
+                if (interval := interval_of(effect, name)) is not None:
                     count += 1
-                    hits += bool(estimate[0] <= value <= estimate[1])
+                    hits += interval[0] <= value <= interval[1]
     return hits, count
 
 
-def _estimate(effect: Form, name: str) -> tuple[float, float] | None:
-    """Interval of a parameter, or of a fault's degree in its first period."""
+def interval_of(effect: Form, name: str, degree: bool = True) -> tuple[float, float, str] | None:
+    """Return the ends of the 95 % interval of a parameter, and its unit.
+
+    With `degree`, a parameter without an interval has that of the fault in its first period.
+    """
     found = effect["parameters"].get(name)
     if found is not None and found.get("lower") is not None and found.get("upper") is not None:
-        return float(found["lower"]), float(found["upper"])
-    periods = effect.get("periods") or []
-    if periods and periods[0].get("u") is not None:
-        degree, u = float(periods[0]["degree"]), float(periods[0]["u"])
-        return degree - COVERAGE_OF_DEGREES * u, degree + COVERAGE_OF_DEGREES * u
+        return float(found["lower"]), float(found["upper"]), str(found["unit"])
+    periods = effect.get("periods") or ()
+    if degree and periods and periods[0].get("u") is not None:
+        middle, reach = float(periods[0]["degree"]), COVERAGE_OF_DEGREES * float(periods[0]["u"])
+        return middle - reach, middle + reach, str(periods[0].get("unit", "1"))
     return None
 
 

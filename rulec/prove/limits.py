@@ -72,14 +72,6 @@ FEWEST_IN_A_COURSE = 3
 """Least samples of a reconstructed course that is compared with the truth. Origin: numerical, two
 points always lie on a line."""
 
-PLAIN_GAIN = 100.0
-"""Least strength of an effect that is plain to see. An answer needs a gain of about 15 on four
-fifths of the samples, which it was not fitted to, against similar neighbours. Origin: assumed."""
-
-PLAIN_MARGIN = 10.0
-"""Least margin of an effect that is plain to see: odds of e to the power of 10 (22 000) against the
-next name. Origin: assumed."""
-
 # Second round ------------------------------------------------------------------------------------
 
 USUAL_HOURS = 8.0
@@ -88,18 +80,8 @@ USUAL_HOURS = 8.0
 
 # Page and processes ------------------------------------------------------------------------------
 
-BINS_PER_DECADE = 2
-"""Bins of the strength. Origin: assumed."""
-
 WORST_CASES = 10
 """Worst cases that are listed. Origin: assumed."""
-
-MOSTLY = 0.9
-"""Least share of right names above a strength at which the page says that nine of ten are right.
-Origin: assumed."""
-
-ENOUGH_CASES = 10
-"""Least cases above a strength for a statement on the page. Origin: assumed."""
 
 INTERRUPT_AGAIN = 0.5
 """Seconds between interrupts of a process that has lost its lifeline. Origin: assumed."""

@@ -6,14 +6,13 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
 from rulec.prove import limits
 from rulec.prove.results import Judged
-from rulec.prove.truth.sealed import CONCEALMENTS, DIFFICULTIES
-
-HALVES = ("stationary", "dynamic")
+from rulec.prove.truth.sealed import DIFFICULTIES
 
 
 @dataclass(frozen=True)
@@ -61,14 +60,11 @@ class Row:
         return self.high < self.goal.low or self.low > self.goal.high
 
     @property
-    def verdict(self) -> str:
-        """`met`, `missed` or `no case`."""
-        return "no case" if self.met is None else "met" if self.met else "missed"
-
-    @property
     def words(self) -> str:
-        """The verdict, and whether the interval leaves it in doubt."""
-        return self.verdict + ("" if self.met is None or self.sure else ", not surely")
+        """`met`, `missed` or `no case`, and whether the interval leaves it in doubt."""
+        if self.met is None:
+            return "no case"
+        return ("met" if self.met else "missed") + ("" if self.sure else ", not surely")
 
 
 NAN = float("nan")
@@ -105,15 +101,6 @@ def table(judged: Sequence[Judged]) -> list[Row]:
         _number(f"{error}, median", ratio, ratios, np.median),
         _number(f"{error}, mean", ratio, ratios, np.mean),
         _number(course, goal_of("course", False), values_of(judged, "course"), np.mean),
-    ]
-
-
-def plain(judged: Sequence[Judged]) -> list[Judged]:
-    """Return the cases with an effect that is plain to see: the readings suffice to name it."""
-    return [
-        j
-        for j in judged
-        if not j.clean and j.gain >= limits.PLAIN_GAIN and j.margin >= limits.PLAIN_MARGIN
     ]
 
 
@@ -154,46 +141,6 @@ def bootstrap(
 
 
 @dataclass(frozen=True)
-class Bin:
-    """Cases with a strength from `low` to `high`; `ends` is the 95 % interval of the share."""
-
-    low: float
-    high: float
-    count: int
-    hits: float
-    ends: tuple[float, float]
-
-    @property
-    def share(self) -> float:
-        return self.hits / self.count
-
-    @property
-    def centre(self) -> float:
-        """Geometric mean of the ends."""
-        return math.sqrt(self.low * self.high)
-
-
-def curve(judged: Sequence[Judged], name: str = "name_right") -> dict[str, list[Bin]]:
-    """Return the bins with cases of `name_right` or `place_right` against strength, per half.
-
-    Strengths below 1 are in the first bin.
-    """
-    return {half: list(_bins([j for j in judged if j.half == half], name)) for half in HALVES}
-
-
-def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
-    scored: dict[int, list[float]] = {}
-    for j in judged:
-        value = getattr(j, name)
-        if not j.clean and value is not None and math.isfinite(j.gain):
-            number = math.floor(limits.BINS_PER_DECADE * math.log10(max(j.gain, 1.0)) + 1e-9)
-            scored.setdefault(number, []).append(float(value))
-    for number, values in sorted(scored.items()):
-        low, high = (10 ** (n / limits.BINS_PER_DECADE) for n in (number, number + 1))
-        yield Bin(low, high, len(values), sum(values), wilson(sum(values), len(values)))
-
-
-@dataclass(frozen=True)
 class Group:
     """Cases that have something in common, and their shares (no goal is set for them)."""
 
@@ -202,31 +149,13 @@ class Group:
     shares: tuple[Row, ...]
 
 
-def by_concealment(judged: Sequence[Judged]) -> list[Group]:
-    """Group cases by concealment; a case that is concealed in two ways is in both groups."""
-    groups = ((w, [j for j in judged if name in j.concealed]) for name, w in CONCEALMENTS.items())
-    return [group(title, cases) for title, cases in groups if cases]
-
-
 def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
     """Group cases by difficulty, a case with two in both groups; empty if no case has any."""
-    groups = [
-        (w, [j for j in judged if name in j.difficulties]) for name, w in DIFFICULTIES.items()
-    ]
-    found = [group(title, cases) for title, cases in groups if cases]
-    plain_ones = [j for j in judged if not j.difficulties]
-    return [*found, group("none", plain_ones)] if found and plain_ones else found
-
-
-def by(judged: Sequence[Judged], name: str) -> list[Group]:
-    """Group cases by an attribute such as `plant` or `partition`."""
-    titles = sorted({str(getattr(j, name)) for j in judged})
-    return [group(t, [j for j in judged if str(getattr(j, name)) == t]) for t in titles]
-
-
-def group(title: str, judged: Sequence[Judged]) -> Group:
-    """Return the shares of some cases."""
-    return Group(title, len(judged), _shares(judged))
+    cases = {w: [j for j in judged if n in j.difficulties] for n, w in DIFFICULTIES.items()}
+    if not any(cases.values()):
+        return []
+    cases["none"] = [j for j in judged if not j.difficulties]
+    return [Group(title, len(own), _shares(own)) for title, own in cases.items() if own]
 
 
 def _shares(judged: Sequence[Judged]) -> tuple[Row, ...]:
@@ -283,13 +212,24 @@ class Reliability:
         return "as said" if low <= self.said <= high else "too sure" if high < self.said else "shy"
 
 
-def reliability(judged: Sequence[Judged]) -> list[Reliability]:
-    """Return all names in the answers by their probability; bins with names only."""
-    claims = [claim for j in judged for claim in j.claims]
-    found = []
+B = TypeVar("B")
+
+
+def by_probability(
+    all_: Sequence[B], probability: Callable[[B], float]
+) -> Iterator[tuple[float, float, list[B]]]:
+    """Yield the ends of each bin of probabilities, and what is in it; bins with something only."""
     for low, high in pairwise(limits.PROBABILITIES):
-        own = [c for c in claims if low <= c.probability < high or c.probability == high == 1.0]
+        own = [b for b in all_ if low <= (p := probability(b)) < high or p == high == 1.0]
         if own:
-            right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
-            found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
+            yield low, high, own
+
+
+def reliability(judged: Sequence[Judged]) -> list[Reliability]:
+    """Return all names in the answers by their probability."""
+    found = []
+    claims = [claim for j in judged for claim in j.claims]
+    for low, high, own in by_probability(claims, lambda claim: claim.probability):
+        right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
+        found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
     return found

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rulec_runtime.output.write_file import write_text
 
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan, read_form
@@ -28,7 +29,6 @@ from rulec.prove.truth.settled.further_recording import (
     recorded_further,
     repeated,
 )
-from rulec.prove.truth.settled.operated_plant import Scene
 from rulec.prove.truth.settled.plan import SettledCase
 from rulec.prove.truth.settled.solve import Stalled
 from rulec.prove.truth.streams import stream
@@ -49,24 +49,23 @@ def run_again(
     if arm == SAME:
         samples = sum(samples_of(recipe, case.scene.pace))
         return recorded_further(case, repeated(case.scene, samples))
+
+    def run(steps: Sequence[Held]) -> dict[str, Array]:
+        points, samples = zip(*steps, strict=True)
+        return recorded_further(case, held(case, points, samples))
+
+    def runs(step: Held) -> bool:
+        try:
+            run([step])
+        except Stalled:
+            return False
+        return True
+
     steps = steps_of(case, recipe, arm, seed)
     try:
-        return _run(case, steps)
+        return run(steps)
     except Stalled:
-        return _run(case, [step for step in steps if _runs(case, step)] or steps)
-
-
-def _run(case: SettledCase, steps: Sequence[Held]) -> dict[str, Array]:
-    points, samples = zip(*steps, strict=True)
-    return recorded_further(case, held(case, points, samples))
-
-
-def _runs(case: SettledCase, step: Held) -> bool:
-    try:
-        _run(case, [step])
-    except Stalled:
-        return False
-    return True
+        return run([step for step in steps if runs(step)] or steps)
 
 
 def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> list[Held]:
@@ -74,29 +73,25 @@ def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) 
 
     Raises ValueError if the recipe has another unit than the sensor.
     """
-    samples, points = samples_of(recipe, case.scene.pace), _points(case.scene, recipe)
-    if arm == RECIPE:
-        return list(zip(points, samples, strict=True))
-    ranges = _ranges(case, sorted({name for point in points for name in point}))
-    shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
-    drawn = [{**points[-1], **_within(ranges, row)} for row in shares]
-    return list(zip(drawn, samples, strict=True))
+    samples, points = samples_of(recipe, case.scene.pace), list[Point]()
+    for step in recipe["steps"]:
+        for name, told in step["inputs"].items():
+            if told["unit"] != case.scene.rig.sensors[name].unit:
+                raise ValueError(f"{name}: the recipe is in {told['unit']}, the sensor is not")
+        points.append({name: float(told["value"]) for name, told in step["inputs"].items()})
+    if arm != RECIPE:
+        ranges = _ranges(case, sorted({name for point in points for name in point}))
+        shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
+        low, high = np.array(list(ranges.values())).reshape(-1, 2).T
+        drawn = (low + shares * (high - low)).tolist()
+        points = [{**points[-1], **dict(zip(ranges, row, strict=True))} for row in drawn]
+    return list(zip(points, samples, strict=True))
 
 
 def samples_of(recipe: Mapping[str, Any], pace: float) -> list[int]:
     """Return the samples of each step, at least one; `pace` is the sampling interval in s."""
     ends = [0.0, *(float(step["until"]) for step in recipe["steps"])]
     return [max(round(b / pace) - round(a / pace), 1) for a, b in pairwise(ends)]
-
-
-def _points(scene: Scene, recipe: Mapping[str, Any]) -> list[Point]:
-    found: list[Point] = []
-    for step in recipe["steps"]:
-        for name, told in step["inputs"].items():
-            if told["unit"] != scene.rig.sensors[name].unit:
-                raise ValueError(f"{name}: the recipe is in {told['unit']}, the sensor is not")
-        found.append({name: float(told["value"]) for name, told in step["inputs"].items()})
-    return found
 
 
 def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -109,11 +104,6 @@ def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, f
             low, high = (displayed(case, name, float(end)) for end in ends)
             found[name] = low, high
     return found
-
-
-def _within(ranges: Mapping[str, tuple[float, float]], shares: Array) -> Point:
-    ends = zip(ranges.items(), shares.tolist(), strict=True)
-    return {name: low + share * (high - low) for (name, (low, high)), share in ends}
 
 
 BEGAN = datetime(2026, 1, 5, 6)

@@ -1,26 +1,21 @@
-"""How a second recording changed an answer, and whether the recipe predicted that; its benefit
-in the terminal, beside that of baselines of equal length.
+"""How a second recording changed an answer, and whether the recipe predicted that; tables of its
+benefit, beside that of baselines of equal length.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
-from statistics import fmean, median
+from statistics import fmean
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.text import counted, number, percent
+from rulec_runtime.report.text import counted, percent
 
 from rulec.prove.judge import is_named, judged_words
-from rulec.prove.limits import PROBABILITIES, WORST_CASES
 from rulec.prove.results import ARMS, COVERED, RECIPE, RUN, Further, Judged
-from rulec.prove.scores import table
-from rulec.prove.tables import grid, planted_words, said_words, value_of
+from rulec.prove.scores import by_probability, table
+from rulec.prove.tables import Table, value_of
 from rulec.prove.truth.sealed import Answer, Planted
 
 Form = Mapping[str, Any]
@@ -33,14 +28,22 @@ def further_of(
     answer: Answer, first: Judged, recipe: Form, before: Form, after: Mapping[str, Form]
 ) -> Further:
     """Judge a second round; `after` has the answers with a second recording by arm."""
-    known = _entries(before, *after.values())
+    known = {
+        str(one["id"]): str(one["effect"])
+        for form in (before, *after.values())
+        for effect in form.get("effects", ())
+        for one in (effect, *effect["alternatives"])
+    }
     candidates = recipe.get("explanations", before.get("standing", ()))
     right = [right_set(answer, one["names"], known) for one in candidates]
     sure_before = sure_of(answer, before, known)
+    # The tool's message without the text that the proof adds around it.
+    error = str(recipe.get("error", ""))
+    message = error.rpartition("rulec experiment: ")[2].rpartition(" (")[0].removeprefix("rulec: ")
     judged = Further(
         case=answer.case,
         outcome="refused" if "error" in recipe else "alike",
-        why=_message(str(recipe.get("error", ""))),
+        why=message or error,
         sure_before=sure_before,
         stood=any(right),
     )
@@ -52,7 +55,8 @@ def further_of(
         stalled = "not_run" in form
         sure[arm] = sure_before if stalled else sure_of(answer, form, known)
         again[arm] = first if stalled else judged_words(answer, form, first.partition)
-    steps, covers = recipe["steps"], _covers(recipe)
+    steps = recipe["steps"]
+    covers = all(step["covers"] for step in steps)
     return replace(
         judged,
         outcome="stalled" if "not_run" in after[RECIPE] else COVERED if covers else RUN,
@@ -63,17 +67,6 @@ def further_of(
         sure=sure,
         after=again,
     )
-
-
-def _covers(recipe: Form) -> bool:
-    """Whether a recipe only covers the allowed range and distinguishes nothing."""
-    return all(step["covers"] for step in recipe["steps"])
-
-
-def _message(error: str) -> str:
-    """The tool's message without the text that the proof adds around it."""
-    said = error.rpartition("rulec experiment: ")[2].rpartition(" (")
-    return said[0].removeprefix("rulec: ") or error
 
 
 def sure_of(answer: Answer, form: Form, known: Mapping[str, str]) -> float:
@@ -90,8 +83,10 @@ def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) ->
     acts at several places at once, so any number of them is right.
     """
     if answer.verdict == "unnamed":
+        # Such as `signal:B.P_el~B.l`, whose place is `B.P_el`.
+        parts = [name.partition(":")[2].partition(NAMELESS) for name in names]
         places = {place for p in answer.effects for place in p.places}
-        return bool(names) and all(NAMELESS in name and _place(name) in places for name in names)
+        return bool(names) and all(mark and place in places for place, mark, _ in parts)
     planted = [p for p in answer.effects if p.names]
     if len(names) != len(planted):
         return False
@@ -107,21 +102,6 @@ def _is(planted: Planted, name: str, known: Mapping[str, str]) -> bool:
     entry, _, place = rest.partition("@")
     effect = known.get(id_, entry)
     return is_named(planted, {"effect": effect, "id": id_, "modules": (module,), "place": place})
-
-
-def _place(name: str) -> str:
-    """The place of a nameless term, such as `B.P_el` of `signal:B.P_el~B.l`."""
-    return name.partition(":")[2].partition(NAMELESS)[0]
-
-
-def _entries(*forms: Form) -> dict[str, str]:
-    """Entries of the catalogue by the ids in answers."""
-    found: dict[str, str] = {}
-    for form in forms:
-        for effect in form.get("effects", ()):
-            for one in (effect, *effect["alternatives"]):
-                found[str(one["id"])] = str(one["effect"])
-    return found
 
 
 FALSE_NAMES = 6
@@ -160,58 +140,42 @@ class Gained:
 
 def gained(further: Sequence[Further]) -> list[Gained]:
     """Return predicted against realised certainty; bins with recipes only."""
-    ran, found = [f for f in further if f.outcome == RUN], []
-    for low, high in pairwise(PROBABILITIES):
-        own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
-        if own:
-            stood = [f.sure[RECIPE] for f in own if f.stood]
-            said, realised = ([f.expected[1] for f in own], [f.sure[RECIPE] for f in own])
-            mean = fmean(stood) if stood else float("nan")
-            bin_ = Gained(low, high, len(own), fmean(said), fmean(realised), len(stood), mean)
-            found.append(bin_)
+    found = []
+    ran = [f for f in further if f.outcome == RUN]
+    for low, high, own in by_probability(ran, lambda f: f.expected[1]):
+        stood = [f.sure[RECIPE] for f in own if f.stood]
+        said, realised = (fmean(f.expected[1] for f in own), fmean(f.sure[RECIPE] for f in own))
+        mean = fmean(stood) if stood else float("nan")
+        found.append(Gained(low, high, len(own), said, realised, len(stood), mean))
     return found
 
 
-def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Further]) -> None:
-    """Print the outcomes, the scores before and after, and the predicted certainty."""
+def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> Iterator[Table]:
+    """Yield the outcomes, the scores before and after, and the predicted certainty."""
+    outcomes, reasons = (
+        Counter(f.outcome for f in further),
+        Counter(f.why for f in further if f.why),
+    )
+    found = [(str(outcomes[name]), words) for name, words in OUTCOMES.items() if outcomes[name]]
+    found += [(str(count), why) for why, count in reasons.items()]
+    yield Table(headline(further), (".", ""), found)
     first = {j.case: j for j in judged}
-    ran = [f for f in further if f.outcome in (RUN, COVERED)]
-    out.print(styled("\n[bold]{}[/]", headline(further)))
-    counts = Counter(f.outcome for f in further)
-    for outcome, words in OUTCOMES.items():
-        if counts[outcome]:
-            out.print(styled("{}  {}", f"{counts[outcome]:>5}", words))
-        for why, count in Counter(f.why for f in further if f.outcome == outcome and f.why).items():
-            out.print(styled("[dim]{}  {}[/]", f"{count:>9}", one_line(why)))
-    if ran:
-        total = sum(f.minutes for f in ran)
-        out.print(
-            styled(
-                "plant time: {} min in all, {} min and {} in the middle",
-                number(total, 3),
-                number(median(f.minutes for f in ran), 3),
-                counted(round(median(f.steps for f in ran)), "step"),
-            )
+    if not (ran := [f for f in further if f.outcome in (RUN, COVERED)]):
+        return
+    arms = "; ".join(f"{a}: {words}" for a, words in ARMS.items() if any(a in f.after for f in ran))
+    yield _scores("Of cases that were run again", [first[f.case] for f in ran], ran)
+    yield replace(_scores("Of all cases", judged, further), note=arms)
+    titles = (".predicted", ".recipes", ".mean", ".realised", ".truth stood", ".realised")
+    rows = [
+        (
+            f"{percent(one.low)} to {percent(one.high)}",
+            *(str(one.count), percent(one.said), percent(one.found), str(one.stood)),
+            percent(one.found_of_stood) if one.stood else "–",
         )
-        out.print(styled("\n[bold]Of cases that were run again[/]"))
-        out.print(_scores([first[f.case] for f in ran], ran))
-        out.print(styled("\n[bold]Of all cases[/]"))
-        out.print(_scores(list(judged), further))
-        for arm in sorted({arm for f in ran for arm in f.after}, key=list(ARMS).index):
-            out.print(styled("[dim]{}: {}[/]", arm, ARMS[arm]))
-        out.print(styled("\n[bold]How sure of the true explanation: predicted and realised[/]"))
-        out.print(_gained(gained(further)))
-        out.print(styled("[dim]{}[/]", STOOD))
-    lost = [
-        (first[f.case], f.after[RECIPE])
-        for f in ran
-        if _right(f.after[RECIPE]) < _right(first[f.case])
+        for one in gained(further)
     ]
-    if lost:
-        out.print(styled("\n[bold]Worse with the second recording[/]"))
-        titles = ("case", "planted", "first said", "then said")
-        rows = ((b.case, planted_words(b), *map(said_words, (b, after))) for b, after in lost)
-        out.print(grid(titles, islice(rows, WORST_CASES)))
+    title = "How sure of the true explanation: predicted and realised"
+    yield Table(title, titles, rows, STOOD)
 
 
 def headline(further: Sequence[Further]) -> str:
@@ -232,42 +196,18 @@ def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> 
     return [changed.get(j.case, j) for j in judged]
 
 
-def _scores(judged: Sequence[Judged], further: Sequence[Further]) -> Table:
+def _scores(title: str, judged: Sequence[Judged], further: Sequence[Further]) -> Table:
     """Scores of the first answers, and with a second recording of each kind."""
     arms = [arm for arm in ARMS if any(arm in f.after for f in further)]
     columns = [table(judged), *(table(after_of(judged, further, arm)) for arm in arms)]
-    shown = Table(box=None, pad_edge=False, collapse_padding=True)
-    shown.add_column("score", max_width=24)
-    for title in ("first", *arms):
-        shown.add_column(title, justify="right", no_wrap=True)
-    for place, title in SCORES.items():
-        rows = [column[place] for column in columns]
+    rows = []
+    for place, score in SCORES.items():
+        own = [column[place] for column in columns]
         if place == FALSE_NAMES:
-            shown.add_row(title, *(f"{row.hits:g} of {row.count}" for row in rows))
+            rows.append((score, *(f"{row.hits:g} of {row.count}" for row in own)))
         else:
-            shown.add_row(f"{title} ({rows[0].count})", *map(value_of, rows))
-    shown.add_row(
-        "sure of the truth",
-        percent(fmean(f.sure_before for f in further)),
-        *(percent(fmean(f.sure.get(arm, f.sure_before) for f in further)) for arm in arms),
-    )
-    return shown
-
-
-def _gained(bins: Sequence[Gained]) -> Table:
-    titles = (".predicted", ".recipes", ".mean", ".realised", ".truth stood", ".realised")
-    rows = (
-        (
-            f"{percent(one.low)} to {percent(one.high)}",
-            *(str(one.count), percent(one.said), percent(one.found), str(one.stood)),
-            percent(one.found_of_stood) if one.stood else "–",
-        )
-        for one in bins
-    )
-    return grid(titles, rows, wrap=False, collapse=True)
-
-
-def _right(judged: Judged) -> float:
-    """The score by which a case can become worse."""
-    scores = (judged.name_right, judged.clean_right, judged.unnamed_right)
-    return next((float(s) for s in scores if s is not None), 0.0)
+            rows.append((f"{score} ({own[0].count})", *map(value_of, own)))
+    sure = [fmean(f.sure.get(arm, f.sure_before) for f in further) for arm in arms]
+    before = fmean(f.sure_before for f in further)
+    rows.append(("sure of the truth", *map(percent, (before, *sure))))
+    return Table(title, ("score", ".first", *(f".{arm}" for arm in arms)), rows)

@@ -22,7 +22,6 @@ from rulec.passes.pipeline import compile_plant
 from rulec.prove.command import main as suite
 from rulec.prove.real import run_tool as asking
 from rulec.prove.real.command import main
-from rulec.prove.real.files import opened
 from rulec.prove.real.make import made
 from rulec.prove.real.renamed_rig import differences, hide
 from rulec.prove.real.rig_folder import (
@@ -37,6 +36,7 @@ from rulec.prove.real.rig_folder import (
     checked,
     digest_of,
     false_alarms_in,
+    opened,
     read_rig,
     rigs_in,
 )

@@ -7,17 +7,25 @@ import re
 from dataclasses import replace
 
 import pytest
+from rulec_runtime.output.terminal import Terminal
 from scipy.stats import binomtest
 
-from rulec.prove.page import headline, page
+from rulec.prove.page import headline, page, show
 from rulec.prove.results import Claim, Heldout, Judged, Run
-from rulec.prove.scores import by, by_concealment, by_difficulty, curve, reliability, table, wilson
+from rulec.prove.scores import by_difficulty, reliability, table, wilson
 from rulec.prove.tables import worst
-from rulec.prove.terminal import text
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
 
 HOSTILE = "<b>x</b><script src='//x'>"
+
+
+def text(made: Run, width: int = 100) -> str:
+    """What the terminal shows, without colours."""
+    out = Terminal(width=width, color_system=None)
+    with out.capture() as shown:
+        show(out, made)
+    return shown.get()
 
 
 def row(cases: list[Judged], start: str):  # type: ignore[no-untyped-def]
@@ -73,17 +81,6 @@ def test_ratios_are_told_by_median_and_mean() -> None:
     assert middle.low <= 1.02 <= middle.high
 
 
-def test_strengths_are_binned_by_half_decades() -> None:
-    """Clean cases are not there; the weakest bin takes what is below 1."""
-    gains = [0.2, 2.0, 5.0, 9.0, 40.0]
-    cases = [planted(str(g), "leakage", g, "" if g > 4 else "x") for g in gains]
-    bins = curve([*cases, judged(clean_right=1.0)])
-    assert [] == bins["dynamic"]
-    assert [(2, 0.0), (2, 2.0), (1, 1.0)] == [(b.count, b.hits) for b in bins["stationary"]]
-    assert pytest.approx([1.0, 10**0.5, 10**1.5]) == [b.low for b in bins["stationary"]]
-    assert [5] == [sum(b.count for b in curve(cases, "place_right")["stationary"])]
-
-
 def test_the_worst_come_first() -> None:
     """Wrong and certain by strength, false claims, no answer, then what was missed."""
     gone = {"said": (), "verdict": "none", "name_right": 0.0}
@@ -108,17 +105,6 @@ def test_the_worst_come_first() -> None:
         "missed weak",
     ] == [bad.judged.case for bad in worst(cases)]
     assert 3 == len(worst(cases, 3))
-
-
-def test_groups_tell_what_is_in_them() -> None:
-    """A case that is concealed twice counts twice."""
-    cases = [planted("a", "leakage", 9.0, concealed=("corner", "pair")), judged(clean_right=1.0)]
-    assert [
-        ("nothing missing", 1),
-        ("in a corner of the operating range", 1),
-        ("two effects", 1),
-    ] == [(g.title, g.count) for g in by_concealment(cases)]
-    assert [("abc", 2)] == [(g.title, g.count) for g in by(cases, "plant")]
 
 
 def test_a_run_is_json() -> None:

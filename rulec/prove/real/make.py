@@ -18,7 +18,6 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_text
 
 from rulec.language.document import read_document
-from rulec.prove.real.files import opened, write_packed, write_yaml
 from rulec.prove.real.rig_folder import (
     ABOUT,
     ALARMS,
@@ -31,6 +30,9 @@ from rulec.prove.real.rig_folder import (
     TRAIN,
     checked,
     digest_of,
+    opened,
+    write_packed,
+    write_yaml,
 )
 
 Row = Mapping[str, str]
@@ -47,7 +49,10 @@ def made(recipes: Path, source: Path, target: Path) -> Iterator[tuple[str, str]]
         raise Refusal(f"--make-rigs {recipes}: there is no recipe in it; a recipe is a .yaml file")
     for file in files:
         recipe = checked(file, "recipe")
-        absent = sorted(name for name in _sources(recipe) if not (source / name).is_file())
+        parts = [recipe[part] for part in (TRAIN, TEST, EARLIER) if part in recipe]
+        names = {name for part in parts for name in _files(recipe, part)}
+        names |= {recipe["labels"]["file"]} if "labels" in recipe else set()
+        absent = sorted(name for name in names if not (source / name).is_file())
         if not absent:
             make(file, recipe, source, target / recipe["recipe"])
         yield recipe["recipe"], f"{absent[0]} is not in {source}" if absent else ""
@@ -69,12 +74,6 @@ def make(file: Path, recipe: Recipe, source: Path, folder: Path) -> None:
         write_text(folder / SEAL, f"{digest_of(folder / ANSWER)}  {ANSWER}\n")
     if "licence_file" in recipe:
         shutil.copyfile(file.parent / recipe["licence_file"], folder / "LICENSE")
-
-
-def _sources(recipe: Recipe) -> set[str]:
-    parts = [recipe[part] for part in (TRAIN, TEST, EARLIER) if part in recipe]
-    labels = [recipe["labels"]["file"]] if "labels" in recipe else []
-    return {name for part in parts for name in _files(recipe, part)} | set(labels)
 
 
 def _files(recipe: Recipe, part: Recipe) -> Sequence[str]:
@@ -100,14 +99,16 @@ def _plain(file: Path, recipe: Recipe, target: Path) -> None:
 
 def _table(file: Path, recipe: Recipe, part: str, source: Path) -> str:
     """Rows of a part as CSV; raises `Refusal` if a column is absent or no row is left."""
-    wanted, conditions = recipe[part], recipe[part].get("rows", ())
+    wanted, left_out = recipe[part], recipe.get("without", ())
+    conditions = wanted.get("rows", ())
     out, count = io.StringIO(), 0
     writer = csv.writer(out, lineterminator="\n")
     for row in _rows(recipe, _files(recipe, wanted), source):
         try:
             if not all(_meets(row, condition) for condition in conditions):
                 continue
-            columns = recipe.get("columns") or _all_columns(row, recipe)
+            every = (t for t in row if not t.startswith("label.") and t not in left_out)
+            columns = recipe.get("columns") or {title: {"from": title} for title in every}
             if not count:
                 writer.writerow(columns)
             writer.writerow([_cell(row, column, count) for column in columns.values()])
@@ -131,12 +132,6 @@ def _rows(recipe: Recipe, files: Sequence[str], source: Path) -> Iterator[Row]:
         with opened(source / name) as table:
             for row in csv.DictReader(table):
                 yield {**row, **labels.get(row[by], {})} if by else row
-
-
-def _all_columns(row: Row, recipe: Recipe) -> dict[str, dict[str, str]]:
-    left_out = recipe.get("without", ())
-    titles = (t for t in row if not t.startswith("label.") and t not in left_out)
-    return {title: {"from": title} for title in titles}
 
 
 def _cell(row: Row, column: Recipe, count: int) -> str:

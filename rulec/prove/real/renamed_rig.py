@@ -15,8 +15,7 @@ from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.prove.real.files import opened, write_packed, write_yaml, yaml_of
-from rulec.prove.real.rig_folder import PLANT
+from rulec.prove.real.rig_folder import PLANT, opened, write_packed, write_yaml, yaml_of
 
 SAME = 1e-6
 """Relative difference below which numbers are the same, as sums in another order are rounded

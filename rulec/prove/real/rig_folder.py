@@ -8,15 +8,18 @@ recording may be compressed (`.gz`).
 
 from __future__ import annotations
 
+import gzip
 import hashlib
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.write_file import write_data, write_text
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.knowledge.read import read_all
@@ -325,3 +328,26 @@ def _unknown_units(document: Document, units: UnitTable) -> Iterator[Diagnostic]
                 place = document.place("effects", number, "sizes", i, "unit")
                 hint = did_you_mean(size["unit"], units.units)
                 yield Diagnostic(place, "KB023", f"there is no unit '{size['unit']}'", hint)
+
+
+def opened(file: Path) -> IO[str]:
+    """Open a text file, compressed or not."""
+    if file.suffix == ".gz":
+        return gzip.open(file, "rt", encoding="utf-8", newline="")
+    return file.open(encoding="utf-8", newline="")
+
+
+def write_packed(file: Path, text: str) -> None:
+    """Write a text, compressed if the name ends in `.gz`."""
+    data = text.encode()
+    write_data(file, gzip.compress(data, mtime=0) if file.suffix == ".gz" else data)
+
+
+def yaml_of(file: Path) -> dict[str, Any]:
+    """Return the data of a YAML file that was checked before."""
+    return dict(_read(file).data)
+
+
+def write_yaml(file: Path, data: Mapping[str, Any]) -> None:
+    """Write JSON, which is YAML: numbers and texts stay as they were read."""
+    write_text(file, json.dumps(data, indent=1, ensure_ascii=False) + "\n")

@@ -28,8 +28,7 @@ import rulec
 from rulec.limits import UNSURE
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.analyst import ANSWER, EARLIER, answered, read_form
-from rulec.prove.real.files import write_yaml, yaml_of
-from rulec.prove.real.rig_folder import PLAIN, PLANT, TEST, TRAIN, Rig
+from rulec.prove.real.rig_folder import PLAIN, PLANT, TEST, TRAIN, Rig, write_yaml, yaml_of
 
 Bools = NDArray[np.bool_]
 TOOL = "rulec.prove.real.tool_process"

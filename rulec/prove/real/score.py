@@ -12,6 +12,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.language.units import UnitTable
+from rulec.prove.judge import class_probability, interval_of
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
 from rulec.prove.real.rig_folder import FalseAlarm, Missing, Rig, Size, Truth
 from rulec.prove.scores import bootstrap
@@ -129,6 +130,8 @@ def scored(rig: Rig, asked: Form) -> Scored:
     verdict = str(form.get("verdict", "no answer"))
     noise = {fit["signal"]: fit["heldout"]["noise"] for fit in form.get("fits") or ()}
     right = [_best(m, said) for m in missing]
+    # The reading whose prediction counts: that of the rig, or else that of the tool.
+    wanted = (rig.signal, (form.get("fit") or {}).get("signal"), *asked["predicted"])
     return Scored(
         rig=rig,
         verdict=verdict,
@@ -143,7 +146,7 @@ def scored(rig: Rig, asked: Form) -> Scored:
         utility=utility(missing, said, int(form.get("tried") or 0)) if truth and form else None,
         predicted=asked["predicted"],
         noise=noise,
-        signal=_signal(rig, form, asked["predicted"]),
+        signal=next((str(name) for name in wanted if name in asked["predicted"]), ""),
         refused=asked["refused"],
         error=asked["error"],
         cpu=asked["cpu"],
@@ -152,7 +155,7 @@ def scored(rig: Rig, asked: Form) -> Scored:
 
 def scored_finding(effect: Form) -> ScoredFinding:
     """Read a finding with the causes it leaves open: its class, and likely ones if it is unsure."""
-    sure = float(effect.get("class_probability") or effect["probability"] or 0.0)
+    sure = class_probability(effect)
     others = (
         a
         for a in effect["alternatives"]
@@ -232,7 +235,7 @@ def _inside(truth: Truth | None, right: Sequence[ScoredFinding | None]) -> tuple
 
 def _hits(missing: Missing, found: ScoredFinding, units: UnitTable) -> Iterator[bool]:
     for size in missing.sizes:
-        interval = _interval(found.form, size.parameter)
+        interval = interval_of(found.form, size.parameter, size.parameter == "degree")
         if size.name in ("", found.form["effect"]) and interval:
             low, high, unit = interval
             value, u = _in_unit(size, unit, units)
@@ -250,18 +253,6 @@ def _in_unit(size: Size, unit: str, units: UnitTable) -> tuple[float, float]:
     return other.from_si(own.to_si(size.value)), size.u * own.factor / other.factor
 
 
-def _interval(effect: Form, parameter: str) -> tuple[float, float, str] | None:
-    """Ends of the 95 % interval of a parameter, or of the degree of the first period; unit."""
-    found = effect["parameters"].get(parameter)
-    if found and found.get("lower") is not None and found.get("upper") is not None:
-        return float(found["lower"]), float(found["upper"]), str(found["unit"])
-    periods = effect.get("periods") or ()
-    if parameter == "degree" and periods and periods[0].get("u") is not None:
-        degree, reach = periods[0]["degree"], COVERAGE_OF_DEGREES * periods[0]["u"]
-        return degree - reach, degree + reach, str(periods[0].get("unit", "1"))
-    return None
-
-
 def utility(missing: Sequence[Missing], said: Sequence[ScoredFinding], candidates: int) -> float:
     """Return the utility of the ambiguity set, 1 if it is the answer alone.
 
@@ -271,30 +262,23 @@ def utility(missing: Sequence[Missing], said: Sequence[ScoredFinding], candidate
     thing are one cause, so there is one true diagnosis. Source: DX competition 2026, synthetic
     track (github.com/jdekleer/dxc26synth, m_utl of ambiguity groups).
     """
+
+    def matched(cause: Cause) -> str:
+        """Number of the missing thing that a cause matches, or else its place and id."""
+        right = (i for i, m in enumerate(missing) if cause.name in m.names and _at(m, cause.places))
+        number = next(right, None)
+        return f"{cause.places[0]} {cause.name}" if number is None else str(number)
+
     true = frozenset(str(number) for number, m in enumerate(missing) if m.names)
-    open_ = [[_cause(missing, cause) for cause in found.causes] for found in said]
+    open_ = [[matched(cause) for cause in found.causes] for found in said]
     diagnoses = set(map(frozenset, itertools.product(*open_)))
     f = max(candidates, 1 + max(map(len, (true, *diagnoses))))
-    return float(np.mean([_pair_utility(w, true, f) for w in diagnoses]))
 
+    def of(w: frozenset[str]) -> float:
+        n, m, size = len(w - true), len(true - w), len(w)
+        return 1 - n * (size + 1) / (f * (n + 1)) - m * (f - size + 1) / (f * (m + 1))
 
-def _cause(missing: Sequence[Missing], cause: Cause) -> str:
-    """Number of the missing thing that the cause matches, or else its place and id."""
-    right = (i for i, m in enumerate(missing) if cause.name in m.names and _at(m, cause.places))
-    number = next(right, None)
-    return f"{cause.places[0]} {cause.name}" if number is None else str(number)
-
-
-def _pair_utility(w: frozenset[str], true: frozenset[str], f: int) -> float:
-    false, missed, size = len(w - true), len(true - w), len(w)
-    return 1 - false * (size + 1) / (f * (false + 1)) - missed * (f - size + 1) / (f * (missed + 1))
-
-
-def _signal(rig: Rig, form: Form, predicted: Form) -> str:
-    """The reading whose prediction counts: that of the rig, or else that of the tool."""
-    fit = form.get("fit") or {}
-    wanted = (rig.signal, fit.get("signal"), *predicted)
-    return next((str(name) for name in wanted if name in predicted), "")
+    return float(np.mean([of(w) for w in diagnoses]))
 
 
 def _mean(values: Iterator[float] | Any) -> float | None:

@@ -10,24 +10,22 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
-from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.document import Head, document, numbered, section
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.document import Head, document, numbered
 from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
 
 from rulec.mismatch.answer.terminal_and_page import ReadingCourses, over_time
 from rulec.mismatch.result import Curves
+from rulec.prove import tables
 from rulec.prove.real.rig_folder import FalseAlarm
 from rulec.prove.real.run_tool import MODELS
 from rulec.prove.real.score import Alarm, Scored, ScoredFinding, Total, alarms, totals
+from rulec.prove.tables import Table, sections
 
-TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
-ERRORS = ("rig", "reading", *MODELS, "ratio", "noise", "grey box")
-WORDS = ("rig", "told", "", "reading", "wrong", "story", "right")
-"""Headings of columns of words."""
+SCORES = (".place", ".name", ".class", ".p", ".size", ".false", ".sure", ".utility", ".CPU s")
+ERRORS = ("rig", "reading", *(f".{model}" for model in MODELS), ".ratio", ".noise", ".grey box")
 
 NOTE = (
     "name: share of what is missing whose id is the headline of a finding; class: whose id is in "
@@ -70,43 +68,33 @@ def tell(out: Console, result: Result) -> None:
     """Print the tables."""
     out.print(styled("[bold]{}[/]", result.headline))
     out.print(styled("[dim]{}[/]\n", NOTE))
-    for title, titles, rows in parts(result):
-        if title:
-            out.print(styled("\n[bold]{}[/]", title))
-        shown = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-        for heading in titles:
-            wide = heading in WORDS
-            narrow = not wide or heading == "rig"
-            shown.add_column(heading, justify="left" if wide else "right", no_wrap=narrow)
-        for row in rows:
-            shown.add_row(*map(one_line, row))
-        out.print(shown)
+    tables.tell(out, parts(result))
 
 
 def page(result: Result, made: Made | None) -> str:
-    """Write the same as one HTML file."""
+    """Write the same as one HTML file, with the origin of the rigs and pictures."""
+    rigs = [
+        (r.name, r.title, r.licence, r.source, r.truth.source if r.truth else "nothing is known")
+        for r in (s.rig for s in result.scored)
+    ]
+    of = ("rig", "what", "licence", "source", "how the answer is known")
     body = [f'<p class="key">{safe(NOTE)}</p>']
-    for title, titles, rows in parts(result):
-        cells = [[safe(cell) for cell in row] for row in rows]
-        body.append(
-            section(safe(title or "Answers"), table(title or "answers", columns(*titles), cells))
-        )
-    rigs = []
-    for rig in (s.rig for s in result.scored):
-        known = rig.truth.source if rig.truth else "nothing is known"
-        rigs.append([safe(text) for text in (rig.name, rig.title, rig.licence, rig.source, known)])
-    of = columns("rig", "what", "licence", "source", "how the answer is known")
-    body.append(section("Rigs", table("rigs", of, rigs)))
+    body.append(sections([*parts(result), Table("Rigs", of, rigs)], "Answers"))
     body += numbered(figure for s in result.scored if (figure := draw(s)) is not None)
     head = Head(kind="Real recordings", verdict=result.headline, made=made)
     return document(head, "".join(body))
 
 
 def form(result: Result) -> dict[str, Any]:
-    """Return the machine form."""
+    """Return the machine form; what is not a number is null."""
+
+    def stated(total: Total) -> dict[str, Any]:
+        fields = dataclasses.asdict(total).items()
+        return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in fields}
+
     return {
         "sealed": result.digest,
-        "totals": {t.title: _finite(dataclasses.asdict(t)) for t in result.totals},
+        "totals": {total.title: stated(total) for total in result.totals},
         "rigs": {s.rig.name: _rig_form(s, result.hidden) for s in result.scored},
         "false_alarms": [
             {**vars(alarm.known), "told_again": alarm.again} for alarm in result.alarms
@@ -114,27 +102,38 @@ def form(result: Result) -> dict[str, Any]:
     }
 
 
-def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
-    """Yield the tables with title, headings and cells."""
-    yield "", ("rig", "told"), [[s.rig.name, _said(s)] for s in result.scored]
-    yield "Scores", TITLES, [_answer_row(s) for s in result.scored]
-    yield "Errors on unseen rows", ERRORS, [r for s in result.scored for r in _error_rows(s)]
-    yield "All rigs", ("", "mean", "95 % interval", "rigs"), [_total_row(t) for t in result.totals]
+def parts(result: Result) -> Iterator[Table]:
+    """Yield the tables."""
+    yield Table("", ("rig", "told"), [(s.rig.name, _said(s)) for s in result.scored])
+    yield Table("Scores", ("rig", *SCORES), [_answer_row(s) for s in result.scored])
+    errors = [row for s in result.scored for row in _error_rows(s)]
+    yield Table("Errors on unseen rows", ERRORS, errors)
+    of_all = ("", ".mean", ".95 % interval", ".rigs")
+    means = [
+        (t.title, number(t.value, 2), _ends(t.low, t.high), str(t.count)) for t in result.totals
+    ]
+    yield Table("All rigs", of_all, means)
     if result.alarms:
-        rows = [_alarm_row(alarm) for alarm in result.alarms]
-        yield "False alarms", ("rig", "wrong", "told again", "story", "right"), rows
+        of_alarms = ("rig", "wrong", ".told again", "story", "right")
+        again = ["no" if a.again is None else percent(a.again) for a in result.alarms]
+        rows = [
+            (a.known.rig, f"{a.known.wrong} at {a.known.place}", told, a.known.story, a.known.right)
+            for a, told in zip(result.alarms, again, strict=True)
+        ]
+        yield Table("False alarms", of_alarms, rows)
     if result.hidden is not None:
-        rows = [[name, "; ".join(diff) or "the same"] for name, diff in result.hidden.items()]
-        yield "Under other names", ("rig", ""), rows
+        same = [(name, "; ".join(diff) or "the same") for name, diff in result.hidden.items()]
+        yield Table("Under other names", ("rig", ""), same)
 
 
 def _answer_row(s: Scored) -> list[str]:
     inside = f"{s.inside[0]}/{s.inside[1]}" if s.inside[1] else "–"
-    scores = [_share(s.place), _share(s.headline), _share(s.named), _share(s.probability)]
+    scores = [
+        "–" if v is None else percent(v) for v in (s.place, s.headline, s.named, s.probability)
+    ]
     if s.silent is not None:
         scores = ["–", "silent" if s.silent else "no", "–", "–"]
-    known = s.rig.truth is not None
-    false = [str(len(s.false)), str(len(s.sure))] if known else ["–", "–"]
+    false = [str(len(found)) if s.rig.truth else "–" for found in (s.false, s.sure)]
     utility = "–" if s.utility is None else f"{s.utility:.2f}"
     return [s.rig.name, *scores, inside, *false, utility, f"{s.cpu:.0f}"]
 
@@ -149,29 +148,20 @@ def _said(s: Scored) -> str:
 def _error_rows(s: Scored) -> Iterator[list[str]]:
     """One row per reading, first the one that counts."""
     for name in sorted(s.predicted, key=lambda n: n != s.signal):
-        errors = s.predicted[name]
+        errors, counts = s.predicted[name], name == s.signal
         cells = [_number(errors[model]) for model in MODELS]
         cells[-1] += " *" if s.refused or s.error else ""
-        cells.append(_within(s) if name == s.signal else "–")
-        grey = _number(s.grey_box) if name == s.signal else "–"
-        title = f"{name} [{errors['unit']}]"
-        yield [s.rig.name, title, *cells, _number(s.noise.get(name)), grey]
+        cells.append(_ends(*s.within) if counts and not s.refused else "–")
+        cells += [_number(s.noise.get(name)), _number(s.grey_box) if counts else "–"]
+        yield [s.rig.name, f"{name} [{errors['unit']}]", *cells]
 
 
-def _within(s: Scored) -> str:
-    low, high = s.within
-    return "–" if math.isnan(low) or s.refused else f"{number(low, 2)} to {number(high, 2)}"
+def _ends(low: float, high: float) -> str:
+    return "–" if math.isnan(low) else f"{number(low, 2)} to {number(high, 2)}"
 
 
-def _total_row(t: Total) -> list[str]:
-    ends = "–" if math.isnan(t.low) else f"{number(t.low, 2)} to {number(t.high, 2)}"
-    return [t.title, number(t.value, 2), ends, str(t.count)]
-
-
-def _alarm_row(alarm: Alarm) -> list[str]:
-    known = alarm.known
-    again = "no" if alarm.again is None else percent(alarm.again)
-    return [known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right]
+def _number(value: float | None) -> str:
+    return "–" if value is None else number(value, 3)
 
 
 def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str, Any]:
@@ -186,26 +176,14 @@ def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str
         name: {key: value for key, value in errors.items() if key != "course"}
         for name, errors in s.predicted.items()
     }
-    found |= {"title": s.rig.title, "sealed": s.rig.seal, "said": [_told_form(t) for t in s.said]}
-    found |= {"false": [_told_form(t) for t in s.false], "sure": [_told_form(t) for t in s.sure]}
+    found |= {"title": s.rig.title, "sealed": s.rig.seal}
+    found |= {name: [_told_form(t) for t in getattr(s, name)] for name in ("said", "false", "sure")}
     return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
 
 
 def _told_form(found: ScoredFinding) -> dict[str, Any]:
     causes = [{"name": cause.name, "places": cause.places} for cause in found.causes]
     return {"causes": causes, "probability": found.probability}
-
-
-def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in data.items()}
-
-
-def _share(value: float | None) -> str:
-    return "–" if value is None else percent(value)
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else number(value, 3)
 
 
 def draw(scored: Scored) -> Figure | None:

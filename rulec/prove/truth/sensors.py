@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from .smooth import Drift, coloured
+from .streams import truncated
 from .units import BAR, LITRE_PER_HOUR, MILLIMETRE, RPM, ZERO_CELSIUS, Array
 
 
@@ -119,9 +120,5 @@ def _inside_bounds(drawn: float, law: str) -> float:
     """
     if law == "normal":
         return drawn
-    normal = NormalDist()
-    share = normal.cdf(drawn)
-    if law == "uniform":
-        return 4.0 * share - 2.0
-    outside = normal.cdf(-2.0)
-    return normal.inv_cdf(outside + share * (1.0 - 2.0 * outside))
+    share = NormalDist().cdf(drawn)
+    return 4.0 * share - 2.0 if law == "uniform" else truncated(share)

@@ -20,11 +20,16 @@ WITHIN = 2.0
 """Standard uncertainties; a part further off fails the maker's final inspection."""
 
 
-def factor(u: float, random: np.random.Generator) -> float:
-    """Draw 1 plus a normal deviation of standard deviation `u`, truncated at WITHIN.
+def truncated(share: float) -> float:
+    """Return a standard normal deviation truncated at WITHIN, by its share from 0 to 1.
 
     Source: inverse transform sampling.
     """
     normal = NormalDist()
     outside = normal.cdf(-WITHIN)
-    return 1.0 + u * normal.inv_cdf(outside + random.uniform() * (1.0 - 2.0 * outside))
+    return normal.inv_cdf(outside + share * (1.0 - 2.0 * outside))
+
+
+def factor(u: float, random: np.random.Generator) -> float:
+    """Draw 1 plus a truncated normal deviation of standard deviation `u`."""
+    return 1.0 + u * truncated(random.uniform())

@@ -36,7 +36,7 @@ PART = 0.5, 0.9
 FLOW, WARM = 10.0, 30.0
 """m3/h and degC at which laws of another form agree with the ordinary ones."""
 
-PROFILES = drive.steps, drive.ramps, drive.long_constant
+PROFILES = "steps", "ramps", "long-constant"
 
 Numbers = Mapping[str, float]
 Arrays = Mapping[str, Array]
@@ -228,7 +228,7 @@ def _operated(kind: Kind, random: np.random.Generator) -> dict[str, Array]:
     given = {}
     for name, (low, high) in kind.ranges.items():
         part = float(random.uniform(*PART))
-        share = part * PROFILES[int(random.integers(len(PROFILES)))](random, SAMPLES)
+        share = part * drive.course(random, PROFILES[int(random.integers(len(PROFILES)))], SAMPLES)
         given[name] = low + (high - low) * (share + float(random.uniform(0.0, 1.0 - part)))
     if "T" in kind.sensors:
         given["T"] = drive.temperature(random, SAMPLES) - ZERO_CELSIUS

@@ -159,17 +159,8 @@ def _outputs_moved(scene: Scene, name: str, off: Array) -> dict[str, Array]:
 def blurred(sharp: VisibleOutputs) -> VisibleOutputs:
     """Return the detectability with difficulties as random terms; `sharp` has known form errors,
     white noise and no drifts."""
-    scene = sharp.scene
-    slopes = slopes_of(scene)
-    whitening = _whitening(sharp, slopes)
-    changes = _uncertain(scene, slopes)
-    columns = [np.stack([c[name] for name in scene.rig.outputs], 1) for c in changes]
-    return replace(sharp, whitening=whitening, sensitivities=whitening(np.stack(columns, 2)))
-
-
-def _whitening(sharp: VisibleOutputs, slopes: Mapping[str, Outputs]) -> Whitening:
-    """Each output has the noise of its sensor, and that of the inputs."""
-    scene, rig = sharp.scene, sharp.scene.rig
+    scene, rig, slopes = sharp.scene, sharp.scene.rig, slopes_of(sharp.scene)
+    # Each output has the noise of its sensor, and that of the inputs.
     sources = [*rig.outputs, *rig.inputs]
     sizes = np.zeros((scene.time.size, len(rig.outputs), len(sources)))
     for i, output in enumerate(rig.outputs):
@@ -178,7 +169,10 @@ def _whitening(sharp: VisibleOutputs, slopes: Mapping[str, Outputs]) -> Whitenin
             sizes[:, i, k] = slopes[name][output]
     colours = np.array([scene.hard.colour.get(name, 0.0) for name in sources])
     counts = np.stack([sharp.settled[name.partition(".")[0]] for name in rig.outputs], 1)
-    return Whitening.of(sizes, colours, counts)
+    whitening = Whitening.of(sizes, colours, counts)
+    changes = _uncertain(scene, slopes)
+    columns = [np.stack([c[name] for name in rig.outputs], 1) for c in changes]
+    return replace(sharp, whitening=whitening, sensitivities=whitening(np.stack(columns, 2)))
 
 
 def _uncertain(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]:

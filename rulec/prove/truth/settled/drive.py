@@ -16,10 +16,8 @@ LIGHT, HEAVY = 1000.0, 1200.0
 LOW, HIGH = 0.15, 0.8
 """m; level of a feed tank."""
 
-
-def steps(random: np.random.Generator, samples: int) -> Array:
-    """Random values, each held for 8 to 30 samples."""
-    return held(random, samples, 8, 30)
+MEMORY = 25.0
+"""Samples within which a temperature follows the load."""
 
 
 def ramps(random: np.random.Generator, samples: int) -> Array:
@@ -32,16 +30,6 @@ def ramps(random: np.random.Generator, samples: int) -> Array:
         corners += [corners[-1] + int(random.integers(15, 60))]
         values += [float(random.uniform())]
     return np.asarray(np.interp(np.arange(samples), corners, values))
-
-
-def long_constant(random: np.random.Generator, samples: int) -> Array:
-    """A few operating points, each held for minutes."""
-    return held(random, samples, 70, 160)
-
-
-def visits(random: np.random.Generator, samples: int) -> Array:
-    """Successive operating points, as for a calibration."""
-    return held(random, samples, 12, 18)
 
 
 FEW = 3, 6
@@ -73,15 +61,8 @@ def products(random: np.random.Generator, modules: Sequence[str], samples: int) 
     return {m: random.uniform(0.0, 1.0 - PART) + PART * run for m, run in runs.items()}
 
 
-PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
-    "steps": steps,
-    "ramps": ramps,
-    "start-stop": steps,
-    "long-constant": long_constant,
-    "few-states": lambda random, samples: few_states(random, ["alone"], samples)["alone"],
-    PRODUCTION: lambda random, samples: products(random, ["alone"], samples)["alone"],
-}
-"""Course of a single setting by profile."""
+HELD = {"steps": (8, 30), "start-stop": (8, 30), "long-constant": (70, 160), "visits": (12, 18)}
+"""Least and most samples for which random values are held; `visits` are as for a calibration."""
 
 TOGETHER: Mapping[str, Callable[[np.random.Generator, Sequence[str], int], dict[str, Array]]] = {
     "few-states": few_states,
@@ -90,15 +71,24 @@ TOGETHER: Mapping[str, Callable[[np.random.Generator, Sequence[str], int], dict[
 """Profiles in which all modules change together."""
 
 
+def course(random: np.random.Generator, profile: str, samples: int) -> Array:
+    """Draw the course of a single setting, 0 to 1, shape (samples,)."""
+    if profile in TOGETHER:
+        return TOGETHER[profile](random, ["alone"], samples)["alone"]
+    return held(random, samples, *HELD[profile]) if profile in HELD else ramps(random, samples)
+
+
 def shares(
     random: np.random.Generator, modules: Sequence[str], profile: str, samples: int, before: int
 ) -> dict[str, Array]:
     """Draw the course of each module's setting, 0 to 1, shape (before+samples,)."""
-    if profile in TOGETHER:
-        runs = TOGETHER[profile](random, modules, samples)
-        return {m: np.concatenate([visits(random, before), runs[m]]) for m in modules}
-    make = PROFILES[profile]
-    return {m: np.concatenate([visits(random, before), make(random, samples)]) for m in modules}
+    together = TOGETHER[profile](random, modules, samples) if profile in TOGETHER else {}
+    found = {}
+    for m in modules:
+        first = course(random, "visits", before)
+        own = together[m] if together else course(random, profile, samples)
+        found[m] = np.concatenate([first, own])
+    return found
 
 
 def stops(random: np.random.Generator, samples: int) -> Array:
@@ -123,21 +113,22 @@ def temperature(random: np.random.Generator, samples: int) -> Array:
 
 def by_load(random: np.random.Generator, load: Array) -> Array:
     """A temperature that follows the load of the pump within minutes, K."""
-    slow, result = float(load[0]), np.empty(load.size)
-    for k, now in enumerate(load):
-        slow += (now - slow) / 25.0
-        result[k] = slow
+    result = _followed(load, MEMORY)
     share = (result - result.min()) / max(float(np.ptp(result)), 1e-9)
     return np.asarray(COLD + (WARM - COLD) * (0.15 + 0.7 * share) + 0.3 * random.uniform(-1, 1))
 
 
 def density(random: np.random.Generator, samples: int) -> Array:
     """Successive batches of other concentration, each mixed in within some samples, kg/m3."""
-    batch = LIGHT + (HEAVY - LIGHT) * held(random, samples, 40, 120)
-    mixed, result = float(batch[0]), np.empty(samples)
-    for k, now in enumerate(batch.tolist()):
-        mixed += (now - mixed) / 4.0
-        result[k] = mixed
+    return _followed(LIGHT + (HEAVY - LIGHT) * held(random, samples, 40, 120), 4.0)
+
+
+def _followed(values: Array, memory: float) -> Array:
+    """What follows a course within `memory` samples, settled at the first one."""
+    last, result = float(values[0]), np.empty(values.size)
+    for k, now in enumerate(values.tolist()):
+        last += (now - last) / memory
+        result[k] = last
     return result
 
 

@@ -15,15 +15,13 @@ import numpy as np
 
 from ..runs import SPEED_TIME, approach
 from ..units import Array
+from .drive import MEMORY
 from .effect_size import made_of
 from .operated_plant import SENSING, Scene
 from .solve import Operated, shown_by, solve
 
 if TYPE_CHECKING:
     from .plan import SettledCase
-
-MEMORY = 25.0
-"""Samples within which a temperature follows the load, as in `drive.by_load`."""
 
 ROUNDS = 30
 """Iterations to find the true value behind a display."""

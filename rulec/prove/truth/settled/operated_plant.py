@@ -100,6 +100,11 @@ class Scene:
         return np.arange(self.time.size, dtype=np.float64) * self.pace
 
     @property
+    def recorded_clock(self) -> Array:
+        """Time since the recording began, s, shape (n - first,)."""
+        return np.asarray(self.clock[self.first :] - self.clock[self.first])
+
+    @property
     def warmth(self) -> Array:
         """Temperature of the liquid at the first pump, K."""
         return self.plain[f"{next(iter(self.rig.pumps))}.T"]
@@ -164,7 +169,7 @@ def scene(
     seconds = np.arange(samples, dtype=np.float64)
 
     def setting() -> Array:
-        return drive.PROFILES[profile](random, samples)
+        return drive.course(random, profile, samples)
 
     def reached(setting: Array) -> Array:
         return approach(seconds, setting, SPEED_TIME)
@@ -184,7 +189,7 @@ def scene(
             given[f"{m}.Q"] = FLOW * opened * given[f"{m}.n"] / rig.numbers[f"{m}.n0"][0]
     for m in rig.pumps:
         warm = drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
-        (given if rig.by_temperature else around)[f"{m}.T"] = warm
+        (given if f"{m}.T" in rig.inputs else around)[f"{m}.T"] = warm
     around |= {f"{m}.l": drive.level(random, samples) for m in rig.pumps}
     for m in rig.pumps if rig.by_meter else ():
         around[f"{m}.p_s"] = SUCTION[0] + (SUCTION[1] - SUCTION[0]) * reached(setting()) ** 2

@@ -129,7 +129,9 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
     samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
     before = BEFORE if _is_calibrated(plan, rig, random) else 0
     correlated = "correlated" in plan.conceal
-    pace = _pace(plan, seed)
+    # Fouling, wear and creep do not show within minutes.
+    slow = any(effect_of(name).slow for name in plan.effects)
+    pace = round(between(stream(seed, "pace"), PACES)) if slow else 1.0
     drawn = scene(rig, seed, samples, plan.profile, correlated, before, plan.difficulties, pace)
     seen = visible_outputs(drawn)
     found = []
@@ -141,20 +143,15 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
     terms = tuple(t for _, made in found for t in made.changes)
     if terms:
         seen.scene.truly(terms)
-    if plan.group == "hiding" and _added(seen, [m for _, m in found]) > HIDES:
-        raise Stalled("the effects do not hide each other")
+    if plan.group == "hiding":
+        alone = sum(seen.gain(made.changes) for _, made in found)
+        if math.sqrt(seen.gain(terms) / alone) > HIDES:
+            raise Stalled("the effects do not hide each other")
     # Effects are as strong as planned on a plant that obeys its laws. Difficulties hide a part of
     # them, which the answer states, but nothing makes up for it.
     limit = blurred(seen) if found and drawn.hard.told else seen
     planted = tuple((one, made.size) for one, made in found)
     return SettledCase(plan, seen.scene, terms, _answer_of(plan, limit, found), planted)
-
-
-def _pace(plan: Planned, seed: int) -> float:
-    """Sampling interval, s: fouling, wear and creep do not show within minutes."""
-    if not any(effect_of(name).slow for name in plan.effects):
-        return 1.0
-    return round(between(stream(seed, "pace"), PACES))
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
@@ -182,13 +179,6 @@ def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> li
         places = [p for p in places if p.module in [f.module for f in found]] or places
         found.append(places[int(random.integers(len(places)))])
     return found
-
-
-def _added(seen: VisibleOutputs, found: Sequence[Made]) -> float:
-    """Change by all effects together over that by each alone, as root of the gains."""
-    together = seen.gain([t for made in found for t in made.changes])
-    alone = sum(seen.gain(made.changes) for made in found)
-    return math.sqrt(together / alone)
 
 
 def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed, Made]]) -> Answer:

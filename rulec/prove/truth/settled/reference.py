@@ -35,13 +35,8 @@ def reference(
     if unrecorded:
         own = truth.get(f"{module}.{unrecorded}")
         course = scene.warmth if own is None else own
-        driver = (_clock(scene), course[scene.first :])
+        driver = (scene.recorded_clock, course[scene.first :])
     return Reference(errors, driver)
-
-
-def _clock(scene: Scene) -> Array:
-    clock: Array = scene.clock[scene.first :] - scene.clock[scene.first]
-    return clock
 
 
 def _noise(scene: Scene, place: str, value: Array) -> Array:
@@ -73,7 +68,7 @@ def _error(
         predicted = truth[signal] - off * step / (moved - off)
     error = (predicted - noisy[signal])[scene.first :] / scene.rig.sensors[signal].scale
     used = scene.running[scene.first :] & np.isfinite(error)
-    clock = _clock(scene)
+    clock = scene.recorded_clock
     used &= np.any([(clock >= a) & (clock <= b) for a, b in request.heldout], axis=0)
     return float(np.sqrt(np.mean(error[used] ** 2))) if used.any() else float("nan")
 

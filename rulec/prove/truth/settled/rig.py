@@ -125,11 +125,6 @@ class Rig:
         return "x" in self._set
 
     @property
-    def by_temperature(self) -> bool:
-        """Whether the laws of its pumps depend on the temperature."""
-        return "T" in self._set
-
-    @property
     def by_meter(self) -> bool:
         """Whether a valve behind the pump sets the flow, which is metered."""
         return "Q" in self._set

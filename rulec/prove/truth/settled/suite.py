@@ -57,7 +57,9 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
         "wiring": [(name,) for name in WIRING],
         "pair": pairs,
     }
-    fitting = [(e.name,) for e in EFFECTS.values() if _fits(e, group)]
+    formula = STATED["settled"][group].get("of", 0)
+    known = ((e, Names(e, {"alone": e.kinds in ALONE})) for e in EFFECTS.values())
+    fitting = [(e.name,) for e, names in known if names.of(formula)]
     pool = pools.get(group) or fitting or [()]
     order = list(random.permutation(len(pool)))
     return [pool[order[i % len(order)]] for i in range(count)]
@@ -84,8 +86,3 @@ def _meet(one: Effect, other: Effect) -> bool:
 def _on(effect: Effect, kind: str) -> bool:
     """Whether a kind of pump can have an effect."""
     return effect.at == "pump" and (not effect.kinds or kind in effect.kinds)
-
-
-def _fits(effect: Effect, group: str) -> bool:
-    formula = STATED["settled"][group].get("of", 0)
-    return bool(Names(effect, {"alone": effect.kinds in ALONE}).of(formula))

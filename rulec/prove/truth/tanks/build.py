@@ -1,4 +1,5 @@
-"""True plants: parameters drawn within the uncertainties of their module types, and the input.
+"""True plants: parameters drawn within the uncertainties of their module types, and the input; in
+hard cases form errors, coloured noise, drifts and starts at any level, which are no effects.
 
 The numbers below repeat those of `open-tank` and `voltage-pump`, as the truth reads no file of the
 tool. A test compares them.
@@ -12,12 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..smooth import coloured
+from ..smooth import Drift, coloured, colours, drifts, form_errors
 from ..streams import stream
 from ..units import Array
 from .drive import DRAWN, PROFILES
-from .feed import Feed
-from .hard import Meter, Told, hardened
+from .feed import Bend, Feed
 from .laws import GRAVITY
 from .plant import LEVEL_ZERO, LevelSensor, Plant, Tank
 
@@ -33,8 +33,6 @@ level; cm, s, V. All are within two uncertainties of the module types."""
 
 LEAST: Mapping[str, float] = {"k": 1.0, "A": 13.0, "a": 0.015, "g": 0.4, "h0": 1.0}
 """Least drawn values; the largest is two uncertainties above the nominal one."""
-
-UNITS: Mapping[str, str] = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
 
 CARD_ZERO, METER_SLOPE = 0.01, 0.002
 """Standard uncertainties: card 0.2 % of 10 V, flow meter 0.4 %, over 2."""
@@ -76,6 +74,27 @@ CASCADED = Layout(
     "u [V]",
     {"lower": "y [V]"},
 )
+
+
+STARTS = 1.0, 25.0
+"""Lowest and highest first level, cm; the first reading is at most HIGHEST."""
+
+HIGHEST = 8.0
+"""V"""
+
+ABOVE = 1.3
+"""Range of a law over its value at the largest settled flow."""
+
+Told = Mapping[str, Mapping[str, float]]
+"""The difficulties in the sealed answer: sizes by law or sensor."""
+
+
+@dataclass(frozen=True)
+class Meter:
+    """Errors of a flow meter: coefficient of its noise, and its drift."""
+
+    colour: float = 0.0
+    wander: Drift | None = None
 
 
 @dataclass(frozen=True)
@@ -120,19 +139,6 @@ def build(
     ranges[layout.feed] = flow / plant.feed.gain
     plant, meter, told = hardened(plant, difficulties, seed, ranges, layout.metered)
     return Setup(layout, plant, kind, time, shown, meter, told)
-
-
-def parameters(setup: Setup) -> dict[str, tuple[float, str]]:
-    """Return the true base parameters with their units, without gains of absent sensors."""
-    plant, layout = setup.plant, setup.layout
-    found = {} if layout.metered else {f"{layout.feed}.k": (plant.feed.gain, UNITS["k"])}
-    for tank in plant.tanks:
-        found[f"{tank.name}.A"] = tank.area, UNITS["A"]
-        found[f"{tank.name}.a"] = tank.outlet, UNITS["a"]
-        found[f"{tank.name}.h0"] = tank.level, UNITS["h0"]
-    for sensor in plant.sensors:
-        found[f"{sensor.tank}.g"] = sensor.gain, UNITS["g"]
-    return found
 
 
 def recorded_input(setup: Setup, seed: int) -> Array:
@@ -207,3 +213,39 @@ def _can_work(layout: Layout, plant: Plant, flow: float) -> bool:
         return False
     levels = [_level_at(t, flow) for t in plant.tanks]
     return all(8.0 <= level <= 30.0 for level in levels)
+
+
+def hardened(
+    plant: Plant, names: Sequence[str], seed: int, ranges: Mapping[str, float], metered: bool
+) -> tuple[Plant, Meter, Told]:
+    """Draw the named difficulties; `ranges` has the largest settled level of each tank, cm, and the
+    largest input of a pump, V, by its name."""
+    told: dict[str, dict[str, float]] = {}
+    feed = plant.feed.name
+    if "form" in names:
+        laws = (
+            (law, ((0.0, ABOVE * ranges[law]),)) for law in ranges if law != feed or not metered
+        )
+        forms = {law: Bend.of(form) for law, form in form_errors(seed, laws).items()}
+        told["form"] = {law: bend.rms for law, bend in forms.items()}
+        tanks = tuple(replace(tank, form=forms[tank.name]) for tank in plant.tanks)
+        plant = replace(plant, feed=replace(plant.feed, form=forms.get(feed)), tanks=tanks)
+    places = [s.tank for s in plant.sensors] + [feed] * metered
+    noise = colours(seed, places) if "coloured" in names else {}
+    wander = drifts(seed, places) if "drift" in names else {}
+    told |= {"coloured": noise} if noise else {}
+    told |= {"drift": {place: one.extent for place, one in wander.items()}} if wander else {}
+    sensors = (
+        replace(s, colour=noise.get(s.tank, 0.0), wander=wander.get(s.tank)) for s in plant.sensors
+    )
+    plant = replace(plant, sensors=tuple(sensors))
+    if "starts" in names:
+        plant = replace(plant, tanks=tuple(_begun(plant, tank, seed) for tank in plant.tanks))
+        told["starts"] = {tank.name: tank.level for tank in plant.tanks}
+    return plant, Meter(noise.get(feed, 0.0), wander.get(feed)), told
+
+
+def _begun(plant: Plant, tank: Tank, seed: int) -> Tank:
+    level = float(stream(seed, f"start {tank.name}").uniform(*STARTS))
+    most = [HIGHEST / s.gain for s in plant.sensors if s.tank == tank.name]
+    return replace(tank, level=min([level, *most]))

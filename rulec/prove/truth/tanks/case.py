@@ -77,14 +77,6 @@ def plant_each(
     return found
 
 
-def plant_all(scene: Scene, planted: Sequence[Planted], seed: int) -> Plant:
-    """Return the plant with all effects, each of the size it has alone."""
-    plant = scene.setup.plant
-    for one in planted:
-        plant = make(scene, plant, one.placed, one.size, seed).plant
-    return plant
-
-
 def run(scene: Scene, plant: Plant) -> Course:
     """Simulate a plant; if only sensors err, the course is that of the scene."""
     plain = scene.setup.plant
@@ -216,7 +208,9 @@ def case(
         planted = plant_each(scene, wanted, drawn, strength)
         if planted is None:
             continue
-        plant = plant_all(scene, planted, drawn)
+        plant = setup.plant
+        for one in planted:  # each of the size it has alone
+            plant = make(scene, plant, one.placed, one.size, drawn).plant
         course = run(scene, plant)
         change = change_of(shown(plant, course), shown(setup.plant, scene.course))
         share = None

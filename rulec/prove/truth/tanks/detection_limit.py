@@ -29,24 +29,16 @@ SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
 """No rivals: mirror images of other effects, or the gain that is fitted anyway."""
 
 
-@dataclass(frozen=True)
-class DetectionLimit:
-    """See `sealed.Planted`."""
-
-    gain: float
-    margin: float
-    rival: str
-
-
-def detection_limits(case: Case) -> tuple[DetectionLimit, ...]:
-    """Return the limit of each planted effect while the others may have any size.
+def detection_limits(case: Case) -> list[tuple[float, float, str]]:
+    """Return gain, margin and rival of each planted effect while the others may have any size; see
+    `sealed.Planted`.
 
     All is linear at the plant without effects: changes, derivatives and rivals must be taken at one
     point, or the difference between two points could pass for any effect. A large effect that
     parameters compensate along a curve therefore seems more detectable than it is.
     """
     if not case.planted:
-        return ()
+        return []
     plain, model = case.setup.plant, Model(case.setup.time, case.setup.shown)
     course = model.course(plain)
     start = model.readings(plain, course)
@@ -68,8 +60,8 @@ def detection_limits(case: Case) -> tuple[DetectionLimit, ...]:
         flat = np.array(others).reshape(-1, start.size).T
         rivals = list(_rivals(case, one, change))
         gain = expected_gain(alone[i], slopes, flat)
-        found.append(DetectionLimit(gain, *margin(alone[i], slopes, flat, rivals)))
-    return tuple(found)
+        found.append((gain, *margin(alone[i], slopes, flat, rivals)))
+    return found
 
 
 def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Iterator[Rival]:

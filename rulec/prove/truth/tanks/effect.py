@@ -211,12 +211,10 @@ def possible_effects(layout: Layout) -> dict[str, Placed]:
     """Return every effect at every place of a plant where it can show, by id."""
     places = {"tank": layout.tanks, "feed": (layout.feed,), "sensor": layout.measured}
     every = [Placed(effect, place) for effect in EFFECTS for place in places[effect.at]]
-    return {p.id: p for p in every if _shows(layout, p)}
-
-
-def _shows(layout: Layout, placed: Placed) -> bool:
-    where = placed.effect.stated.get("where", "1")
-    return bool(Names(None, facts(layout, placed.place)).of(where))
+    shows = (
+        Names(None, facts(layout, p.place)).of(p.effect.stated.get("where", "1")) for p in every
+    )
+    return {p.id: p for p, shown in zip(every, shows, strict=True) if shown}
 
 
 def _effect(key: str, stated: Mapping[str, Any]) -> Effect:

@@ -130,33 +130,11 @@ class Tank:
         over = min((level - self.body.height) / BODY_EDGE, 500.0)
         return area - self.body.area / (1.0 + math.exp(over))
 
-    def volume(self, level: float) -> float:
-        """Return the volume below a level, cm3, up to a constant: the integral of `surface`."""
-        if self.lying:
-            return self.area * _segment(self.lying, level)
-        wide = 1.0 + self.cone * level + (self.cone * level) ** 2 / 3.0
-        volume = self.area * level * wide + 0.5 * self.growth * level**2
-        if self.body is None:
-            return volume
-        over = (level - self.body.height) / BODY_EDGE
-        covering = max(over, 0.0) + math.log1p(math.exp(-abs(over)))
-        return volume - self.body.area * (level - BODY_EDGE * covering)
-
 
 def _chord(diameter: float, level: float) -> float:
     """Width of a lying cylinder's surface over its diameter; a narrow slot at its ends."""
     across = 4.0 * level * (diameter - level) / diameter**2
     return math.sqrt(max(across, SLOT**2))
-
-
-def _segment(diameter: float, level: float) -> float:
-    """Integral of the chord over the level from the middle, cm; slots included."""
-    half, over = 0.5 * diameter, level - 0.5 * diameter
-    edge = half * math.sqrt(1.0 - SLOT**2)
-    inside = max(min(over, edge), -edge)
-    share = inside / half
-    arc = 0.5 * half * (share * math.sqrt(1.0 - share**2) + math.asin(share))
-    return arc + SLOT * (over - inside)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ..recording import write_csv
 from .build import CASCADED, Layout
 from .case import Case
 from .detection_limit import detection_limits
-from .refit import heldout_errors
+from .model import heldout_errors
 from .right_answer import right
 
 _PACKAGE = Path(__file__).parents[3]
@@ -76,7 +76,25 @@ class SealedCase:
     @functools.cached_property
     def answer(self) -> sealed.Answer:
         """The sealed answer; effects without an entry have the sort `unnamed`."""
-        setup, effects = self.made.setup, self._effects()
+        setup, effects = self.made.setup, []
+        limits = detection_limits(self.made)
+        for one, (gain, margin, rival) in zip(self.made.planted, limits, strict=True):
+            effect, key = one.placed.effect, right(setup, one)
+            effects.append(
+                sealed.Planted(
+                    effect=effect.name,
+                    title=effect.title,
+                    sort=effect.sort if key.names else "unnamed",
+                    module=one.placed.module,
+                    place=effect.at,
+                    names=key.names,
+                    places=key.places,
+                    parameters=key.parameters,
+                    gain=gain,
+                    margin=margin,
+                    rival=rival,
+                )
+            )
         return sealed.Answer(
             case=self.made.name,
             half="dynamic",
@@ -86,7 +104,7 @@ class SealedCase:
             samples=setup.time.size,
             verdict=sealed.verdict_of([one.sort for one in effects]),
             concealed=self.concealed,
-            effects=effects,
+            effects=tuple(effects),
             difficulties=setup.told,
         )
 
@@ -98,24 +116,3 @@ class SealedCase:
     def reference(self, request: sealed.Request) -> sealed.Reference:
         """Return the errors of the true model, fitted to all samples that are not held out."""
         return sealed.Reference(heldout_errors(self.made, request.heldout))
-
-    def _effects(self) -> tuple[sealed.Planted, ...]:
-        found = []
-        for one, limit in zip(self.made.planted, detection_limits(self.made), strict=True):
-            effect, key = one.placed.effect, right(self.made.setup, one)
-            found.append(
-                sealed.Planted(
-                    effect=effect.name,
-                    title=effect.title,
-                    sort=effect.sort if key.names else "unnamed",
-                    module=one.placed.module,
-                    place=effect.at,
-                    names=key.names,
-                    places=key.places,
-                    parameters=key.parameters,
-                    gain=limit.gain,
-                    margin=limit.margin,
-                    rival=limit.rival,
-                )
-            )
-        return tuple(found)

@@ -9,7 +9,7 @@ import numpy as np
 from ..smooth import coloured
 from ..units import Array
 from .balance import Course
-from .memory import with_play
+from .drive import with_play
 from .plant import LEVEL_ZERO, LevelSensor, Plant
 
 
