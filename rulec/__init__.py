@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from rulec_runtime.output.refusal import Misused, Refusal
     from rulec_runtime.recordings.csv_table import RecordingRefused
 
-    from rulec.api.adopt import AdoptResult, adopt
-    from rulec.api.calibrate import CalibrateResult, calibrate
-    from rulec.api.compile import CompileResult, compile
-    from rulec.api.diagnose import DiagnoseResult, diagnose
-    from rulec.api.experiment import ExperimentResult, experiment
-    from rulec.api.learn import LearnResult, learn
-    from rulec.api.mismatch import MismatchResult, mismatch
-    from rulec.api.result import FrameRefused
-    from rulec.api.simulate import SimulateResult, simulate
-    from rulec.api.study import StudyResult, study
     from rulec.calibration.fit import CalibrationRefused
+    from rulec.commands.adopt import AdoptResult, adopt
+    from rulec.commands.calibrate import CalibrateResult, LearnResult, calibrate, learn
+    from rulec.commands.compile import CompileResult, compile
+    from rulec.commands.diagnose import DiagnoseResult, diagnose
+    from rulec.commands.experiment import ExperimentResult, experiment
+    from rulec.commands.mismatch import MismatchResult, mismatch
+    from rulec.commands.result import FrameRefused
+    from rulec.commands.simulate import SimulateResult, simulate
+    from rulec.commands.study import study
+    from rulec.commands.study_result import StudyResult
     from rulec.effects.repair import AdoptRefused
     from rulec.language.diagnostics import Refused
     from rulec.mismatch.result import ExperimentRefused, MismatchRefused
@@ -71,14 +71,17 @@ __all__ = [
 
 _PLACES = {
     **{
-        name: f"rulec.api.{name.removesuffix('Result').lower()}"
+        name: f"rulec.commands.{name.removesuffix('Result').lower()}"
         for name in __all__
         if name.endswith("Result") or name.islower()
     },
+    "LearnResult": "rulec.commands.calibrate",
+    "StudyResult": "rulec.commands.study_result",
+    "learn": "rulec.commands.calibrate",
     "AdoptRefused": "rulec.effects.repair",
     "CalibrationRefused": "rulec.calibration.fit",
     "ExperimentRefused": "rulec.mismatch.result",
-    "FrameRefused": "rulec.api.result",
+    "FrameRefused": "rulec.commands.result",
     "MismatchRefused": "rulec.mismatch.result",
     "Misused": "rulec_runtime.output.refusal",
     "RecordingRefused": "rulec_runtime.recordings.csv_table",

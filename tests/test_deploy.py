@@ -7,7 +7,7 @@ import shlex
 import tomllib
 from pathlib import Path
 
-from rulec_runtime.commands.frame import Parser, watch_options
+from rulec_runtime.commands.frame import Commands
 
 from tests.conftest import ROOT
 
@@ -21,9 +21,8 @@ PACKAGE = tomllib.loads((ROOT / "runtime" / "pyproject.toml").read_text(encoding
 
 
 def accepted(arguments: list[str]) -> None:
-    parser = Parser()
-    watch_options(parser, "RULESET")
-    parser.parse_args(arguments)
+    parser = Commands(ROOT / "runtime" / "rulec_runtime" / "commands.toml").parser()
+    parser.parse_args(["watch", *arguments])
 
 
 def test_unit_and_container_start_a_watch() -> None:

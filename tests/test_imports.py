@@ -47,7 +47,7 @@ ROOMS = (
     "rulec.mismatch.evidence.steady", "rulec.mismatch.evidence.stores",
     "rulec.mismatch.structure", "rulec.mismatch.search",
     "rulec.mismatch.search.settled", "rulec.mismatch.search.stores", "rulec.mismatch.experiment",
-    "rulec.mismatch.inference", "rulec.mismatch.answer", "rulec.mismatch", "rulec.api",
+    "rulec.mismatch.inference", "rulec.mismatch.answer", "rulec.mismatch",
     "rulec.demo", "rulec.mtp", "rulec.commands", "rulec", "rulec.prove", "rulec.prove.real",
 )  # fmt: skip
 """From the ground up: a file may import from its own room and from those above it in this list."""

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.api import mismatch as command
 from rulec.cli import main
+from rulec.commands import mismatch as command
 from rulec.effects import model_builder
 from rulec.mismatch import analyse as analysis
 from rulec.mismatch.result import Mismatch

@@ -1,1 +1,5 @@
-"""One file per command; each has `run(options) -> exit code`."""
+"""One file per command, and what `import rulec` offers: the commands as functions.
+
+Each function takes paths or data frames and returns a frozen result with `to_dict()`, `to_frame()`
+and a display for notebooks and terminals. `run` of a file is the command around it.
+"""

@@ -51,13 +51,9 @@ def run(options: argparse.Namespace) -> int:
     elif options.format == "sarif":
         write_json(options, sarif_form(found, version_of_rulec()))
     else:
-        forms = {}
-        if facts:
-            from rulec.commands.recording_facts import json_form as form_of
-
-            forms = {name: form_of(part) for name, part in facts.items()}
+        forms = {name: part.to_dict() for name, part in facts.items()}
         write_json(options, {"found": json_form(found), "recordings": forms})
-    return 1 if wrong or not all(part.judges_something for part in facts.values()) else 0
+    return 1 if wrong or not all(part.faults[0] for part in facts.values()) else 0
 
 
 def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int:
@@ -96,24 +92,24 @@ def _tell(
         warned = f", {plural(len(found), 'warning', 'warnings')}" if found else ""
         shown = ", ".join(map(str, paths))
         out.print(styled("[green]✓[/] {}: no mistakes{}", shown, warned))
-    if facts:
-        from rulec.commands.recording_facts import tell
-
-        for name, part in facts.items():
-            tell(out, name, part)
+    for name, part in facts.items():
+        part.tell(out, name)
 
 
 def _collected(paths: list[Path]) -> list[Diagnostic]:
     """Diagnostics of the files; the cache remembers a plant without any."""
-    if len(paths) != 1 or len(plants := _plants_in(paths[0])) != 1:
-        return _compared(paths)
     found: list[Diagnostic] = []
 
     def clean() -> bool | None:
-        found.extend(_compared(paths))
+        from rulec.commands.check_files import collect  # loads the compiler
+
+        found.extend(collect(paths))
         return None if found else True
 
-    kept_of_plant(plants[0], "clean", clean, whole=paths[0].is_dir())
+    if len(paths) == 1 and len(plants := _plants_in(paths[0])) == 1:
+        kept_of_plant(plants[0], "clean", clean, whole=paths[0].is_dir())
+    else:
+        clean()
     return found
 
 
@@ -125,12 +121,6 @@ def _plants_in(path: Path) -> list[Path]:
             *(f for f in yaml_files_in(path) if f.name == PLANT and f.parent != path),
         ]
     return [path] if path.name == PLANT else []
-
-
-def _compared(paths: list[Path]) -> list[Diagnostic]:
-    from rulec.commands.check_files import collect
-
-    return collect(paths)
 
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

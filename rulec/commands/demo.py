@@ -11,7 +11,6 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from queue import Empty, Queue
@@ -23,7 +22,6 @@ from rich.table import Table
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.live.episode import Event
 from rulec_runtime.live.sources.remarks import SourceRefused
 from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import styled
@@ -31,8 +29,8 @@ from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.terminal_findings import explain
 
-from rulec.api.simulate import parse_fault, simulate
 from rulec.commands.matrix import show
+from rulec.commands.simulate import parse_fault, simulate
 from rulec.demo import limits
 from rulec.demo.played_recording import free_port, planted, write_inputs
 from rulec.knowledge.layers import shipped
@@ -130,79 +128,44 @@ def _compared(
     step: float,
     out: Console,
 ) -> None:
+    """Print each planted fault with what was told of it, and what was told that nobody planted.
+
+    An event belongs to a fault of its name that it overlaps. Times are in s since `began`.
+    """
     from rulec_runtime.live.journal.store import open_journal
 
     with closing(open_journal(str(place / "journal.db"), make=False)) as journal:
         events = [entry.event for entry in journal.events(ruleset.plant)]
-    played = [
-        replace(f, since=began + f.since * step, until=began + f.until * step) for f in faults
-    ]
-    matches, others = matched(played, events)
-    tell(out, matches, others, began)
-
-
-@dataclass(frozen=True)
-class Match:
-    """A planted fault, and the events that report it."""
-
-    planted: Injected
-    events: tuple[Event, ...]
-
-
-def matched(
-    planted: Sequence[Injected], events: Sequence[Event]
-) -> tuple[list[Match], list[Event]]:
-    """Each planted fault with the events of its name that overlap it, and the beginnings of all
-    faults that nobody planted. Times are of one clock, s."""
     lasting = [e for e in events if e.episode.kind in ("fault", "sensor", "unknown")]
-    taken: set[str] = set()
-    matches = []
-    for fault in planted:
-        own = [
-            e
-            for e in lasting
-            if e.episode.subject == fault.fault
-            and e.episode.since <= fault.until
-            and fault.since <= e.episode.until
-        ]
-        taken |= {e.episode.id for e in own}
-        matches.append(Match(fault, tuple(own)))
-    others = [e for e in lasting if e.what == "began" and e.episode.id not in taken]
-    return matches, others
-
-
-def tell(out: Console, matches: Sequence[Match], others: Sequence[Event], began: float) -> None:
-    """Print the comparison; times in s since `began`."""
     table = Table(box=None, pad_edge=False)
     table.add_column("")
     titles = ("planted", "degree", "from", "to", "told after", "as", "95 % bounds", "over after")
     for title in titles:
         table.add_column(title, justify="left" if title == "planted" else "right", no_wrap=True)
-    for match in matches:
-        fault = match.planted
-        row = [
-            fault.fault,
-            f"{fault.degree:g}",
-            *(f"{t - began:.1f} s" for t in (fault.since, fault.until)),
+    taken, count = set[str](), 0
+    for fault in faults:
+        since, until = began + fault.since * step, began + fault.until * step
+        own = [
+            e
+            for e in lasting
+            if e.episode.subject == fault.fault
+            and e.episode.since <= until
+            and since <= e.episode.until
         ]
-        if not match.events:
+        taken |= {e.episode.id for e in own}
+        count += bool(own)
+        row = [fault.fault, f"{fault.degree:g}", f"{since - began:.1f} s", f"{until - began:.1f} s"]
+        if not own:
             table.add_row(styled("[bold]✗[/]"), *row, "not told", "", "", "")
             continue
-        last = match.events[-1]
-        over = f"{last.time - fault.until:.1f} s" if last.what == "ended" else "active"
-        one = last.episode
-        table.add_row(
-            "✓",
-            *row,
-            f"{match.events[0].time - fault.since:.1f} s",
-            f"{one.degree:.3f}",
-            f"{one.lower:.3f}-{one.upper:.3f}",
-            over,
-        )
+        one, after = own[-1].episode, f"{own[0].time - since:.1f} s"
+        over = f"{own[-1].time - until:.1f} s" if own[-1].what == "ended" else "active"
+        bounds = f"{one.lower:.3f}-{one.upper:.3f}"
+        table.add_row("✓", *row, after, f"{one.degree:.3f}", bounds, over)
     out.print(table)
-    count = sum(1 for match in matches if match.events)
+    others = [e for e in lasting if e.what == "began" and e.episode.id not in taken]
     text = "{} of {} planted faults found, {} told that nobody planted"
-    out.print(styled(text, count, len(matches), len(others)))
+    out.print(styled(text, count, len(faults), len(others)))
     for event in others:
         out.print(styled("  {} s  {}", f"{event.time - began:.1f}", event.text))
 

@@ -12,7 +12,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import read_recording
 
-from rulec.api.arguments import ruleset_of
+from rulec.commands.arguments import ruleset_of
 from rulec.export.c_printer import header, source
 from rulec.export.module_code import code_of, wiring_csv
 from rulec.export.play_on_recording import played, results_csv

@@ -23,10 +23,6 @@ FOLDER = Path(__file__).resolve().parent.parent / "skeletons"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,60}")
 
 
-class InitRefused(Refusal):
-    """Nothing was written; the message says why."""
-
-
 def run(options: argparse.Namespace) -> int:
     """Write a skeleton into a folder; no file is ever replaced."""
     own = options.name if options.kind in ("plant", "kb") else "."
@@ -34,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     files = dict(skeleton(options.kind, options.name, folder, options.like))
     for file in files:
         if os.path.lexists(file):
-            raise InitRefused(
+            raise Refusal(
                 f"'{file}' already exists and was not overwritten; choose another name or folder"
             )
     out = console(options)
@@ -55,21 +51,21 @@ def skeleton(
 ) -> Iterator[tuple[Path, str]]:
     """Files and texts of a skeleton, with the schemas if an editor would find none.
 
-    With `like`, a plant begins as a copy of that shipped one. Raises `InitRefused` if other files
+    With `like`, a plant begins as a copy of that shipped one. Raises `Refusal` if other files
     could not use the name, or if `like` is no shipped plant.
     """
     if not _NAME.fullmatch(name):
         hint = "a letter, then at most 60 letters, digits, _ and -"
         if os.path.basename(name) != name:
             hint += f"; the folder comes after it: rulec init {kind} {Path(name).name} {name}"
-        raise InitRefused(f"'{name[:70]}' is not a legal name: {hint}")
+        raise Refusal(f"'{name[:70]}' is not a legal name: {hint}")
     package = re.sub(r"[^a-z0-9]", "_", name.lower())
     knowledge = {"plant": folder / KB, "kb": folder / package}.get(kind, folder)
     slots = {"NAME": name, "PACKAGE": package}
     texts = dict(_filled(kind, folder, slots))
     if like is not None:
         if kind != "plant":
-            raise InitRefused(f"--like names a plant to begin with; a {kind} has none")
+            raise Refusal(f"--like names a plant to begin with; a {kind} has none")
         texts[folder / "plant.yaml"] = _like(like, name)
     if kind == "kb":
         texts |= _filled("module", knowledge, {**slots, "NAME": f"{name}-example"})
@@ -100,7 +96,7 @@ def _like(like: str, name: str) -> str:
     readmes = sorted(shipped("plants").glob("*/README.md"))
     known = {file.parent.name: file.parent for file in readmes}
     if like not in known:
-        raise InitRefused(f"no plant '{like[:70]}' is shipped; take one of {', '.join(known)}")
+        raise Refusal(f"no plant '{like[:70]}' is shipped; take one of {', '.join(known)}")
     text = (known[like] / "plant.yaml").read_text(encoding="utf-8").partition("\n")[2]
     return line("SCHEMA") + "\n" + re.sub(r"(?m)^plant: .*$", f"plant: {name}", text, count=1)
 

@@ -57,21 +57,20 @@ def run(options: argparse.Namespace) -> int:
     pairs = separated(ruleset, options.limits) if options.separate else None
     if options.report:
         write_to(options.report, matrix_page(ruleset, made_now("rulec"), stores))
-    more = {}
-    if pairs is not None:
-        from rulec.separation.table import separated_form
+    form = {**json_form(ruleset, stores), "without": without}
+    out, is_told = console(options), options.json != "-"
+    if pairs is None:
+        write_json(options, form)
+        if is_told:
+            show(out, ruleset, stores)
+            show_without(out, ruleset, without)
+    else:
+        from rulec.separation.table import separated_form, show_separated
 
-        more = {"separate": separated_form(ruleset, pairs)}
-    write_json(options, {**json_form(ruleset, stores), "without": without, **more})
-    if options.json != "-":
-        if pairs is None:
-            show(console(options), ruleset, stores)
-            show_without(console(options), ruleset, without)
-        else:
-            from rulec.separation.table import show_separated
-
-            show_separated(console(options), ruleset, pairs)
-    show_files(console(options), {"report": options.report})
+        write_json(options, {**form, "separate": separated_form(ruleset, pairs)})
+        if is_told:
+            show_separated(out, ruleset, pairs)
+    show_files(out, {"report": options.report})
     return 0
 
 
@@ -137,17 +136,18 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
 
 def _cells(ruleset: Ruleset, faults: Sequence[FaultSpec]) -> dict[str, list[list[Any]]]:
     """Dense matrices, a row per fault and a column per residual."""
-    column = {r.id: i for i, r in enumerate(ruleset.residuals)}
-    matrices: dict[str, list[list[Any]]] = {"signs": [], "gains": [], "detectable": []}
-    for fault in faults:
-        rows: list[list[Any]] = [[absent] * len(column) for absent in (0, 0, None)]
-        for cell in ruleset.cells_of_fault[fault.id]:
-            values = (cell.sign, cell.gain, cell.detectable)
-            for row, value in zip(rows, values, strict=True):
-                row[column[cell.residual]] = value
-        for matrix, row in zip(matrices.values(), rows, strict=True):
-            matrix.append(row)
-    return matrices
+    rows = [{c.residual: c for c in ruleset.cells_of_fault[fault.id]} for fault in faults]
+    return {
+        name: [
+            [getattr(row[r.id], part) if r.id in row else absent for r in ruleset.residuals]
+            for row in rows
+        ]
+        for name, part, absent in (
+            ("signs", "sign", 0),
+            ("gains", "gain", 0),
+            ("detectable", "detectable", None),
+        )
+    }
 
 
 def _without(ruleset: Ruleset, plant: Path) -> Without:

@@ -16,6 +16,14 @@ from rulec_runtime.output.open_file import FOLDERS, is_below, is_named
 from rulec_runtime.output.refusal import Misused, Refusal, to_install
 from rulec_runtime.recordings.formats import place_of
 
+from rulec.commands.check import json_form as found_form
+from rulec.commands.check_files import collect
+from rulec.commands.diagnose import diagnose
+from rulec.commands.matrix import json_form as matrix_form
+from rulec.commands.mismatch import mismatch
+from rulec.knowledge.read import read_all
+from rulec.passes.compile_cache import ruleset_of_plant
+
 ABOUT = """\
 Fault diagnosis of modular hydraulic plants. A plant is a folder with a plant.yaml, a recording a
 file or folder of readings (CSV, Excel, Parquet and others), both as seen from the served folder.
@@ -96,8 +104,6 @@ class Desk:
         With `plant` what counts for that plant. With `name` the whole description of one entry,
         with its equations, parameters, uncertainties and sources.
         """
-        from rulec.knowledge.read import read_all
-
         sources = read_all(None if plant is None else self._path(plant))
         kinds = {kind: docs for kind, docs in sources.by_kind.items() if kind != "units"}
         if name is None:
@@ -117,38 +123,26 @@ class Desk:
 
     def check(self, path: str) -> dict[str, Any]:
         """Validate a YAML file or folder: every mistake and doubt with place, reason and remedy."""
-        from rulec.commands.check import json_form
-        from rulec.commands.check_files import collect
-
-        return {"found": json_form(collect([self._path(path)]))}
+        return {"found": found_form(collect([self._path(path)]))}
 
     def matrix(self, plant: str) -> dict[str, Any]:
         """Which fault moves which residual, how far; which faults cannot be told apart, and which
         further sensor would help."""
-        from rulec.commands.matrix import json_form
-        from rulec.passes.compile_cache import ruleset_of_plant
-
-        return json_form(ruleset_of_plant(self._path(plant)))
+        return matrix_form(ruleset_of_plant(self._path(plant)))
 
     def diagnose(self, plant: str, recording: str) -> dict[str, Any]:
         """Judge a recording: which fault, how large, since when, how sure, alternatives, and what
         to look at. `status` is ok, or a code of NAMUR NE 107 such as M or C."""
-        from rulec.api.diagnose import diagnose
-
         return diagnose(self._path(plant), self._path(recording)).to_dict()
 
     def explain(self, plant: str, recording: str) -> str:
         """Tell the same as an engineer reads it: findings with their evidence, estimate against
         estimate, what speaks against alternatives, and what remains open."""
-        from rulec.api.diagnose import diagnose
-
         return str(diagnose(self._path(plant), self._path(recording)))
 
     def mismatch(self, plant: str, recordings: list[str]) -> dict[str, Any]:
         """Tell where simulation and recordings of a plant differ, which physics its model leaves
         out, with probability and proof on data that were held out. May take minutes."""
-        from rulec.api.mismatch import mismatch
-
         given = [self._path(recording) for recording in recordings]
         found = mismatch(self._path(plant), given)
         return {**found.to_dict(), "story": str(found)}

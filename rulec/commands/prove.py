@@ -10,18 +10,12 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from rulec_runtime.commands.destinations import (
-    check_outputs,
-    console,
-    progress_of,
-    write_json,
-    write_to,
-)
+from rulec_runtime.commands.destinations import console, progress_of, write_json, write_to
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.page_origin import made_now
 
-from rulec.api.arguments import folder_of
+from rulec.commands.arguments import folder_of
 
 SUITE, RIGS = "rulec.prove", "rulec.prove.real"
 
@@ -31,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     if options.blind:
         return _blind(options)
     suite = RIGS if options.real or options.make_rigs else SUITE
-    return _waited_for([sys.executable, "-m", suite, "--lifeline", *words_of(options)])
+    return _waited_for([sys.executable, "-m", suite, "--lifeline", *options.words[1:]])
 
 
 def _blind(options: argparse.Namespace) -> int:
@@ -40,7 +34,6 @@ def _blind(options: argparse.Namespace) -> int:
     drawn = [name for name in ("hard", "production", "contacts", "only") if getattr(options, name)]
     if drawn:
         raise Misused(f"--{drawn[0]}: a blind test asks for every effect; leave --{drawn[0]} out")
-    check_outputs(options)
     plant, recording = options.blind
     folder_of(plant)
     with progress_of(options, "reading the plant") as progress:
@@ -71,19 +64,3 @@ def _waited_for(asked: Sequence[str]) -> int:
             return suite.wait()
         finally:
             signal.signal(signal.SIGTERM, before)
-
-
-def words_of(options: argparse.Namespace) -> list[str]:
-    """The options as words of a command line."""
-    flags = ("quick", "final", "hard", "production", "contacts", "hidden_names", "quiet")
-    words = [f"--{name.replace('_', '-')}" for name in flags if getattr(options, name)]
-    own = ("seed", "real", "only", "limit", "rounds")
-    for name in (*own, "engine", "jobs", "scheduler", "keep", "json", "report"):
-        value = getattr(options, name)
-        if value not in (None, ""):
-            words.append(f"--{name}={value}")
-    if options.make_rigs is not None:
-        words += ["--make-rigs", *options.make_rigs]
-    if options.baselines is not None:
-        words += ["--baselines", *options.baselines]
-    return words

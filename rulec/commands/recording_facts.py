@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.sensor_health import Health, examine
 from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
@@ -20,7 +21,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import assign
 from rulec_runtime.recordings.plant_calendar import duration
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.recording_file import files_of, form_of
 
 from rulec.limits import FAR_READING
@@ -31,24 +32,10 @@ if TYPE_CHECKING:
     from rulec.effects.match_effects import Matches
 
 
-@dataclass(frozen=True, kw_only=True)
-class Explanation:
-    """An effect that fits a place of the plant: estimates that it moves, readings that it needs."""
-
-    name: str
-    observers: tuple[str, ...]
-    needs: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sought:
-    """What a search could look for in a plant, whatever the recording.
-
-    `unread` are quantities that no sensor of the plant reads, each with the effects driven by it.
-    """
-
-    effects: tuple[Explanation, ...]
-    unread: Mapping[str, tuple[str, ...]]
+Sought = Mapping[str, Any]
+"""What a search could look for in a plant, whatever the recording, as JSON data: `effects` that fit
+a place, each with the `observers` that it moves and the readings that it `needs`; `unread`
+quantities that no sensor of the plant reads, each with the effects driven by it."""
 
 
 def sought_in(plant: Path) -> Sought:
@@ -57,21 +44,15 @@ def sought_in(plant: Path) -> Sought:
     Raises `Refused` with all mistakes in the plant.
     """
 
-    def sought() -> dict[str, object]:
+    def sought() -> Sought:
         from rulec.effects.model_builder import open_builder  # loads the compiler
 
         ruleset, builder = open_builder(plant)
         ruleset_of_plant(plant, lambda: ruleset)
-        return asdict(sought_of(builder.matches))
+        return sought_of(builder.matches)
 
-    found = kept_of_plant(plant, "sought", sought)
-    return Sought(
-        effects=tuple(
-            Explanation(name=e["name"], observers=tuple(e["observers"]), needs=tuple(e["needs"]))
-            for e in found["effects"]
-        ),
-        unread={quantity: tuple(names) for quantity, names in found["unread"].items()},
-    )
+    found: Sought = kept_of_plant(plant, "sought", sought)
+    return found
 
 
 def sought_of(matches: Matches) -> Sought:
@@ -79,14 +60,14 @@ def sought_of(matches: Matches) -> Sought:
     unread: dict[str, set[str]] = {}
     for missing in matches.missing:
         unread.setdefault(missing.quantity, set()).add(missing.name)
-    return Sought(
-        effects=tuple(
-            Explanation(name=c.name, observers=tuple(c.observers), needs=tuple(sorted(_needs(c))))
+    return {
+        "effects": [
+            {"name": c.name, "observers": [*c.observers], "needs": sorted(_needs(c))}
             for c in (m.candidate for m in matches.candidates)
             if c.sort != "fault"
-        ),
-        unread={quantity: tuple(sorted(names)) for quantity, names in unread.items()},
-    )
+        ],
+        "unread": {quantity: sorted(names) for quantity, names in unread.items()},
+    }
 
 
 def _needs(candidate: Candidate) -> set[str]:
@@ -149,12 +130,23 @@ class Facts:
     stretches: int
     effects: tuple[int, int]
     lacks: tuple[Lack, ...]
-    unread: Mapping[str, tuple[str, ...]]
+    unread: Mapping[str, Sequence[str]]
 
-    @property
-    def judges_something(self) -> bool:
-        """Whether any fault can be found."""
-        return self.faults[0] > 0
+    def to_dict(self) -> dict[str, Any]:
+        """All facts as JSON data; missing readings are null."""
+        data = asdict(self)
+        for part in data["readings"]:
+            for key in ("low", "middle", "high"):
+                part[key] = part[key] if math.isfinite(part[key]) else None
+        return data
+
+    def tell(self, out: Console, name: str) -> None:
+        """Print the columns, what can run, how much is settled, and what a mismatch could find."""
+        rows = plural(self.rows, "row", "rows")
+        out.print(styled("{}: {} over {}", name, rows, duration(self.seconds)))
+        out.print(_columns(self.readings))
+        for line in _lines(self):
+            out.print(line)
 
 
 def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
@@ -166,24 +158,31 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
     running = {o.id for o in ruleset.observers if set(o.signals) <= usable}
     compared = {r.id for r in ruleset.residuals if {t.observer for t in r.terms} <= running}
     visible = {cell.fault for cell in ruleset.cells if cell.residual in compared}
-    dynamics = ruleset.dynamics
-    # Balances can be integrated, and something can be compared with them.
-    balances = (
-        dynamics is not None
-        and usable.issuperset(dynamics.inputs)
-        and not usable.isdisjoint(dynamics.outputs)
-    )
-    if balances and dynamics is not None:
-        visible |= set(dynamics.faults)
+    balances = False  # whether they can be integrated, and something can be compared with them
+    if (dynamics := ruleset.dynamics) is not None and usable.issuperset(dynamics.inputs):
+        balances = not usable.isdisjoint(dynamics.outputs)
+        visible |= set(dynamics.faults if balances else ())
     faults = [f.id for f in ruleset.faults]
     terms = {t.observer for r in ruleset.residuals if r.id in compared for t in r.terms}
-    reached = [e for e in sought.effects if balances or terms.intersection(e.observers)]
-    found = [e for e in reached if usable.issuperset(e.needs)]
-    settled, stretches = _settled(health.recording, ruleset)
+    reached = [e for e in sought["effects"] if balances or terms.intersection(e["observers"])]
+    found = [e for e in reached if usable.issuperset(e["needs"])]
+    settled, stretches = None, 0
+    if dynamics is None:
+        parts, _ = judgeable(health.recording, ruleset, "default")
+        settled, stretches = float(parts.lengths.sum()) / len(recording), len(parts)
     return Facts(
         rows=len(recording),
         seconds=float(recording.time[-1] - recording.time[0]),
-        readings=tuple(_reading(s, titles, recording, health, ruleset) for s in ruleset.signals),
+        readings=tuple(
+            _reading(
+                s,
+                recording.values.get(s.id, np.array([])),
+                title=titles.get(s.id, ""),
+                odd=[f.text for f in health.findings if f.signal == s.id],
+                used=s.id in ruleset.read,
+            )
+            for s in ruleset.signals
+        ),
         strangers=strangers,
         notes=recording.notes,
         estimates=(len(running), len(ruleset.observers)),
@@ -192,14 +191,14 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
         blind=tuple(f for f in faults if f not in visible),
         settled=settled,
         stretches=stretches,
-        effects=(len(found), len(sought.effects)),
-        lacks=tuple(_lacks(ruleset, usable, health, sought.effects)),
-        unread=sought.unread,
+        effects=(len(found), len(sought["effects"])),
+        lacks=tuple(_lacks(ruleset, usable, health, sought)),
+        unread=sought["unread"],
     )
 
 
 def _lacks(
-    ruleset: Ruleset, usable: Collection[str], health: Health, effects: Collection[Explanation]
+    ruleset: Ruleset, usable: Collection[str], health: Health, sought: Sought
 ) -> Iterator[Lack]:
     """Signals that something needs and that have no reading."""
     terms = {r.id: {t.observer for t in r.terms} for r in ruleset.residuals}
@@ -207,7 +206,7 @@ def _lacks(
         if signal.id in usable:
             continue
         estimates = tuple(o.id for o in ruleset.observers if signal.id in o.signals)
-        driven = sorted({e.name for e in effects if signal.id in e.needs})
+        driven = sorted({e["name"] for e in sought["effects"] if signal.id in e["needs"]})
         if signal.id in ruleset.read or driven:
             yield Lack(
                 signal=signal.id,
@@ -218,37 +217,24 @@ def _lacks(
             )
 
 
-def _settled(recording: Recording, ruleset: Ruleset) -> tuple[float | None, int]:
-    if ruleset.dynamics is not None:
-        return None, 0
-    stretches, _ = judgeable(recording, ruleset, "default")
-    return float(stretches.lengths.sum()) / len(recording), len(stretches)
-
-
 def _reading(
-    signal: SignalSpec,
-    titles: Mapping[str, str],
-    recording: Recording,
-    health: Health,
-    ruleset: Ruleset,
+    signal: SignalSpec, values: Array, *, title: str, odd: list[str], used: bool
 ) -> Reading:
-    values = recording.values.get(signal.id)
-    values = np.array([]) if values is None else values[np.isfinite(values)]
-    ends = [float("nan")] * 3
+    """What a column of readings, SI, shape (n,), holds; `odd` is what is known to be wrong."""
+    values = values[np.isfinite(values)]
+    low, middle, high = (math.nan,) * 3
     if values.size:
-        ends = [signal.shown(float(f(values))) for f in (np.min, np.median, np.max)]
-    odd = [f.text for f in health.findings if f.signal == signal.id]
-    if not odd and values.size:
-        odd += _far_off(signal, float(np.median(values)))
+        low, middle, high = (signal.shown(float(f(values))) for f in (np.min, np.median, np.max))
+        odd = odd or [*_far_off(signal, float(np.median(values)))]
     return Reading(
         signal=signal.id,
-        title=titles.get(signal.id, ""),
+        title=title,
         unit=signal.unit,
-        low=ends[0],
-        middle=ends[1],
-        high=ends[2],
+        low=low,
+        middle=middle,
+        high=high,
         odd=tuple(odd),
-        used=signal.id in ruleset.read,
+        used=used,
     )
 
 
@@ -282,25 +268,6 @@ _WHOLE, _PART = "[green]✓[/] {}: {} of {}", "[yellow]![/] {}: {} of {}"
 
 SHOWN = 4
 """Names shown from a list; the others are counted."""
-
-
-def tell(out: Console, name: str, facts: Facts) -> None:
-    """Print the columns, what can run, how much is settled, and what a mismatch could find."""
-    out.print(
-        styled("{}: {} over {}", name, plural(facts.rows, "row", "rows"), duration(facts.seconds))
-    )
-    out.print(_columns(facts.readings))
-    for line in _lines(facts):
-        out.print(line)
-
-
-def json_form(facts: Facts) -> dict[str, Any]:
-    """All facts as JSON data; missing readings are null."""
-    data = asdict(facts)
-    for part in data["readings"]:
-        for key in ("low", "middle", "high"):
-            part[key] = part[key] if math.isfinite(part[key]) else None
-    return data
 
 
 def _columns(readings: Sequence[Reading]) -> Table:

@@ -6,7 +6,7 @@ import argparse
 
 from rulec_runtime.commands.watch import run as watch
 
-from rulec.api.arguments import ruleset_of
+from rulec.commands.arguments import ruleset_of
 
 
 def run(options: argparse.Namespace) -> int:

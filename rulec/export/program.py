@@ -6,7 +6,7 @@ Every name is assigned once and before it is read, so a routine means the same i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from typing import Any, Literal
 
@@ -143,14 +143,12 @@ def names_in(expression: Expression) -> set[str]:
     return {expression.text} if isinstance(expression, Name) else set()
 
 
-def without_unused(
-    sections: Iterable[Section], outputs: Iterable[Variable]
-) -> tuple[tuple[Section, ...], frozenset[str]]:
-    """The sections without statements that no output needs, and all names that they read."""
+def without_unused(routine: Routine) -> Routine:
+    """The routine without the statements and parameters that no output needs."""
     read: set[str] = set()
-    wanted = {v.name for v in outputs}
+    wanted = {v.name for v in routine.outputs}
     kept = []
-    for section in reversed(list(sections)):
+    for section in reversed(routine.sections):
         statements = []
         for statement in reversed(section.statements):
             if statement.name in wanted or statement.name in read:
@@ -158,7 +156,8 @@ def without_unused(
                 read |= names_in(statement.expression)
         if statements:
             kept.append(Section(section.title, tuple(reversed(statements))))
-    return tuple(reversed(kept)), frozenset(read)
+    parameters = tuple(p for p in routine.parameters if p.name in read)
+    return replace(routine, parameters=parameters, sections=tuple(reversed(kept)))
 
 
 Value = Any

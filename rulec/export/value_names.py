@@ -16,7 +16,7 @@ from rulec_runtime.contract.plan import UNARY, Plan
 from rulec_runtime.contract.ruleset import ObserverSpec, ParameterSpec, Ruleset
 from rulec_runtime.recordings.reading_unit import parse_unit
 
-from rulec.algebra.graph import Graph, Node
+from rulec.algebra.graph import Graph
 from rulec.export import limits
 from rulec.export.identifiers import Identifiers
 from rulec.export.program import Parameter
@@ -95,19 +95,15 @@ def is_output_of(output: str, observers: set[str], kinds: tuple[str, ...]) -> bo
     return kind in kinds and rest.partition(":")[0] in observers
 
 
-def put_into(
-    graph: Graph, plan: Plan, outputs: Iterable[str], known: Mapping[str, float]
-) -> dict[str, Node]:
-    """Build outputs of a plan in a graph; inputs in `known` become constants.
-
-    Returns the node of each output. Nodes that the graph already holds are shared.
-    """
+def put_into(graph: Graph, plan: Plan, outputs: Iterable[str], known: Mapping[str, float]) -> None:
+    """Add outputs of a plan to a graph, whose nodes are shared; inputs in `known` become
+    constants."""
     part = plan.select(tuple(outputs)).narrowed()
     nodes = [graph.constant(known[n]) if n in known else graph.input(n) for n in part.inputs]
     nodes += [graph.constant(value) for value in part.constants]
     for name, a, b in part.operations:
         nodes.append(graph.apply(name, nodes[a], 0 if name in UNARY else nodes[b]))
-    return {name: nodes[i] for name, i in part.outputs.items()}
+    graph.outputs.update({name: nodes[i] for name, i in part.outputs.items()})
 
 
 def listed_undo(ruleset: Ruleset) -> Plan:
@@ -118,5 +114,5 @@ def listed_undo(ruleset: Ruleset) -> Plan:
     outputs = [name for name in undo.outputs if name.split(":", 2)[-1] not in unlisted]
     none = {name: 0.0 for name in undo.inputs if name.removeprefix("x:") in unlisted}
     graph = Graph(dict.fromkeys(name for name in undo.inputs if name not in none))
-    graph.outputs.update(put_into(graph, undo, outputs, none))
+    put_into(graph, undo, outputs, none)
     return graph.plan()

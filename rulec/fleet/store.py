@@ -18,6 +18,24 @@ from rulec_runtime.output.write_file import write_data
 
 DONE, HEALTH, FINDINGS, TRACE = "plant-days", "health", "findings", "trace"
 
+COLUMNS = {
+    HEALTH: "plant day status: string; health coverage: double; samples judged: int64; "
+    "reason ruleset: string",
+    FINDINGS: "kind fault module status text action: string; "
+    "degree lower upper probability since until: double; active: bool",
+    TRACE: "since until: double; samples: int64; verdict: string; largest_degree: double",
+    POINTS: "signal: string; since until: double; samples: int64; value u: double",
+}
+"""Columns of each table, and their types as pyarrow names them."""
+
+Fields = list[tuple[str, Any]]
+"""Names of columns, each with its type."""
+
+
+def _fields(table: str) -> Fields:
+    groups = (group.split(": ") for group in COLUMNS[table].split("; "))
+    return [(name, kind) for names, kind in groups for name in names.split(" ")]
+
 
 class PlantDays:
     """Files of plant-days below `room` of a folder, with names that end in `suffix`."""
@@ -52,7 +70,6 @@ class Store(PlantDays):
     def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
         super().__init__(folder, plant_key, day_key, DONE, ".parquet")
         try:
-            import pyarrow
             import pyarrow.parquet
         except ModuleNotFoundError:
             raise Refusal(
@@ -60,39 +77,13 @@ class Store(PlantDays):
                 f"{to_install('fleet', 'rulec')}"
             ) from None
         self._arrow = pyarrow
-        text, number, whole = pyarrow.string(), pyarrow.float64(), pyarrow.int64()
-        words = ("kind", "fault", "module", "status", "text", "action")
-        numbers = ("degree", "lower", "upper", "probability", "since", "until")
-        self._finding = pyarrow.struct(
-            [(n, text) for n in words]
-            + [(n, number) for n in numbers]
-            + [("active", pyarrow.bool_())]
-        )
-        self._run = pyarrow.struct(
-            [("since", number), ("until", number), ("samples", whole), ("verdict", text),
-             ("largest_degree", number)]
-        )  # fmt: skip
-        self._point = pyarrow.struct(
-            [("signal", text), ("since", number), ("until", number), ("samples", whole),
-             ("value", number), ("u", number)]
-        )  # fmt: skip
-        self._health = [
-            ("plant", text), ("day", text), ("status", text), ("health", number),
-            ("coverage", number),
-            ("samples", whole), ("judged", whole), ("reason", text), ("ruleset", text),
-            ("notes", pyarrow.list_(text)),
-        ]  # fmt: skip
+        self._health = [*_fields(HEALTH), ("notes", pyarrow.list_(pyarrow.string()))]
 
     def keep(self, task: Task, row: Row) -> None:
         """Write the row of a plant-day; it replaces an earlier one."""
-        pyarrow = self._arrow
-        fields = [
-            *self._health,
-            (FINDINGS, pyarrow.list_(self._finding)),
-            (TRACE, pyarrow.list_(self._run)),
-            (POINTS, pyarrow.list_(self._point)),
-        ]
-        self.put(task, parquet_of([row], pyarrow.schema(fields)))
+        list_, struct = self._arrow.list_, self._arrow.struct
+        parts = [(name, list_(struct(_fields(name)))) for name in (FINDINGS, TRACE, POINTS)]
+        self.put(task, parquet_of([row], [*self._health, *parts]))
 
     def rows(self, tasks: Iterable[Task]) -> list[Row]:
         """The rows of plant-days that are done."""
@@ -101,28 +92,26 @@ class Store(PlantDays):
 
     def write_tables(self, day: str, rows: Sequence[Row]) -> None:
         """Flat tables of a day: health, findings and trace."""
-        pyarrow, name = self._arrow, [("plant", self._arrow.string())]
-        self._table(HEALTH, day, rows, pyarrow.schema(self._health))
-        for kind, fields in ((FINDINGS, self._finding), (TRACE, self._run)):
+        self._table(HEALTH, day, rows, self._health)
+        for kind in (FINDINGS, TRACE):
             flat = [{"plant": row["plant"], **part} for row in rows for part in row[kind]]
-            schema = pyarrow.schema(name + [(f.name, f.type) for f in fields])
-            self._table(kind, day, flat, schema)
+            self._table(kind, day, flat, [("plant", "string"), *_fields(kind)])
 
-    def _table(self, kind: str, day: str, rows: Sequence[Row], schema: Any) -> None:
+    def _table(self, kind: str, day: str, rows: Sequence[Row], fields: Fields) -> None:
         file = self.folder / kind / f"{self._day}={quote(day, safe='')}" / f"{kind}.parquet"
         file.parent.mkdir(parents=True, exist_ok=True)
         # The name of the folder contains the day.
-        names = [n for n in schema.names if n != "day"]
-        write_data(file, parquet_of(rows, self._arrow.schema([schema.field(n) for n in names])))
+        write_data(file, parquet_of(rows, [field for field in fields if field[0] != "day"]))
 
 
-def parquet_of(rows: Iterable[Mapping[str, Any]], schema: Any) -> bytes:
+def parquet_of(rows: Iterable[Mapping[str, Any]], fields: Fields) -> bytes:
     """A table as a Parquet file."""
     import pyarrow.parquet
 
-    kept = [{name: row[name] for name in schema.names} for row in rows]
+    kept = [{name: row[name] for name, _ in fields} for row in rows]
     buffer = io.BytesIO()
-    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(kept, schema=schema), buffer)
+    table = pyarrow.Table.from_pylist(kept, schema=pyarrow.schema(fields))
+    pyarrow.parquet.write_table(table, buffer)
     return buffer.getvalue()
 
 

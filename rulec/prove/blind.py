@@ -18,7 +18,7 @@ from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.text import counted, number, safe
 
-from rulec.api.mismatch import mismatch
+from rulec.commands.mismatch import mismatch
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.json_form import power_form
 from rulec.mismatch.result import Detectability, SelfProof

@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 import rulec
-from rulec.api.arguments import recording_given
+from rulec.commands.arguments import recording_given
 from tests.conftest import ROOT, compiled
 
 FILE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"

@@ -17,8 +17,8 @@ import pyarrow as pa
 import pytest
 
 import rulec
-from rulec.api import result
 from rulec.cli import main
+from rulec.commands import result
 from tests.conftest import ROOT, SOURCES
 
 ABC = ROOT / "plants" / "abc"

@@ -65,7 +65,7 @@ def begun(code=0):
             os._exit(code)
 
 if arguments[0] in ("study", "adopt"):
-    from rulec.api.saved_findings import Reread
+    from rulec.commands.mismatch import Reread
     from rulec.passes.compile_cache import OpenedPlant
     part = OpenedPlant.models if arguments[0] == "study" else Reread.builder
     build = part.func

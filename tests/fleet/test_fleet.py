@@ -15,9 +15,9 @@ import pyarrow.parquet
 import pytest
 from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 
-from rulec.api.arguments import ruleset_of
 from rulec.cli import main
 from rulec.commands import fleet as command
+from rulec.commands.arguments import ruleset_of
 from rulec.engines.call import DASK, Engine
 from rulec.fleet import plant_days as fleet_judged
 from rulec.fleet.fleet_file import Fleet, read_fleet

@@ -13,10 +13,10 @@ import pyarrow.parquet
 import pytest
 from rulec_runtime.fleet.plant_day import Task
 
-from rulec.api.arguments import ruleset_of
 from rulec.cli import main
-from rulec.commands import fleet_mismatch
-from rulec.commands.fleet_mismatch import Answer, answer_of, ask_day, summary
+from rulec.commands import fleet
+from rulec.commands.arguments import ruleset_of
+from rulec.commands.fleet import Answer, answer_of, ask_day, summary
 from rulec.engines.call import Engine
 from rulec.fleet.fleet_file import read_fleet
 from rulec.fleet.plant_days import tasks_of
@@ -101,7 +101,7 @@ def test_it_goes_on_where_it_was_stopped(
             put.append(task.plant)
             yield task, FORM if task.plant == "south" else {"reason": "broken"}
 
-    monkeypatch.setattr(fleet_mismatch, "asked", asked)
+    monkeypatch.setattr(fleet, "asked", asked)
     call = ["fleet", str(home / "fleet.yaml"), "--mismatch", "--json", str(home / "told.json")]
     assert main(call) == 130
     assert main(call) == 0

@@ -10,7 +10,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
-from rulec_runtime.commands.watch_storage import KeptFiles, kept_files, kept_journal
+from rulec_runtime.commands.watch_opened import KeptFiles, kept_files, kept_journal
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from rulec_runtime.fleet.plant_day import Row, Task
 
-from rulec.api.arguments import ruleset_of
+from rulec.commands.arguments import ruleset_of
 from rulec.engines.call import DASK, Engine
 from rulec.fleet.fleet_file import Fleet, read_fleet
 from rulec.fleet.plant_days import judged, tasks_of

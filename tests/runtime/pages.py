@@ -12,6 +12,7 @@ from rulec_runtime.report.verdict import verdict
 
 from rulec.commands.matrix import matrix_page
 from rulec.commands.matrix import verdict as matrix_verdict
+from rulec.commands.study_result import StudyResult
 from rulec.mismatch.answer.terminal_and_page import report as mismatch_report
 from rulec.mismatch.answer.terminal_and_page import verdict as mismatch_verdict
 from rulec.mismatch.experiment.recipe import experiment_page
@@ -21,7 +22,6 @@ from rulec.prove.page import page as prove_page
 from rulec.prove.scores import table
 from rulec.study.campaign import Settings
 from rulec.study.points import Points
-from rulec.study.study_report import study_page
 from rulec.study.summary import verdict as study_verdict
 from tests.conftest import compiled
 from tests.prove.made import run
@@ -62,6 +62,9 @@ def every_page() -> dict[str, tuple[str, str]]:
     healthy = judge(EXAMPLES / "healthy.csv", abc)
     points = Points({"A.n": np.array([10.0]), "B.n": np.array([10.0])}, 1)
     study, proof, experiment = counted(), run(60), made_by_hand()
+    of_study = StudyResult(
+        ruleset=abc, types=TYPES, points=points, settings=Settings(), counts=study
+    )
     return {
         "diagnosis": (leaking.page("leakage_A.csv"), verdict(leaking.diagnosis)),
         "healthy": (healthy.page("healthy.csv"), verdict(healthy.diagnosis)),
@@ -73,7 +76,7 @@ def every_page() -> dict[str, tuple[str, str]]:
             experiment_page(experiment, abc, MADE),
             experiment.headline.removesuffix("."),
         ),
-        "study": (study_page(abc, TYPES, points, Settings(), study, MADE), study_verdict(study)),
+        "study": (of_study.page(MADE), study_verdict(study)),
         "matrix": (matrix_page(abc, MADE), matrix_verdict(abc)),
         "proof": (prove_page(proof, MADE), prove_headline(proof, table(proof.judged))),
     }

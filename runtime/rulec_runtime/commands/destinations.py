@@ -49,7 +49,8 @@ def note_aside(options: argparse.Namespace, text: str) -> None:
 
 
 def progress_of(options: argparse.Namespace, doing: str) -> Progress:
-    """Progress of a command."""
+    """Progress of a command; raises `Misused` before it begins if an output cannot be written."""
+    check_outputs(options)
     return Progress(f"rulec {options.command}", doing, quiet=is_quiet(options))
 
 

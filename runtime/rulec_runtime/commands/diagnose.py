@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rulec_runtime import limits
 from rulec_runtime.commands.destinations import (
-    check_outputs,
     console,
     progress_of,
     show_files,
@@ -27,7 +26,6 @@ from rulec_runtime.report.truth import read_truth
 def run(options: argparse.Namespace) -> int:
     """Diagnose a recording. The exit code is 0 with or without findings, `limits.NOT_ALL_SEEN` if
     something could not be judged."""
-    check_outputs(options)
     ruleset = read_ruleset(Path(options.plant))
     with progress_of(options, "reading and judging the recording") as progress:
         file = Path(options.recording)

@@ -1,6 +1,7 @@
 """The start and end of every command: options, streams, threads, messages about mistakes.
 
-Only the standard library at the top: `--help` answers without numpy.
+Only the standard library at the top: `--help` answers without numpy. Commands are imported when
+they are called: those of the runtime must start without sympy.
 """
 
 from __future__ import annotations
@@ -10,30 +11,27 @@ import io
 import os
 import re
 import sys
+import tomllib
 from argparse import SUPPRESS
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
 from typing import Any, NoReturn
-
-RECORDING = (
-    "file (CSV, Parquet, Excel, MAT, MDF, TDMS, HDF5), FILE#TABLE for one table of it, a folder of "
-    "files, or - for standard input"
-)
-"""A recording, in the help of a command."""
-
-RULESET = "file that rulec compile wrote"
-MODE = "default: whole signature with uncertainties; paper: Eqs. 17-19 as printed"
 
 
 class Parser(argparse.ArgumentParser):
     """A parser that shows wrong arguments as plain text: a script may pass anything."""
 
     def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
-        """Parse arguments; without any, print the help and exit as for wrong usage."""
+        """Parse arguments, and keep them as `words`; without any, print the help and exit as for
+        wrong usage."""
         given = sys.argv[1:] if arguments is None else arguments
         if not given:
             self.print_help(sys.stderr)
             self.exit(2)
-        return super().parse_args(given, namespace)
+        found = super().parse_args(given, namespace)
+        found.words = list(given)
+        return found
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Refuse unknown arguments with the usage of their own command."""
@@ -78,31 +76,100 @@ def prepare_process() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def carried_out(run: Callable[[], int], name: str) -> int:
-    """Run a command and return its exit code; mistakes of the user become messages, bugs do not."""
+class Commands:
+    """The commands of a program and their options, from a TOML file whose head explains it.
+
+    Parameters
+    ----------
+    own : file of the program.
+    shared : file of another program, whose shared options `own` may use as well.
+    """
+
+    def __init__(self, own: Path, shared: Path | None = None) -> None:
+        self._table = tomllib.loads(own.read_text(encoding="utf-8"))
+        self._shared = {} if shared is None else Commands(shared)._table
+
+    def parser(self) -> Parser:
+        """The parser of all commands."""
+        program = self._table["program"]
+        parser = Parser(**program)
+        parser.add_argument("--version", action=Version, distribution=program["prog"])
+        commands = {name: one for name, one in self._table.items() if "about" in one}
+        group = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+        self._add_commands(group, commands)
+        return parser
+
+    def _add_commands(self, group: Any, commands: Mapping[str, Any], before: str = "") -> None:
+        for name, one in commands.items():
+            text = one["about"]
+            made = group.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+            self._add(made, one.get("options", {}))
+            if before:
+                made.set_defaults(command=f"{before}_{name}")
+            if "formats" in one:
+                formats = made.add_subparsers(dest="format", required=True, metavar="FORMAT")
+                self._add_commands(formats, one["formats"], name)
+            else:
+                quiet_option(made)
+
+    def add_options(self, parser: argparse.ArgumentParser, command: str) -> None:
+        """Add the options of one command, without `--quiet`."""
+        self._add(parser, self._table[command]["options"])
+
+    def _add(self, parser: argparse.ArgumentParser, options: Mapping[str, Any]) -> None:
+        groups: dict[str, Any] = {}
+        for form, given in options.items():
+            if form.startswith("@"):
+                self._add(parser, self._table.get(form) or self._shared[form])
+                continue
+            more = {"help": given} if isinstance(given, str) else dict(given)
+            if "help" in more:
+                more["help"] = more["help"].format_map(self._table.get("slots", {}))
+            if "type" in more:
+                more["type"] = _TYPES[more["type"]]
+            words = form.split(" ")
+            names = [word for word in words if word.startswith("-")] or words[:1]
+            if len(words) > len(names):
+                more["metavar"] = " ".join(words[len(names) :])
+            elif "metavar" in more:
+                more["metavar"] = tuple(more["metavar"])
+            target: Any = parser
+            if group := more.pop("group", ""):
+                if group not in groups:
+                    groups[group] = parser.add_mutually_exclusive_group()
+                target = groups[group]
+            target.add_argument(*names, **more)
+
+
+def quiet_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option `--quiet` of every command."""
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="print only requested results and errors"
+    )
+
+
+def run_command(options: argparse.Namespace, package: str, program: str) -> int:
+    """Run the file of a command and return its exit code; mistakes of the user become messages,
+    bugs do not."""
+    from rulec_runtime.output.terminal import say_aside
+
     try:
-        code = run()
+        code = int(import_module(f"{package}.commands.{options.command}").run(options))
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        _say("rulec: interrupted")
+        say_aside("rulec: interrupted")
         return 130
     except BrokenPipeError:
         # The reader of a pipe has gone (`rulec ... | head`): no message, and no flush at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        code, text = _mistake(error, name)
+        code, text = _mistake(error, f"{program} {options.command.replace('_', ' ')}")
         if not code:
             raise
-        _say(text)
+        say_aside(text)
         return code
-
-
-def _say(message: str) -> None:
-    from rulec_runtime.output.terminal import say_aside
-
-    say_aside(message)
 
 
 def _mistake(error: Exception, name: str) -> tuple[int, str]:
@@ -135,126 +202,6 @@ class Version(argparse.Action):
         parser.exit()
 
 
-def version_option(parser: argparse.ArgumentParser, distribution: str) -> None:
-    """Add the option `--version`."""
-    parser.add_argument("--version", action=Version, distribution=distribution)
-
-
-def quiet_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--quiet` of every command."""
-    parser.add_argument(
-        "-q", "--quiet", action="store_true", help="print only requested results and errors"
-    )
-
-
-def diagnose_options(diagnose: argparse.ArgumentParser, plant: str, about: str = RULESET) -> None:
-    """Add the options of `diagnose`; `plant` is its first argument, and `about` says what it is."""
-    add = diagnose.add_argument
-    add("plant", metavar=plant, help=about)
-    add(
-        "recording",
-        metavar="RECORDING",
-        help=f"{RECORDING}; or results of observers in the modules' controllers",
-    )
-    add("--mode", choices=("default", "paper"), default="default", help=MODE)
-    add("--trace", metavar="FILE.csv", help="one row per sample; - for standard output")
-    add("--report", metavar="FILE.html", help="one page with pictures, to hand on")
-    add("--truth", metavar="FILE.csv", help="true degrees, for comparison in the report")
-    json_option(diagnose)
-
-
-def watch_options(watch: argparse.ArgumentParser, plant: str, about: str = RULESET) -> None:
-    """Add the options of `watch`; `plant` is its first argument, and `about` says what it is."""
-    add = watch.add_argument
-    add("plant", metavar=plant, help=about)
-    add(
-        "--source",
-        metavar="SOURCE",
-        required=True,
-        help="a CSV file that grows, - for standard input, opc.tcp://HOST:PORT, mqtt://HOST",
-    )
-    add("--map", metavar="MAP.yaml", help="node or topic of each signal (OPC UA, MQTT)")
-    add("--state", metavar="FILE", help="saved state, to resume from after a restart")
-    add(
-        "--journal",
-        metavar="JOURNAL",
-        help="keep events and state in one database: a file (SQLite), or postgresql+psycopg://...",
-    )
-    add(
-        "--page",
-        metavar="[HOST:]PORT",
-        help="serve a web page; other machines need the token in RULEC_TOKEN",
-    )
-    add("--events", metavar="FILE.jsonl", help="append each event as one line of JSON")
-    add(
-        "--mqtt",
-        metavar="URL",
-        help="send events and status to a broker: mqtt://HOST or mqtts://HOST, with /TOPIC to "
-        "replace /rulec; user and password from RULEC_MQTT_USER, RULEC_MQTT_PASSWORD",
-    )
-    add("--mqtt-ca", metavar="FILE", help="CA file for mqtts://, instead of the system's")
-    add(
-        "--device-health",
-        metavar="[HOST:]PORT",
-        help="publish the health of each module by OPC UA (IDeviceHealthType); other machines need "
-        "certificates",
-    )
-    add(
-        "--device-health-certificates",
-        metavar="FOLDER",
-        help="folder with own.der, own.pem, and the certificates of clients in trusted",
-    )
-    add(
-        "--waiting",
-        metavar="FOLDER",
-        help="where events wait while database or broker are unreachable or a disk is full "
-        "(default: the folder of the journal, the state or the events)",
-    )
-    add("--until-end", action="store_true", help="stop at the end of a file instead of waiting")
-    add(
-        "--fail-on",
-        metavar="LETTERS",
-        default="",
-        help="exit code 3 if one of these letters of NE 107 is active at the end, as in F,C",
-    )
-
-
-def json_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--json`."""
-    parser.add_argument("--json", metavar="FILE", help="result as JSON; - for standard output")
-
-
-def journal_options(journal: argparse.ArgumentParser) -> None:
-    """Add the options of `journal`."""
-    add = journal.add_argument
-    add("journal", metavar="JOURNAL", help="file, or postgresql+psycopg://USER@HOST/DATABASE")
-    add("--plant", metavar="P", help="one plant only")
-    when = "seconds, or a date such as 2026-11-25T14:30 (UTC unless it names a zone)"
-    add("--since", metavar="T", type=_time, help=f"from then on: {when}")
-    add("--until", metavar="T", type=_time, help="up to then")
-    add(
-        "--kind",
-        metavar="K",
-        type=_choice("fault", "sensor", "regime", "unknown", "blind", "source"),
-        default=(),
-        help="fault, sensor, regime, unknown, blind or source; several with commas",
-    )
-    letters = "letters of NE 107, such as F,C,S,M"
-    add("--status", metavar="S", type=_choice(*"FCSM"), default=(), help=letters)
-    add("--active", action="store_true", help="active episodes only")
-    add("--csv", metavar="FILE", help="a table as CSV; - for standard output")
-    json_option(journal)
-    add("--ack", metavar="EPISODE", help="acknowledge an episode; needs --by")
-    add("--by", metavar="NAME", help="who acknowledges")
-    add(
-        "--fail-on",
-        metavar="S",
-        type=_choice(*"FCSM"),
-        default=(),
-        help=f"exit code 3 if an active episode has one of these statuses: {letters}",
-    )
-
-
 def _choice(*known: str) -> Callable[[str], tuple[str, ...]]:
     def chosen(text: str) -> tuple[str, ...]:
         names = tuple(name.strip() for name in text.split(","))
@@ -281,3 +228,13 @@ def _time(text: str) -> float:
     if not isfinite(seconds):
         raise argparse.ArgumentTypeError(f"{text!r} is neither seconds nor a date")
     return seconds
+
+
+_TYPES: Mapping[str, Callable[[str], Any]] = {
+    "int": int,
+    "float": float,
+    "time": _time,
+    "kinds": _choice("fault", "sensor", "regime", "unknown", "blind", "source"),
+    "statuses": _choice(*"FCSM"),
+}
+"""The types of values that a file of commands may name."""

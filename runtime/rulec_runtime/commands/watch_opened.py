@@ -1,21 +1,24 @@
-"""Open the source, sinks and displays of a watch."""
+"""Open the source, sinks and displays of a watch, and what it saves in a journal or in files."""
 
 from __future__ import annotations
 
 import argparse
 import os
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rulec_runtime.commands.destinations import console
-from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
-from rulec_runtime.commands.watch_storage import KeptFiles, KeptJournal, kept_files, kept_journal
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.live import state
-from rulec_runtime.live.journal.sinks import WatchSink
+from rulec_runtime.live import limits, state
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.journal.acknowledgements import Notes
+from rulec_runtime.live.journal.lines import Files, LinesFile
+from rulec_runtime.live.journal.outbox import Outbox, Sink, spill_beside
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble, needs
+from rulec_runtime.live.journal.sinks import HealthSink, KeptSink, MqttSink, WatchSink
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Source
@@ -23,8 +26,14 @@ from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.remarks import extra
 from rulec_runtime.live.state import ReplayedSource, replayed
 from rulec_runtime.live.view.live_screen import LiveScreen
-from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.open_file import bytes_of
+from rulec_runtime.output.terminal import say_aside, styled
 from rulec_runtime.recordings.recording import RecordingRefused
+from rulec_runtime.report.text import counted
+
+if TYPE_CHECKING:
+    from rulec_runtime.live.journal.store import Journal
+
 
 Acknowledge = Callable[[str, str], None]
 
@@ -106,3 +115,234 @@ def _page(where: str, present: Present, acknowledge: Acknowledge, stack: ExitSta
     page = serve(present.now, host, port, os.environ.get("RULEC_TOKEN"), acknowledge)
     stack.callback(page.close)
     return page.url
+
+
+CERTIFICATES = ("own.der", "own.pem", "trusted")
+"""Of the device health server: its certificate, its key, and a folder of trusted certificates."""
+
+
+def sinks_of(
+    options: argparse.Namespace, ruleset: Ruleset, folder: Path | None, stack: ExitStack
+) -> list[WatchSink]:
+    """The sinks that the options name; `folder` is where events may wait."""
+    sinks: list[WatchSink] = []
+    if options.mqtt:
+        sinks.append(_mqtt(options, ruleset.plant, folder, stack))
+    elif options.mqtt_ca:
+        raise JournalRefused("--mqtt-ca needs --mqtt URL")
+    if options.device_health:
+        sinks.append(_device_health(options, ruleset, stack))
+    elif options.device_health_certificates:
+        raise JournalRefused("--device-health-certificates needs --device-health [HOST:]PORT")
+    return sinks
+
+
+def _mqtt(
+    options: argparse.Namespace, plant: str, folder: Path | None, stack: ExitStack
+) -> WatchSink:
+    needs("paho", "mqtt")
+    from rulec_runtime.live.journal.mqtt_out import MqttOut
+
+    broker = MqttOut(
+        options.mqtt,
+        plant,
+        user=os.environ.get("RULEC_MQTT_USER"),
+        password=os.environ.get("RULEC_MQTT_PASSWORD"),
+        authorities=options.mqtt_ca,
+        say=say_aside,
+    )
+    stack.callback(broker.close)
+    outbox = waiting_in(folder, "mqtt", broker, plant, stack, [])
+    return MqttSink(broker, outbox, say_aside)
+
+
+def _device_health(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) -> WatchSink:
+    """An OPC UA server at ``PORT`` of loopback or at ``HOST:PORT``."""
+    needs("asyncua", "opcua")
+    from rulec_runtime.live.journal.device_health import DeviceHealth, Security
+
+    host, port = host_and_port("--device-health", options.device_health.removeprefix("opc.tcp://"))
+    security = None
+    if options.device_health_certificates:
+        folder = Path(options.device_health_certificates)
+        files = [folder / name for name in CERTIFICATES]
+        for file in files:
+            if not file.exists():
+                raise JournalRefused(
+                    f"{file}: there is no such file or folder; --device-health-certificates FOLDER "
+                    f"holds {', '.join(CERTIFICATES[:2])} and the folder {CERTIFICATES[2]}"
+                )
+        security = Security(*files)
+    server = DeviceHealth(ruleset.plant, tuple(ruleset.modules), port, host=host, security=security)
+    stack.callback(server.close)
+    return HealthSink(server)
+
+
+def host_and_port(option: str, text: str) -> tuple[str, int]:
+    """Host and port of ``PORT``, at loopback, or ``HOST:PORT``. Raises `JournalRefused`."""
+    host, _, port = text.rstrip("/").rpartition(":")
+    if not port.isdecimal() or int(port) > limits.LAST_PORT:
+        raise JournalRefused(f"{option} {text[:60]}: write PORT or HOST:PORT, such as 8080")
+    return host.strip("[]") or "127.0.0.1", int(port)
+
+
+def waiting_in(
+    folder: Path | None, name: str, sink: Sink, plant: str, stack: ExitStack, unwritten: list[str]
+) -> Outbox:
+    """The started outbox of a sink, which first writes what an earlier process has left in the
+    folder; without a folder events wait in memory alone. The end of `stack` closes it."""
+    file = None if folder is None else spill_beside(folder / name, plant)
+    outbox = Outbox(sink, plant, say_aside, file=file)
+    outbox.start()
+    stack.callback(_close, outbox, unwritten)
+    return outbox
+
+
+def _close(outbox: Outbox, unwritten: list[str]) -> None:
+    """Write what waits as far as possible; report what is left, also in `unwritten`."""
+    left = outbox.close()
+    if not left:
+        return
+    text = f"{outbox.place}: {counted(left, 'event')} could not be written"
+    if outbox.file is not None and outbox.file.exists():
+        text += f"; what waits stands in {outbox.file} and is written at the next start"
+    else:
+        text += " and is kept nowhere else"
+    say_aside(text)
+    unwritten.append(text)
+
+
+class KeptJournal:
+    """A journal with its outbox; `folder` holds what waits, None for memory alone."""
+
+    def __init__(self, journal: Journal, outbox: Outbox, plant: str, folder: Path | None) -> None:
+        self._journal, self._outbox, self._plant = journal, outbox, plant
+        self.folder = folder
+        self.sink: WatchSink = KeptSink(outbox)
+
+    def saved(self) -> tuple[bytes, str] | None:
+        """The latest state, from the journal or its outbox, and its place.
+
+        Raises `JournalTrouble` if the database does not answer and nothing waits: it is unknown
+        then which events were reported. A read-only database causes an error at the first write.
+        """
+        left = self._outbox.left  # read first: what is written meanwhile is in the database
+        with suppress(JournalTrouble):  # each commit holds the plant as well
+            self._journal.hold(self._plant)
+        try:
+            kept = self._journal.state(self._plant)
+        except JournalTrouble:
+            if left is None and self._journal.is_there:
+                raise
+            kept = None
+        if left is not None and (kept is None or kept.number < left[0]):
+            return left[1], str(self._outbox.file)
+        return None if kept is None else (kept.state, self._journal.place)
+
+    def joined_to(self, present: Present, stack: ExitStack) -> Callable[[str, str], None]:
+        """Show earlier events and acknowledgements of the journal; returns a function that
+        acknowledges, both in the journal and in `present`."""
+        try:
+            before = list(self._journal.events(self._plant, limit=limits.PAST))
+        except JournalTrouble:
+            before = []  # `rulec journal` lists its events when it is back
+        present.recall([entry.event for entry in before])
+        notes = Notes(self._journal, self._outbox, self._plant, say_aside, present.acknowledged)
+
+        def ended() -> None:
+            self._outbox.close()  # first: an episode must be there to be acknowledged
+            if left := notes.close():
+                text = f"{self._journal.place}: {counted(left, 'acknowledgement')} not written"
+                kept = notes.file is not None and notes.file.exists()
+                say_aside(text + f"; {notes.file} keeps what waits for the next start" * kept)
+
+        stack.callback(ended)
+
+        def acknowledge(episode: str, by: str) -> None:
+            if episode not in present.now().acknowledged:
+                notes.put(episode, by)
+            present.acknowledge(episode, by)
+
+        return acknowledge
+
+
+def kept_journal(
+    where: str, plant: str, folder: Path | None, stack: ExitStack, unwritten: list[str]
+) -> KeptJournal:
+    """Open a journal; the end of `stack` writes what waits, or adds a message to `unwritten`.
+
+    Raises `JournalRefused` if it is not a journal, or another process watches the plant.
+    """
+    needs("sqlalchemy", "journal")
+    from rulec_runtime.live.journal.store import open_journal
+
+    journal = open_journal(where, patient=True)
+    stack.callback(journal.close)
+    name = "journal"
+    if "://" not in journal.place:
+        file = Path(journal.place)
+        name, folder = file.name, folder or file.parent
+    stack.callback(_released, journal, plant)
+    outbox = waiting_in(folder, name, journal, plant, stack, unwritten)
+    return KeptJournal(journal, outbox, plant, folder)
+
+
+def _released(journal: Journal, plant: str) -> None:
+    with suppress(JournalTrouble):  # the lease expires anyway
+        journal.release(plant)
+
+
+class KeptFiles:
+    """Files with their outbox; `folder` holds what waits."""
+
+    def __init__(self, files: Files, outbox: Outbox, plant: str, folder: Path) -> None:
+        self._files, self._outbox, self._plant = files, outbox, plant
+        self.folder = folder
+        self._left = outbox.left  # read first: what is written meanwhile is in the file
+        last = 0 if files.lines is None else files.lines.last(plant)
+        self.sink: WatchSink = KeptSink(outbox, max(last, outbox.newest), waits=True)
+
+    def saved(self) -> list[tuple[bytes, str]]:
+        """Saved states, each with its place; the one with the most events is the latest."""
+        state = self._files.state
+        found = []
+        if state is not None and state.exists():
+            found.append((bytes_of(state, limits.LARGEST_STATE), str(state)))
+        if state is not None and self._left is not None:
+            found.append((self._left[1], str(self._outbox.file)))
+        return found
+
+    def ahead(self, number: int) -> list[Event]:
+        """Events after a state that ends with this number: a process was killed in between."""
+        files = self._files
+        if files.lines is None or files.state is None:
+            return []
+        return files.lines.after(self._plant, number)
+
+
+def kept_files(
+    events: str | None,
+    state: str | None,
+    plant: str,
+    folder: Path | None,
+    stack: ExitStack,
+    unwritten: list[str],
+) -> KeptFiles | None:
+    """Open the named files, if any; the end of `stack` writes what waits, or adds a message to
+    `unwritten`.
+
+    Raises `JournalRefused` for a foreign file, or one in a folder that does not exist.
+    """
+    names = [Path(name) for name in (events, state) if name]
+    if not names:
+        return None
+    for file in names:
+        if not file.parent.is_dir():
+            raise JournalRefused(f"{file}: there is no such folder")
+    lines = LinesFile(Path(events)) if events else None
+    if lines is not None:
+        stack.callback(lines.close)
+    folder = folder or names[-1].parent
+    files = Files(lines, Path(state) if state else None)
+    outbox = waiting_in(folder, names[0].name, files, plant, stack, unwritten)
+    return KeptFiles(files, outbox, plant, folder)

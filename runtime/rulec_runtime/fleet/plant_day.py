@@ -88,13 +88,17 @@ def judge_day(task: Task, ruleset: str) -> Row:
         with ExitStack() as stack:
             recording = _recording(task, rules, stack)
             return row | _results(diagnose(recording, rules), recording, task)
-    except (Refusal, OSError) as error:
-        return row | {"reason": one_line(str(error))}
-    except MemoryError:
-        return row | {"reason": "it needs more memory than its worker has"}
-    except Exception as error:  # a bug of ours must not stop the other plants
-        text = f"cannot be judged ({type(error).__name__}: {error})"
-        return row | {"reason": one_line(text)[:300]}
+    except Exception as error:
+        return row | {"reason": reason_of(error, "judged")}
+
+
+def reason_of(error: Exception, what: str) -> str:
+    """Why a plant-day cannot be `what`; not even a bug of ours may stop the other plants."""
+    if isinstance(error, Refusal | OSError):
+        return one_line(str(error))
+    if isinstance(error, MemoryError):
+        return "it needs more memory than its worker has"
+    return one_line(f"cannot be {what} ({type(error).__name__}: {error})")[:300]
 
 
 def blank(task: Task) -> Row:

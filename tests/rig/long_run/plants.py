@@ -18,8 +18,8 @@ from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form
 
-from rulec.api.arguments import recording_given
 from rulec.cli import main
+from rulec.commands.arguments import recording_given
 from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.prove.truth import RIGS, TABLE_1, Plant, record, write_csv
 from rulec.prove.truth.plant import Operation

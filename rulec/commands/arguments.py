@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
@@ -20,28 +20,14 @@ from rulec_runtime.recordings.recording_file import (
     read_file,
 )
 
-from rulec.api.result import columns_of
+from rulec.commands.compile import CompileResult
+from rulec.commands.result import AnyPath, columns_of
 
 if TYPE_CHECKING:
     from narwhals.typing import IntoFrame
     from numpy.typing import ArrayLike
 
-AnyPath: TypeAlias = "str | os.PathLike[str]"
-
-
-class Compiled(Protocol):
-    """A compiled plant, as `rulec.compile` returns it."""
-
-    @property
-    def path(self) -> Path:
-        """Where its files are."""
-
-    @property
-    def ruleset(self) -> Ruleset:
-        """Everything that a diagnosis needs."""
-
-
-Plant: TypeAlias = "AnyPath | Compiled"
+Plant: TypeAlias = "AnyPath | CompileResult"
 """Folder with a plant.yaml, that file, a ruleset file, or what `rulec.compile` returned."""
 
 Recorded: TypeAlias = "AnyPath | IntoFrame | Mapping[str, ArrayLike]"

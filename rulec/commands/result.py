@@ -5,6 +5,7 @@ only for its own frames."""
 
 from __future__ import annotations
 
+import argparse
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from rich.console import Console, ConsoleOptions, RenderResult
+from rulec_runtime.commands.destinations import console, write_json, write_to
 from rulec_runtime.output.refusal import Misused, Refusal
 from rulec_runtime.output.terminal import as_html, plain, with_styles
 from rulec_runtime.output.write_file import write_text
@@ -23,6 +25,9 @@ from rulec_runtime.recordings.time_column import NAMES
 
 if TYPE_CHECKING:
     import narwhals as nw
+
+
+AnyPath: TypeAlias = "str | PathLike[str]"
 
 
 class Result(ABC):
@@ -75,15 +80,29 @@ class Result(ABC):
 
 
 class PageResult(Result):
-    """A result that also has a page."""
+    """A result that also has a page, for `--report` of its command."""
 
     @abstractmethod
     def page(self) -> str:
         """The result, one page of HTML."""
 
-    def write_page(self, file: str | PathLike[str]) -> None:
+    def write_page(self, file: AnyPath) -> None:
         """Write the page."""
         write_text(Path(file), self.page())
+
+    def hand_out(
+        self, options: argparse.Namespace, data: Mapping[str, Any] | None = None
+    ) -> Console:
+        """Write the page and the JSON that a command is asked for, then print; returns the console.
+
+        All files come first: whatever reads the story may go before its end.
+        """
+        if options.report:
+            write_to(options.report, self.page())
+        write_json(options, self.to_dict() if data is None else data)
+        out = console(options)
+        self.tell(out)
+        return out
 
 
 Columns = Mapping[str, Sequence[Any] | np.ndarray]

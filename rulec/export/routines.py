@@ -1,13 +1,16 @@
-"""The routine that a controller calls at each operating point: estimates with everything that the
-central part needs, and the residuals that the module can judge by itself."""
+"""The two routines of a module: `observe` estimates at an operating point, with everything that the
+central part needs; `undo` estimates without faults of given degrees."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import rulec_runtime.limits as runtime_limits
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import ObserverSpec, ResidualSpec, Ruleset, SignalSpec
+from rulec_runtime.recordings.recording_file import largest_reading
 
 from rulec.algebra.graph import Graph
 from rulec.export.identifiers import FLOW, Identifiers, Outputs
@@ -26,18 +29,90 @@ from rulec.export.program import (
     total,
     without_unused,
 )
-from rulec.export.readings import Reading, checked, noise_in_si, reading_of
 from rulec.export.value_names import hints_of, is_output_of, named_constants, put_into
 from rulec.export.writer import Writer
 
 
-def observe_routine(ruleset: Ruleset, module: str) -> Routine:
-    """Estimates of a module at given readings."""
-    return _Observe(ruleset, module).routine()
+@dataclass(frozen=True)
+class Reading:
+    """A reading as input of a routine: its value, and whether the controller calls it good. `ok`
+    says that it is good and in range; `si` is its value, or a harmless one if it is not `ok`."""
+
+    signal: SignalSpec
+    value: Variable
+    good: Variable
+    si: Name
+    ok: Name
 
 
-class _Observe:
-    """Builds the routine; `flow`, `slopes` (by error) and `valid` are names per observer."""
+def reading_of(signal: SignalSpec, module: str, names: Identifiers) -> Reading:
+    """A reading with new names; for a reading of another module they include that module."""
+    owner, _, short = signal.id.partition(".")
+    base = short if owner == module else signal.id
+    value = Variable(names.new(base), signal.id, "real", signal.unit, signal.title)
+    text = f"{value.name} comes from its sensor, and is no substitute"
+    good = Variable(names.new(f"{base}_good"), f"good:{signal.id}", "bool", "", text)
+    return Reading(
+        signal, value, good, Name(names.new(f"{base}_SI")), Name(names.new(f"{base}_ok"))
+    )
+
+
+def checked(readings: Iterable[Reading]) -> Section:
+    """Checks and conversions of readings."""
+    return Section(
+        "Readings: may they be used, and their values in SI (a harmless one where they may not)",
+        tuple(s for reading in readings for s in _statements(reading)),
+    )
+
+
+def _statements(reading: Reading) -> list[Statement]:
+    low, high = usable_range(reading.signal)
+    given, ok = Name(reading.value.name), reading.ok
+    inside = apply("and", apply("ge", given, Number(low)), apply("le", given, Number(high)))
+    unit = reading.signal.unit
+    return [
+        Statement(ok.text, apply("and", Name(reading.good.name), inside), "bool"),
+        Statement(
+            reading.si.text,
+            apply("select", ok, in_si(reading.signal, given), Number(reading.signal.reference)),
+            comment=f"from {unit}" if unit else "",
+        ),
+    ]
+
+
+def noise_in_si(signal: SignalSpec, noise: Expression) -> Expression:
+    """Standard uncertainty by noise, SI; an invalid one counts as the width of the range."""
+    low, high = usable_range(signal)
+    widest = Number(high - low)
+    usable = apply("and", apply("ge", noise, Number(0.0)), apply("le", noise, widest))
+    usable_noise = apply("select", usable, noise, widest)
+    factor = abs(signal.factor)
+    return usable_noise if factor == 1.0 else apply("mul", usable_noise, Number(factor))
+
+
+def in_si(signal: SignalSpec, value: Expression) -> Expression:
+    """A value in the unit of its sensor, converted to SI."""
+    if signal.factor != 1.0:
+        value = apply("mul", value, Number(signal.factor))
+    return apply("add", value, Number(signal.offset)) if signal.offset else value
+
+
+def usable_range(signal: SignalSpec) -> tuple[float, float]:
+    """The range outside which a reading is invalid, in its unit."""
+    low, high = signal.ends
+    if math.isfinite(low) and math.isfinite(high):
+        slack = runtime_limits.BEYOND_RANGE * (high - low)
+        low, high = low - slack, high + slack
+    else:
+        high = largest_reading(signal)
+        low = -high
+    first, last = sorted((signal.shown(low), signal.shown(high)))
+    return first, last
+
+
+class Observe:
+    """Builds the routine that estimates the flow through a module at given readings; `flow`,
+    `slopes` (by error) and `valid` are names per observer."""
 
     def __init__(self, ruleset: Ruleset, module: str) -> None:
         self.ruleset, self.module = ruleset, module
@@ -64,17 +139,16 @@ class _Observe:
         sections += [
             self._residual(r) for r in residuals if own.issuperset(t.observer for t in r.terms)
         ]
-        used, read = without_unused(sections, self.outputs.variables)
-        inputs = [v for r in readings for v in (r.value, r.good)]
-        return Routine(
+        whole = Routine(
             name="observe",
             text="Estimates of the flow through the module at one operating point: call it with "
             "mean readings while the plant is settled.",
-            inputs=(*inputs, *self.noise.values()),
-            parameters=tuple(p for p in self.constants if p.name in read),
-            sections=used,
+            inputs=(*(v for r in readings for v in (r.value, r.good)), *self.noise.values()),
+            parameters=self.constants,
+            sections=tuple(sections),
             outputs=tuple(self.outputs.variables),
         )
+        return without_unused(whole)
 
     def _noise(self, signal: SignalSpec) -> Variable:
         name = self.readings[signal.id].value.name
@@ -92,7 +166,7 @@ class _Observe:
             (undo, ("dq",), {n: 0.0 for n in undo.inputs if n.startswith("x:")}),
         ):
             wanted = [n for n in part.outputs if is_output_of(n, own, kinds)]
-            graph.outputs.update(put_into(graph, part, wanted, known))
+            put_into(graph, part, wanted, known)
         return graph.plan()
 
     def _writer(self, plan: Plan) -> tuple[Writer, tuple[Parameter, ...]]:
@@ -299,3 +373,73 @@ def signed(terms: Terms) -> Expression:
     for sign, name in rest:
         result = apply("add" if sign > 0 else "sub", result, name)
     return result
+
+
+def undo_routine(ruleset: Ruleset, module: str) -> Routine:
+    """Estimates as functions of the degrees of all faults that affect them."""
+    observers = [o for o in ruleset.observers if o.module == module]
+    own = {o.id for o in observers}
+    wanted = [n for n in ruleset.undo.outputs if is_output_of(n, own, ("q", "dq"))]
+    part = ruleset.undo.select(tuple(wanted)).narrowed()
+    names = Identifiers()
+    outputs = Outputs(names)
+    signals = [ruleset.signal_by_id[n] for n in part.inputs if not n.startswith("x:")]
+    readings = {s.id: reading_of(s, module, names) for s in signals}
+    degrees = {n: _degree(ruleset, module, n, names) for n in part.inputs if n.startswith("x:")}
+    graph = Graph(dict.fromkeys(part.inputs))
+    put_into(graph, part, wanted, {})
+    plan = graph.plan()
+    parameters = named_constants(ruleset, module, plan.constants, names)
+    given: dict[str, Expression] = {n: r.si for n, r in readings.items()}
+    given |= {n: Name(d.name) for n, d in degrees.items()}
+    writer = Writer(plan, given, {p.value: Name(p.name) for p in parameters}, names)
+    sections = [checked(readings.values())]
+    for observer in observers:
+        own_readings = [readings[s] for s in observer.signals if s in readings]
+        sections.append(_section(observer, own_readings, wanted, writer, outputs))
+    whole = Routine(
+        name="undo",
+        text="The same estimates with faults undone, as functions of their degrees: for a central "
+        "part that asks. A degree of 0 is no fault.",
+        inputs=(*(v for r in readings.values() for v in (r.value, r.good)), *degrees.values()),
+        parameters=parameters,
+        sections=tuple(sections),
+        outputs=tuple(outputs.variables),
+    )
+    return without_unused(whole)
+
+
+def _section(
+    observer: ObserverSpec,
+    readings: list[Reading],
+    wanted: list[str],
+    writer: Writer,
+    outputs: Outputs,
+) -> Section:
+    """One estimate, its slopes with respect to the degrees, and its validity."""
+    short, key = observer.id.partition(".")[2], f"q:{observer.id}"
+    flow = writer.named(key, outputs.names.new(f"Q_{short}"))
+    conditions: list[Expression] = [*(r.ok for r in readings), *writer.conditions(key)]
+    for name in wanted:
+        if name.startswith(f"dq:{observer.id}:"):
+            fault = name.split(":", 2)[2]
+            bare = fault.removeprefix(f"{observer.module}.")
+            what = f"slope of {short} by the degree of {fault}"
+            unit = f"{FLOW} per degree"
+            writer.named(name, outputs.number(f"{short}_by_{bare}", name, what, unit))
+            conditions += writer.conditions(name)
+    valid = outputs.flag(f"{short}_valid", f"valid:{observer.id}", f"{short} may be used")
+    text = f"{short} with the faults undone; 0 where not valid"
+    value = outputs.number(short, key, text)
+    statements = (
+        *writer.taken(),
+        Statement(valid, every(conditions), "bool"),
+        Statement(value, apply("select", Name(valid), flow, Number(0.0))),
+    )
+    return Section(f"{observer.id} with faults undone", statements)
+
+
+def _degree(ruleset: Ruleset, module: str, name: str, names: Identifiers) -> Variable:
+    fault = ruleset.fault_by_id[name.removeprefix("x:")]
+    short = names.new(f"x_{fault.id.removeprefix(f'{module}.')}")
+    return Variable(short, name, "real", fault.unit or "1", f"degree of {fault.id}")
