@@ -10,14 +10,7 @@ from rulec.prove.truth.runs import HOLD, Run, Speeds, settling, visiting_run
 
 @dataclass(frozen=True)
 class Case:
-    """One recording to be made.
-
-    Attributes
-    ----------
-    faults : set degree by fault, all present at once; empty for a healthy case
-    run : operation of the plant
-    seed : of the sensors' errors
-    """
+    """One recording to be made: degrees of faults present at once, operation, sensors' errors."""
 
     faults: Mapping[str, float]
     run: Run
@@ -41,10 +34,7 @@ def campaign(
 
 
 def published_faults(plant: Plant) -> list[str]:
-    """Return the paper's faults: 7 per dosing module, 4 per mixer (method.md, section 4).
-
-    The paper has no fault of the speed sensor.
-    """
+    """The paper's faults: 7 per dosing module, 4 per mixer, none of the speed sensor."""
     names = []
     for module in plant.modules:
         names += [f"{module}.{kind}" for kind in ("leakage", "clogging", "widening")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import re
 import shutil
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 import yaml
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.commands.check_files import collect
 from rulec.effects.candidate import Unknown
@@ -22,13 +20,8 @@ from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
 from rulec.effects.write_module import write_module
 from rulec.passes.lower import Lowering, lower_module
-from tests.conftest import ROOT
-
-
-@functools.cache
-def opened(plant: str) -> tuple[Ruleset, ModelBuilder]:
-    """A shipped plant with the effects of the knowledge base."""
-    return open_builder(ROOT / "plants" / plant)
+from tests.conftest import ROOT, compiled
+from tests.test_adopt import PLANTS, WITHOUT, opened
 
 
 def around(builder: ModelBuilder) -> dict[str, Array | float]:
@@ -47,7 +40,7 @@ def flows(outputs: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
 @pytest.mark.parametrize("plant", ["mixing-rig", "hsy-pumping", "zema-hydraulic"])
 def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
     """Straight from the tree or by way of sympy: observers and guards agree to 1e-12."""
-    ruleset, builder = opened(plant)
+    ruleset, builder = compiled(plant), opened(PLANTS / plant)
     values = around(builder)
     known = dict.fromkeys(ruleset.plan.inputs, 1.0)
     expected = ruleset.plan.run({**known, **values})
@@ -66,9 +59,11 @@ def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
 def test_at_the_null_the_plain_relation_comes_back(plant: str, module: str) -> None:
     """Every candidate at every place it fits, whatever its other parameters are. Faults of the
     library are candidates with the ids of the ruleset."""
-    ruleset, builder = opened(plant)
+    builder = opened(PLANTS / plant)
     values = around(builder) | {"time": 100.0}
-    assert {f.id for f in ruleset.faults} == {c.id for c in builder.candidates if c.sort == "fault"}
+    assert {f.id for f in compiled(plant).faults} == {
+        c.id for c in builder.candidates if c.sort == "fault"
+    }
 
     def shape(u: Unknown) -> float:
         return u.starts[0] if u.starts else float(np.ravel(values.get(u.driver or "", 1.0))[0])
@@ -85,7 +80,7 @@ def test_at_the_null_the_plain_relation_comes_back(plant: str, module: str) -> N
 
 def test_slip_that_grows_with_temperature() -> None:
     """The plan of an amended module, against the formula written out by hand."""
-    _, builder = opened("zema-hydraulic/without-temperature.yaml")
+    builder = opened(WITHOUT)
     values = around(builder)
     name = "main.slip-temperature@Q_law"
     out = builder.plan("main", (name,)).run({**values, f"{name}.b": 0.03, f"{name}.T0": 310.0})
@@ -102,7 +97,7 @@ def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
 
     Friction over a flow divides by it: there the law beneath counts.
     """
-    _, builder = opened("hsy-pumping")
+    builder = opened(PLANTS / "hsy-pumping")
     own = [c for c in builder.candidates if c.module == "P11" and not c.members]
     names = [c.id for c in own if c.place == "head" and c.sort != "fault"]
     assert len(names) > 2
@@ -112,7 +107,7 @@ def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
 
 def test_a_corrected_reading_drives_what_is_joined_before_and_after() -> None:
     """The order of acceptance does not matter, and the reading counts everywhere as corrected."""
-    _, builder = opened("mixing-rig")
+    builder = opened(PLANTS / "mixing-rig")
     values = around(builder)
     warm, offset = "A.slip-temperature@Q_geo", "A.offset-pressure@dp"
     own = {f"{warm}.b": 0.02, f"{warm}.T0": 290.0, f"{offset}.z": 2e4}
@@ -127,7 +122,7 @@ def test_a_corrected_reading_drives_what_is_joined_before_and_after() -> None:
 
 def test_base_parameters_carry_their_covariance() -> None:
     """Uncertain ones may be moved, with the correlations of the calibration; others are given."""
-    base = opened("mixing-rig")[1].parameters
+    base = opened(PLANTS / "mixing-rig").parameters
     assert set(base.ids) == set(base.sheet)
     place = {name: i for i, name in enumerate(base.ids)}
     first, second = place["M1.k0"], place["M1.k2"]
@@ -147,7 +142,7 @@ def test_base_parameters_carry_their_covariance() -> None:
 
 def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
     """An error of the head shifts the loss as far; as a place where something acts, one counts."""
-    _, builder = opened("rse-boiler")
+    builder = opened(PLANTS / "rse-boiler")
     stated = {law.place: law.accuracy for law in builder.laws}
     assert {"head": 0.05, "opening": 0.1, "resistance": 0.08} == stated
     assert "head" not in {spot.place for spot in builder.spots}
@@ -158,7 +153,7 @@ def test_an_amended_type_says_what_its_new_parts_may_be(
     share: float, told: list[str], tmp_path: Path
 ) -> None:
     """A share lies in its range; what a reading should be is no law that may be off by 5 %."""
-    _, builder = opened("rse-boiler")
+    builder = opened(PLANTS / "rse-boiler")
     assert builder.sources is not None
     documents = builder.sources.by_kind["module"]
     (document,) = (d for d in documents if d.data["module"] == "pumped-valve-branch")

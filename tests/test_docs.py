@@ -17,8 +17,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,37 +28,26 @@ from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.limits import UNSURE
 from tests.conftest import ROOT, compiled
+from tests.written import told_by
 
 BLOCK = re.compile(
     r'^```(?P<kind>\w+)(?: title="(?P<title>.*?)")?\n(?P<text>.*?)^```', re.MULTILINE | re.DOTALL
 )
 
 
-@dataclass(frozen=True)
-class Written:
-    """A file that the reader writes as the page has it."""
-
-    file: Path
-    text: str
-
-
-@dataclass(frozen=True)
-class Typed:
-    """A command, and lines that stand in what it prints."""
-
-    command: str
-    shown: tuple[str, ...]
-
-
-def steps_of(page: Path) -> Iterator[Written | Typed]:
-    """What the reader of a page does, in order."""
+def steps_of(page: Path) -> Iterator[tuple[Path | str, str]]:
+    """What the reader of a page does: files with their text, commands with what they print."""
     for block in BLOCK.finditer(page.read_text(encoding="utf-8")):
         if block["title"]:
-            yield Written(Path(block["title"]), block["text"])
+            yield Path(block["title"]), block["text"]
         if block["kind"] == "console":
             for part in re.split(r"^\$ ", block["text"], flags=re.MULTILINE)[1:]:
-                command, *shown = part.rstrip("\n").split("\n")
-                yield Typed(command, tuple(filter(str.strip, shown)))
+                command, _, shown = part.partition("\n")
+                yield command, shown
+
+
+def has_commands(page: Path) -> bool:
+    return any(isinstance(step, str) for step, _ in steps_of(page))
 
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -89,16 +77,12 @@ def python(arguments: Sequence[str]) -> int:
     return 0
 
 
-COMMANDS: dict[str, Callable[[Sequence[str]], int]]
 COMMANDS = {"rulec": main, "rulec-runtime": station, "pip": pip, "python": python}
 
 
-Run = Callable[[Path, tuple[str, ...]], None]
-
-
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_this_process: None) -> Run:
-    """Runs a page in a folder of its own, where what pip installs is found."""
+def _alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_this_process: None) -> None:
+    """A page runs in a folder of its own, where what pip installs is found."""
     for name in ("kb", "plants"):
         shutil.copytree(ROOT / name, tmp_path / name)
     (tmp_path / "site").mkdir()
@@ -106,24 +90,24 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_this_process: None) 
     importlib.invalidate_caches()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-    return run_commands
 
 
-def run_commands(page: Path, without: tuple[str, ...]) -> None:
+def run(page: Path, without: tuple[str, ...]) -> None:
     """Each `$` line exits 0, but for those with a word in `without`, which are not run; each line
     below it stands in what was printed."""
-    for step in steps_of(page):
-        if isinstance(step, Written):
-            step.file.parent.mkdir(parents=True, exist_ok=True)
-            step.file.write_text(step.text, encoding="utf-8")
-        elif not any(word.endswith(without) for word in step.command.split()):
-            printed = _run(step.command)
-            for line in step.shown:
-                assert _squeezed(line) in printed, f"{page.name}: {step.command}: {line!r}"
+    for step, text in steps_of(page):
+        if isinstance(step, Path):
+            step.parent.mkdir(parents=True, exist_ok=True)
+            step.write_text(text, encoding="utf-8")
+        elif not any(word.endswith(without) for word in step.split()):
+            printed = _run(step)
+            for line in text.splitlines():
+                assert _squeezed(line) in printed, f"{page.name}: {step}: {line!r}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
-def test_commands_of_a_page_run(page: Path, run: Run) -> None:
+@pytest.mark.usefixtures("_alone")
+@pytest.mark.parametrize("page", [*filter(has_commands, PAGES)], ids=lambda p: p.stem)
+def test_commands_of_a_page_run(page: Path) -> None:
     """Where a model is repaired: of the warm recording the slip of A follows its temperature, 3 %
     per kelvin by the independent truth. Its search is long, so what is told is looked at here."""
     run(page, LATER.get(page.stem, ()))
@@ -139,8 +123,9 @@ def test_commands_of_a_page_run(page: Path, run: Run) -> None:
 
 
 @pytest.mark.prove
+@pytest.mark.usefixtures("_alone")
 @pytest.mark.parametrize("page", [p for p in PAGES if p.stem in LATER], ids=lambda p: p.stem)
-def test_all_commands_of_a_page_run(page: Path, run: Run) -> None:
+def test_all_commands_of_a_page_run(page: Path) -> None:
     """In the first hour the slip that was left out: the day leaves two laws of it open, the planned
     recording names the true one; no sensor is blamed, and the adopted plant is right on data that
     nobody used."""
@@ -221,7 +206,7 @@ PLANTED = re.compile(r"^\*\*Planted:\*\* `(\S+)`", re.MULTILINE)
 
 @pytest.mark.parametrize("page", READMES, ids=lambda page: page.parent.name)
 def test_a_plant_is_clean_and_its_readme_right(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A plant to begin with is clean, compiles, and its README tells what diagnose says: one
     finding, which is what was planted or has it among the causes that fit."""
@@ -229,13 +214,11 @@ def test_a_plant_is_clean_and_its_readme_right(
     assert page.parent.name == compiled(page.parent.name).plant
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "120")
-    (step,) = (step for step in steps_of(page) if isinstance(step, Typed))
-    answer = tmp_path / "answer.json"
-    assert 0 == main([*shlex.split(step.command)[1:], "--json", str(answer)])
+    ((command, shown),) = (step for step in steps_of(page) if isinstance(step[0], str))
+    (finding,) = told_by(*shlex.split(command)[1:])["findings"]
     printed = _squeezed(capsys.readouterr().out)
-    assert all(_squeezed(line) in printed for line in step.shown)
-    (finding,) = json.loads(answer.read_text(encoding="utf-8"))["findings"]
-    assert finding["fault"] in step.shown[0]
+    assert all(_squeezed(line) in printed for line in shown.splitlines())
+    assert finding["fault"] in shown.splitlines()[0]
     others = [*finding["alternatives"], *finding["remote"]]
     planted = PLANTED.search(page.read_text(encoding="utf-8"))
     assert planted is not None

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
 from rulec.cli import main
 from tests.method.readings import calibrated
+from tests.written import told_by, write_columns, write_plant
 
 HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
 """Head of the pump; known to 1.5 %."""
@@ -20,22 +21,18 @@ HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "ba
 
 def plant(folder: Path, head: float = 1.0) -> Path:
     """A centrifugal pump with a meter, its sheet's head times a factor."""
-    rows = (
-        f"      {k}: {{value: {head * v:.9g}, unit: {u}, u: {0.015 * v:.9g}, source: sheet}}"
+    sheet = ", ".join(
+        f"{k}: {{value: {head * v:.9g}, unit: {u}, u: {0.015 * v:.9g}, source: sheet}}"
         for k, (v, u) in HEAD.items()
     )
-    folder.mkdir()
-    lines = [f"plant: {folder.name}", "title: main pump", "modules:", "  pump:"]
-    lines += ["    type: metered-centrifugal", "    parameters:", *rows]
-    (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder
+    return write_plant(folder, {"pump": f"metered-centrifugal, parameters: {{{sheet}}}"})
 
 
 def recorded(folder: Path, head: float = 1.0, fault: str = "") -> Path:
     """Two minutes at one operating point of a pump with this head."""
-    rows = ["t [s],pump.n [rpm],pump.Q [l/h]", *(f"{t},2650,700" for t in range(120))]
-    given, file = folder / "inputs.csv", folder / "recording.csv"
-    given.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    inputs = {"pump.n [rpm]": np.full(120, 2650.0), "pump.Q [l/h]": np.full(120, 700.0)}
+    given = write_columns(folder / "inputs.csv", {"t [s]": np.arange(120), **inputs})
+    file = folder / "recording.csv"
     wrong = ["--fault", fault] if fault else []
     true = plant(folder / "real", head)
     assert main(["simulate", str(true), str(given), "-o", str(file), "--noise", "1", *wrong]) == 0
@@ -62,13 +59,10 @@ def knowing(ruleset: Ruleset, *names: str) -> Ruleset:
 
 def said(folder: Path, ruleset: Ruleset, recording: Path) -> tuple[dict[str, Any], str]:
     """The diagnosis as JSON, and the heading of its page."""
-    made, data, page = (folder / name for name in ("r.ruleset.json", "d.json", "d.html"))
+    made, page = folder / "r.ruleset.json", folder / "d.html"
     made.write_text(ruleset.to_json(), encoding="utf-8")
-    asked = ["diagnose", str(made), str(recording), "--json", str(data), "--report", str(page)]
-    assert main(asked) == 0
-    text = page.read_text(encoding="utf-8")
-    heading = text.partition("<h1>")[2].partition("<")[0]
-    return json.loads(data.read_text(encoding="utf-8")), heading
+    found = told_by("diagnose", made, recording, "--report", page)
+    return found, page.read_text(encoding="utf-8").partition("<h1>")[2].partition("<")[0]
 
 
 def test_an_own_fault_is_named_and_no_absurd_meter(tmp_path: Path) -> None:

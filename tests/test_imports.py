@@ -13,6 +13,7 @@ from tests.conftest import ROOT, SOURCES, compiled
 
 HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema", "numba"}
 OPERATOR_STATION = {"numpy", "rich"}
+"""All that the runtime needs."""
 EXTRAS = {"asyncua", "cryptography", "paho", "yaml", "starlette", "uvicorn", "h11", "sqlalchemy"}
 """Of the runtime: for sources, journal and page, loaded where they are asked for."""
 FORMATS = {"pyarrow", "openpyxl", "scipy", "h5py", "asammdf", "nptdms"}
@@ -20,8 +21,6 @@ FORMATS = {"pyarrow", "openpyxl", "scipy", "h5py", "asammdf", "nptdms"}
 FETCHED = ("rulec_runtime.fleet", "fsspec")
 """Loaded where recordings of a fleet are elsewhere."""
 READERS = "rulec_runtime.recordings.readers"
-"""All that the runtime needs."""
-
 INTEGRATOR = "rulec_runtime.simulation.integrator"
 """Compiled by numba where that is installed; loaded when something is integrated."""
 
@@ -57,19 +56,13 @@ COMPILER = {"rulec.limits", "rulec.language", "rulec.knowledge", "rulec.algebra"
 STORED = "rulec_runtime.simulation.balances"
 """What is stored stands in the ruleset as a plan in the form that the integrator reads."""
 
-
-def modules() -> dict[str, Path]:
-    """All modules of the product and where they stand."""
-    found = {}
-    for folder, package in ((ROOT, "rulec"), (ROOT / "runtime", "rulec_runtime")):
-        for file in sorted((folder / package).rglob("*.py")):
-            parts = file.relative_to(folder).with_suffix("").parts
-            if "truth" not in parts:  # shares no code with the tool, as tests/test_truth.py checks
-                found[".".join(parts).removesuffix(".__init__")] = file
-    return found
-
-
-MODULES = modules()
+MODULES = {
+    ".".join(file.relative_to(top).with_suffix("").parts).removesuffix(".__init__"): file
+    for top, package in ((ROOT, "rulec"), (ROOT / "runtime", "rulec_runtime"))
+    for file in sorted((top / package).rglob("*.py"))
+    if "truth" not in file.relative_to(top).parts  # shares no code with the tool
+}
+"""All modules of the product and where they stand."""
 
 
 def imports(module: str) -> Iterator[tuple[str, bool]]:

@@ -1,8 +1,6 @@
-"""No Python file names a pump, a fault, a fluid, a sensor class or an effect.
+"""No Python file names a pump, a fault, a fluid, a sensor class or an effect: they stand in kb/.
 
-What the tool knows about physics stands in kb/ alone, so that it can be read and extended without
-Python. Names are collected from kb/ and looked for in the code: in identifiers and in strings,
-whole words. Comments and docstrings may give examples.
+Names of kb/ are looked for in identifiers and in strings, whole words; not in docstrings.
 """
 
 from __future__ import annotations
@@ -26,49 +24,26 @@ WORD = re.compile(r"[A-Za-z][A-Za-z0-9]*(?:[-_][A-Za-z0-9]+)*")
 
 @functools.cache
 def known_names() -> set[str]:
-    """Names of all entries of kb/, and of components, signals and definitions of modules.
-
-    Of the latter two only those long enough to mean something: ``P_el`` and ``dp_mix``, not ``n``.
-    """
+    """Names of all entries of kb/, and of components, and such as ``P_el`` and ``dp_mix``."""
     names: set[str] = set()
-    for file in (ROOT / "kb").rglob("*.yaml"):
-        data = plain_yaml(file)
+    for data in map(plain_yaml, (ROOT / "kb").rglob("*.yaml")):
         kind = next(iter(data))
-        if kind not in KINDS:
-            continue
-        names.add(data[kind])
-        names |= {name for name in data.get("signals", {}) if "_" in name}
-        names |= {name for name in data.get("definitions", {}) if "_" in name}
-        names |= set(data.get("provides", {}))
-        if kind == "module":
+        if kind in KINDS:
+            own = (*data.get("signals", ()), *data.get("definitions", ()))
+            names |= {data[kind], *data.get("provides", ()), *(name for name in own if "_" in name)}
             names |= {part["component"] for part in data.get("observers", {}).values()}
     return {name.replace("-", "_").lower() for name in names}
 
 
 def words(file: str) -> Iterator[tuple[int, str]]:
     """Identifiers and words in strings, with their lines; docstrings left out."""
-    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
-    texts = docstrings(tree)
-    for node in ast.walk(tree):
-        line = getattr(node, "lineno", 0)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            if id(node) not in texts:
-                for word in WORD.findall(node.value):
-                    yield line, word
-            continue
-        for field in ("id", "attr", "arg", "name"):
-            value = getattr(node, field, None)
-            if isinstance(value, str):
-                yield line, value
-
-
-def docstrings(tree: ast.AST) -> set[int]:
-    """Bare strings: docstrings, and the texts below constants."""
-    return {
-        id(node.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    }
+    nodes = [*ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8")))]
+    bare = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    for node in nodes:
+        found = [getattr(node, field, None) for field in ("id", "attr", "arg", "name")]
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in bare:
+            found = WORD.findall(node.value)
+        yield from ((node.lineno, word) for word in found if isinstance(word, str))
 
 
 @functools.cache

@@ -8,14 +8,13 @@ import signal
 import subprocess
 import sys
 from math import comb
-from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rulec
-from rulec.cli import main
 from rulec.passes.perturb import perturbed, true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
@@ -25,30 +24,22 @@ from rulec.study.points import operating_points, range_of
 from rulec.study.summary import percent, reliable_from, rows_of, sentences
 from rulec.study.tally import Tally, tally, upper_bound
 from tests.conftest import ROOT, compiled
+from tests.written import told_by
 
 ABC = ROOT / "plants" / "abc"
 TYPES = {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"}
-TINY = ("--degrees", "0.3", "--points", "1", "--seeds", "1")
-
-
-def study(file: Path, *arguments: str, plant: Path = ABC) -> dict[str, Any]:
-    """JSON of a study of a plant."""
-    assert main(["study", str(plant), *arguments, "--json", str(file)]) == 0
-    result: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return result
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def tiny() -> dict[str, Any]:
     """A study of one recording per fault, in this process."""
-    return study(tmp_path_factory.mktemp("study") / "tiny.json", *TINY, "--jobs", "1")
+    asked = ("--degrees", "0.3", "--points", "1", "--seeds", "1", "--jobs", "1")
+    return dict(told_by("study", ABC, *asked))
 
 
-def test_counts_add_up_on_any_number_of_processes(tiny: dict[str, Any], tmp_path: Path) -> None:
-    """One process or two: the same counts, errors and words. Every recording is in exactly one
-    kind; found, confusions and healthy ones follow. At 30 % every hydraulic fault and pressure
-    sensor is seen, and nothing in healthy plants."""
-    assert tiny == study(tmp_path / "two.json", *TINY, "--jobs", "2")
+def test_counts_add_up(tiny: dict[str, Any]) -> None:
+    """Every recording is in exactly one kind; found, confusions and healthy ones follow. At 30 %
+    every hydraulic fault and pressure sensor is seen, and nothing in healthy plants."""
     modules = {name: list(TYPES.values()).count(name) for name in TYPES.values()}
     for cell in tiny["faults"]:
         kinds = cell["kinds"]
@@ -80,14 +71,10 @@ def test_operating_points_are_inside_their_ranges() -> None:
             assert len(set(values)) == 5
 
 
-class Fixed:
+def fixed(value: float) -> Any:
     """In place of random numbers: always the same."""
-
-    def __init__(self, value: float) -> None:
-        self.value = value
-
-    def standard_normal(self, size: int | None = None) -> Any:
-        return self.value if size is None else np.full(size, self.value)
+    drawn = lambda size=None: value if size is None else np.full(size, value)  # noqa: E731
+    return SimpleNamespace(standard_normal=drawn)
 
 
 def test_parameters_are_drawn_from_their_covariance() -> None:
@@ -95,9 +82,9 @@ def test_parameters_are_drawn_from_their_covariance() -> None:
     deviation the true plant has the undo plan of the ruleset."""
     models = run_passes(Compilation(path=ABC), "types")
     faults = [f.id for f in compiled("abc").faults]
-    assert compiled("abc").undo == true_plan(models, faults, Fixed(0.0))  # type: ignore[arg-type]
+    assert compiled("abc").undo == true_plan(models, faults, fixed(0.0))
     models = run_passes(Compilation(path=ROOT / "plants" / "zema-hydraulic"), "types")
-    drawn = perturbed(models, Fixed(1.0)).plant.modules  # type: ignore[arg-type]
+    drawn = perturbed(models, fixed(1.0)).plant.modules
     for name, module in models.network.plant.modules.items():
         expected = {p.name: p.value + p.u for p in module.parameters.values()}
         for block in module.blocks:
@@ -127,17 +114,15 @@ def counted() -> Tally:
     )
     names = ("fault", "degree", "kind", "first", "shared", "estimate", "lower", "upper")
     leak = [Outcome(**dict(zip(names, row, strict=True))) for row in rows]  # type: ignore[arg-type]
-    blind = [
-        Outcome(fault="A.P_el.low", degree=0.2, kind=Kind.QUIET),
-        Outcome(fault="B.P_el.low", degree=0.2, kind=Kind.NO_POINT),
-    ]
-    unknown = [Outcome(fault="C.clogging", degree=0.2, kind=Kind.UNKNOWN)]
-    healthy = [
-        Outcome(fault="", degree=0.0, kind=Kind.QUIET),
-        Outcome(fault="", degree=0.0, kind=Kind.UNKNOWN),
-    ]
-    outcomes = [*leak, *blind, *unknown, *healthy]
-    return tally(compiled("abc"), TYPES, outcomes, samples=20, lead_in=0)
+    others = (
+        ("A.P_el.low", 0.2, Kind.QUIET),
+        ("B.P_el.low", 0.2, Kind.NO_POINT),
+        ("C.clogging", 0.2, Kind.UNKNOWN),
+        ("", 0.0, Kind.QUIET),
+        ("", 0.0, Kind.UNKNOWN),
+    )
+    leak += [Outcome(fault=fault, degree=degree, kind=kind) for fault, degree, kind in others]
+    return tally(compiled("abc"), TYPES, leak, samples=20, lead_in=0)
 
 
 def test_summary_says_what_the_counts_mean() -> None:
@@ -164,33 +149,13 @@ def test_summary_says_what_the_counts_mean() -> None:
     assert ["1.7 %", "99 %", "100 %"] == [percent(share) for share in (0.017, 0.994, 1.0)]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--degrees", "ten"), "--degrees ten: give numbers with commas between"),
-        (("--degrees", "nan"), "--degrees nan: a degree is a number above 0"),
-        (("--degrees", "50"), "--degrees 50: no fault of abc has such a degree"),
-        (("--json", "nowhere/file.json"), "--json nowhere/file.json: there is no folder"),
-        (("--points", "0"), "--points 0: give 1 or more"),
-        (("--lead-in", "-5"), "--lead-in -5: give 0 or more"),
-    ],
-)
-def test_bad_arguments(
-    arguments: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A wrong argument is named with its remedy; exit code 2. A ruleset has no covariances."""
-    assert main(["study", str(ABC), *arguments]) == 2
-    assert message in " ".join(capsys.readouterr().err.split())
-    assert main(["study", "abc.ruleset.json"]) == 2
-    assert "abc.ruleset.json: give the plant's folder" in capsys.readouterr().err
-
-
 def test_the_function_gives_what_the_command_writes(tiny: dict[str, Any]) -> None:
-    """And tables of it; a number that makes no sense is refused with the words of the command."""
+    """On any number of processes; and tables of it. A number that makes no sense is refused with
+    the words of the command."""
     told: list[str] = []
     done: list[Any] = []
     asked: dict[str, Any] = {"degrees": [0.3], "points": 1, "seeds": 1, "announce": told.append}
-    found = rulec.study(ABC, progress=lambda *one: done.append(one), **asked)
+    found = rulec.study(ABC, jobs=2, progress=lambda *one: done.append(one), **asked)
     assert tiny == json.loads(json.dumps(found.to_dict()))
     assert told[0].startswith("abc: ")
     assert done[-1][1] == done[-1][2]

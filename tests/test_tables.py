@@ -20,6 +20,7 @@ from rulec.language.expression import Expression, constant, parse
 from rulec.language.functions import Larger, Signum, Smaller
 from rulec.language.symbolic import to_sympy
 from rulec.passes.pipeline import compile_plant
+from tests.written import write_plant
 
 POINTS = [[0, 0.1], [20, 0.5], [50, 1.5], [80, 3.4], [100, 4.0]]
 VALVE = f"""\
@@ -52,9 +53,7 @@ def plant(between: str, tmp_path: Path) -> Path:
     (tmp_path / "kb").mkdir()
     text = VALVE.replace("between: line", f"between: {between}")
     (tmp_path / "kb" / "own-valve.yaml").write_text(text, encoding="utf-8")
-    text = "plant: p\ntitle: t\nmodules: {A: {type: own-valve}}\n"
-    (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
-    return tmp_path
+    return write_plant(tmp_path, {"A": "own-valve"})
 
 
 def curve(points: list[list[float]], between: str, x: float | np.ndarray) -> np.ndarray:

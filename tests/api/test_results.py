@@ -8,7 +8,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +19,7 @@ import rulec
 from rulec.cli import main
 from rulec.commands import result
 from tests.conftest import ROOT, SOURCES
+from tests.written import told_by
 
 ABC = ROOT / "plants" / "abc"
 EXAMPLES = ABC / "examples"
@@ -42,19 +42,13 @@ def explained() -> rulec.MismatchResult:
     return rulec.mismatch(plant(), pd.read_csv(EXAMPLES / "healthy.csv"))
 
 
-def of_command(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
-    assert 0 == main([*words, "--json", "-"])
-    return json.loads(capsys.readouterr().out)
-
-
-def test_data_are_those_of_the_command(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_data_are_those_of_the_command(tmp_path: Path) -> None:
     """Diagnosis and calibration, value by value."""
-    assert found().to_dict() == of_command(capsys, "diagnose", str(ABC), str(LEAKAGE))
+    assert found().to_dict() == told_by("diagnose", ABC, LEAKAGE)
     file = EXAMPLES / "calibration.csv"
     fitted = rulec.calibrate(ABC, file)
     written = tmp_path / "calibration.yaml"
-    asked = ("calibrate", str(ABC), str(file), "-o", str(written))
-    assert fitted.to_dict() == of_command(capsys, *asked)
+    assert fitted.to_dict() == told_by("calibrate", ABC, file, "-o", written)
     assert fitted.text == written.read_text(encoding="utf-8")
     assert "A: the pump delivers 60 % less than its characteristic predicts" in str(found())
 

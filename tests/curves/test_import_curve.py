@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,9 @@ import pytest
 import xlsxwriter
 import yaml
 
-from rulec.cli import main
 from rulec.commands.check_files import collect
+from rulec.passes.pipeline import compile_plant
+from tests.written import told_by, write_plant
 
 NB = """\
 Q [m3/h],H [m],eta [%],P2 [kW],P_el [kW],NPSHr [m],n [rpm]
@@ -52,10 +52,8 @@ def rows() -> list[list[str]]:
 def imported(folder: Path, file: str, *more: str, kind: str = TYPE, code: int = 0) -> Any:
     """The machine form; the module stands in folder/kb/own.yaml."""
     (folder / "kb").mkdir(exist_ok=True)
-    target, form = folder / "kb" / "own.yaml", folder / "found.json"
-    asked = ["import", "curve", file, "--type", kind, "-o", str(target), "--json", str(form)]
-    assert code == main([*asked, *more])
-    return json.loads(form.read_text(encoding="utf-8"))
+    target = folder / "kb" / "own.yaml"
+    return told_by("import", "curve", file, "--type", kind, "-o", target, *more, code=code)
 
 
 def law(found: Any, name: str) -> dict[str, Any]:
@@ -76,9 +74,7 @@ def test_points_of_a_real_sheet(tmp_path: Path) -> None:
         assert grade / np.sqrt(6) == pytest.approx(one["u"], rel=0.06)
     file = tmp_path / "kb" / "own.yaml"
     assert [] == collect([file])
-    plant = "plant: p\ntitle: t\nmodules: {A: {type: own}}\n"
-    (tmp_path / "plant.yaml").write_text(plant, encoding="utf-8")
-    assert 0 == main(["compile", str(tmp_path), "-o", str(tmp_path / "r.json")])
+    compile_plant(write_plant(tmp_path, {"A": "own"}))
     data = yaml.safe_load(file.read_text(encoding="utf-8"))
     value = {name: p["value"] for name, p in data["parameters"].items()}
     flow, head, _, _, power, _, speed = np.array(rows()[1:], dtype=float).T
@@ -126,49 +122,6 @@ def test_excel_and_a_digitised_table_say_the_same(tmp_path: Path) -> None:
     for name in ("dp_law", "P_law"):
         assert [13, 13] == [law(found, name)["points"] for found in (excel, pairs)]
         assert max(law(found, name)["largest"] for found in (excel, pairs)) < 0.03
-
-
-@pytest.mark.parametrize(
-    ("columns", "more", "said"),
-    [
-        ("Q [m3/h],H,,,P_el [kW],,n [rpm]", (), "column 'H' names no unit"),
-        ("Q [m3/h],H [furlong],,,,,n [rpm]", (), "unknown unit 'furlong'"),
-        ("dp [bar],n [m],,,,,Q [m3/h]", (), "are two columns swapped?"),
-        ("Q [m3/h],H [m],,P1 [kW],P2 [kW],,n [rpm]", (), "each could be P_el"),
-        ("Q [m3/h],H [m],,,P_el [kW],,", (), "dp_law lacks n [rpm]"),
-        ("Q [m3/h],,,,,,", (), "no law of metered-centrifugal can be fitted"),
-        ("Q [m3/h],H [m],,,,,n [rpm]", ("--grade", "9Z"), "give 1B, 2B, 3B, or a share"),
-        ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "n0"), "write NAME=VALUE UNIT"),
-        ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "x=3 rpm"), "has no 'x'"),
-    ],
-)
-def test_what_does_not_fit_is_refused(
-    columns: str, more: tuple[str, ...], said: str, tmp_path: Path, capsys: Any
-) -> None:
-    target = tmp_path / "own.yaml"
-    asked = ["import", "curve", written(tmp_path, NB), "--type", TYPE, "-o", str(target)]
-    assert main([*asked, "--columns", columns, *more]) in (1, 2)
-    assert said in capsys.readouterr().err
-    assert not target.exists()
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "empty"),
-        ("1,2\n3,4\n5,6\n", "its columns have no titles"),
-        ("Q [m3/h],dp [bar],n [rpm]\n1,2,3\n2,3,4\n", "4 are needed"),
-        ("Q [m3/h],dp [bar],n [rpm]\n" + "nan,inf,3\n" * 9, "only 0 points"),
-        ("Q [m3/h],dp [bar],n [rpm]\n" + "1,2,2900\n" * 2001, "is for rulec calibrate"),
-        ("\x00\x01\x02", "sheet.csv"),
-    ],
-)
-def test_no_sheet_is_refused(text: str, said: str, tmp_path: Path, capsys: Any) -> None:
-    target = tmp_path / "own.yaml"
-    file = written(tmp_path, text)
-    assert 1 == main(["import", "curve", file, "--type", TYPE, "-o", str(target)])
-    assert said in capsys.readouterr().err
-    assert not target.exists()
 
 
 def test_titles_swapped_leave_the_tolerance(tmp_path: Path, capsys: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import rulec
 from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
 from rulec.commands.check_files import collect
+from tests.written import told_by, write_columns, write_plant
 
 TYPE = """\
 module: own-valve
@@ -46,9 +46,7 @@ def kv(x: Any) -> Any:
 def plant(tmp_path: Path) -> Path:
     (tmp_path / "kb").mkdir()
     (tmp_path / "kb" / "own-valve.yaml").write_text(TYPE, encoding="utf-8")
-    text = "plant: p\ntitle: t\nmodules: {M: {type: own-valve}}\n"
-    (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
-    return tmp_path
+    return write_plant(tmp_path, {"M": "own-valve"})
 
 
 def operation(travels: Any, seed: int = 1, noise: float = 0.005) -> dict[str, Any]:
@@ -98,15 +96,13 @@ def test_what_was_learnt_is_knowledge(plant: Path) -> None:
     usual = operation(TRAVELS)
     found = rulec.learn(plant, usual, "M.Kv")
     found.write(plant / "kb" / "learnt.yaml")
-    text = (plant / "plant.yaml").read_text(encoding="utf-8")
-    (plant / "plant.yaml").write_text(text.replace("own-valve", "learnt"), encoding="utf-8")
+    write_plant(plant, {"M": "learnt"})
     assert [] == [one for one in collect([plant]) if not one.doubt]
     data = yaml.safe_load((plant / "kb" / "learnt.yaml").read_text(encoding="utf-8"))
     assert "Kvs" not in data["parameters"]
     assert "Kv" not in data["definitions"]
     rulec.calibrate(plant, usual).write(plant / "calibration.yaml")
-    with (plant / "plant.yaml").open("a", encoding="utf-8") as file:
-        file.write("calibration: [calibration.yaml]\n")
+    write_plant(plant, {"M": "learnt"}, calibration="[calibration.yaml]")
     day = operation(np.repeat(TRAVELS[:12], 3), seed=9)
     assert [] == list(rulec.diagnose(plant, day).findings)
     blocked = {**day, "M.Q [m3/h]": 0.5 * day["M.Q [m3/h]"]}
@@ -116,16 +112,13 @@ def test_what_was_learnt_is_knowledge(plant: Path) -> None:
 
 def test_the_command_writes_the_type(plant: Path, capsys: Any) -> None:
     day = operation(TRAVELS)
-    rows = np.column_stack(list(day.values()))
-    file = plant / "day.csv"
-    np.savetxt(file, rows, delimiter=",", header=",".join(day), comments="")
-    target, form = plant / "kb" / "learnt.yaml", plant / "found.json"
+    file = write_columns(plant / "day.csv", day)
+    target = plant / "kb" / "learnt.yaml"
     asked = ["calibrate", str(plant), str(file), "--learn", "M.Kv", "-o", str(target)]
-    assert 0 == main([*asked, "--json", str(form)])
+    assert told_by(*asked)["dropped"] == ["Kvs"]
     told = " ".join(capsys.readouterr().out.split())
     assert "no data from 0 to 2" in told
     assert "give M the type learnt" in told
-    assert json.loads(form.read_text(encoding="utf-8"))["dropped"] == ["Kvs"]
     assert [] == [one for one in collect([target]) if not one.doubt]
     assert 2 == main([*asked[:3], "-o", str(target), "--over", "x"])
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from rulec_runtime.output.refusal import Misused, Refusal
 
-from rulec.cli import main
 from rulec.engines.call import DASK, Call, Engine
 from rulec.engines.engine import chosen, in_order, run
 from rulec.limits import WORKER_DEATHS
@@ -80,11 +79,5 @@ def test_what_kills_its_process_ends_a_run() -> None:
         in_order(Engine(jobs=1), os._exit, [Call((1,))])
     with pytest.raises(ZeroDivisionError):
         list(run(Engine(jobs=1), divmod, [Call((1, 1)), Call((1, 0))]))
-
-
-def test_what_makes_no_sense_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(Misused, match="--engine spark: give one of local, dask"):
         chosen("spark")
-    study = ["study", str(ROOT / "plants" / "abc"), "--scheduler", "tcp://x:1"]
-    assert main(study) == 2
-    assert "--scheduler is an address for --engine dask" in capsys.readouterr().err

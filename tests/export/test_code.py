@@ -111,21 +111,8 @@ def test_names_are_legal_and_differ() -> None:
     """Whatever the words, in a language that knows no case: letters, digits, single underscores,
     short, no reserved word."""
     names = Identifiers()
-    words = [
-        "a" * 50,
-        "a" * 51,
-        "A" * 50,
-        "",
-        "int",
-        "INT",
-        "x__y_",
-        "_x",
-        "3",
-        "größe",
-        "in",
-        "IF",
-    ]
-    made = [names.new(word) for word in words]
+    odd = ("a" * 50, "a" * 51, "A" * 50, "", "int", "INT", "x__y_", "_x", "3", "größe", "in", "IF")
+    made = [names.new(word) for word in odd]
     assert len(made) == len({name.lower() for name in made})
     for name in made:
         assert re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*", name)
@@ -141,15 +128,15 @@ def test_names_are_legal_and_differ() -> None:
 N = 1500
 
 
+SLOW = (("abc", "A"), ("mixing-rig", "E"), ("zema-hydraulic", "main"), ("hsy-pumping", "P11"))
+
+
 @pytest.mark.parametrize(
     ("plant", "module"),
     [
         ("abc", "C"),
         ("wastewater-lab", "pump1"),
-        pytest.param("abc", "A", marks=pytest.mark.prove),
-        pytest.param("mixing-rig", "E", marks=pytest.mark.prove),
-        pytest.param("zema-hydraulic", "main", marks=pytest.mark.prove),
-        pytest.param("hsy-pumping", "P11", marks=pytest.mark.prove),
+        *(pytest.param(*one, marks=pytest.mark.prove) for one in SLOW),
     ],
 )
 def test_structured_text_is_the_plan(plant: str, module: str) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
 import pytest
 from rulec_runtime.diagnosis.from_modules import FIRST_ORDER, diagnose_results
 from rulec_runtime.recordings.csv_table import RecordingRefused
@@ -54,28 +57,23 @@ def test_without_readings_slopes_stand_for_the_equations(tmp_path: Path) -> None
     assert same_story(found.whole, found.asked)
 
 
-def results(tmp_path: Path) -> dict[str, list[str]]:
-    """Results of a shipped recording as cells by column."""
+def results() -> pd.DataFrame:
+    """Results of a shipped recording, as texts."""
     ruleset = compiled("abc")
     recording = read_recording(ABC / "examples" / "leakage_A.csv", ruleset)
-    lines = results_csv(played(recording, ruleset, codes("abc"))).splitlines()
-    rows = [line.split(",") for line in lines]
-    return dict(zip(rows[0], map(list, zip(*rows[1:], strict=True)), strict=True))
+    text = results_csv(played(recording, ruleset, codes("abc")))
+    return pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
 
 
-def write(columns: dict[str, list[str]], file: Path) -> Path:
-    rows = [list(columns), *map(list, zip(*columns.values(), strict=True))]
-    file.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
-    return file
+def read(columns: pd.DataFrame, folder: Path) -> Any:
+    columns.to_csv(folder / "r.csv", index=False)
+    return read_results(folder / "r.csv", compiled("abc"))
 
 
 def test_an_unfit_reading_is_left_out(tmp_path: Path) -> None:
     """The module flags it: what rests on it is not judged, the rest is."""
-    columns = results(tmp_path)
-    columns["fit:A.P_el"] = ["0"] * len(columns["samples"])
-    columns["valid:A.power"] = ["0"] * len(columns["samples"])
-    said = read_results(write(columns, tmp_path / "r.csv"), compiled("abc"))
-    diagnosis = diagnose_results(said, compiled("abc"))
+    columns = results().assign(**{"fit:A.P_el": "0", "valid:A.power": "0"})
+    diagnosis = diagnose_results(read(columns, tmp_path), compiled("abc"))
     assert {"A.leakage"} <= {f.fault.id for f in diagnosis.findings}
     assert any(note.startswith("A.P_el: its module says") for note in diagnosis.notes)
     assert any("A.P_el: its module says" in p.text for p in diagnosis.not_judged)
@@ -89,23 +87,18 @@ def test_an_unfit_reading_is_left_out(tmp_path: Path) -> None:
         ({"time [s]": None}, "there is no time column"),
         ({"A.dp [bar]": None, "dq:A.pump:A.leakage": None}, "faults cannot be undone"),
         ({"A.dp [bar]": "A.dp [rpm]"}, "write A.dp in bar"),
-        ({"samples": ["x"]}, "no row has a time, seconds and samples"),
+        ({"samples": ""}, "no row has a time, seconds and samples"),
     ],
 )
 def test_what_does_not_suffice_is_refused(
-    change: dict[str, list[str] | str | None], told: str, tmp_path: Path
+    change: dict[str, str | None], told: str, tmp_path: Path
 ) -> None:
     """With what is missing."""
-    columns = results(tmp_path)
-    for name, to in change.items():
-        cells = columns.pop(name)
-        if isinstance(to, str):
-            columns[to] = cells
-        elif to is not None:
-            columns[name] = to * len(cells)
-    file = write(columns, tmp_path / "r.csv")
+    columns = results().drop(columns=[name for name, to in change.items() if to is None])
+    columns = columns.rename(columns={name: to for name, to in change.items() if to})
+    columns = columns.assign(**dict.fromkeys((n for n, to in change.items() if to == ""), "x"))
     with pytest.raises(RecordingRefused, match=told.replace("[", r"\[")):
-        diagnose_results(read_results(file, compiled("abc")), compiled("abc"))
+        diagnose_results(read(columns, tmp_path), compiled("abc"))
 
 
 @pytest.mark.parametrize(("language", "ends"), [("c", {".h", ".c"}), ("st", {".st"})])

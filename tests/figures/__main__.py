@@ -20,11 +20,7 @@ from tests.figures.pages import misprints, unclaimed
 
 def main() -> int:
     """Do what is asked; 1 if something is wrong."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.figures",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = argparse.ArgumentParser(prog="python -m tests.figures", description=__doc__)
     parser.add_argument("verb", choices=("check", "list", "measure"))
     parser.add_argument("--only", nargs="*", default=(), metavar="ID", help="or its first part")
     parser.add_argument("--stale", action="store_true", help="measure: only what is stale")

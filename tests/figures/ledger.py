@@ -22,17 +22,7 @@ ANYTHING = "..."
 
 @dataclass(frozen=True)
 class Measurement:
-    """A run of a command, or a reading by hand, with all that pages print of it.
-
-    Attributes
-    ----------
-    command : what measures it; of a quoted one, where it is published
-    date, commit, content : when it was measured, and the hash of the files in its rooms then
-    depends : names of rooms; none where no change makes it stale
-    needs : a folder of the shared recordings, or empty
-    values : a number or a share by its place in the JSON of the command, such as `a/b`
-    prints : pages and texts on them; `{a/b}` stands for a value, `{...}` for anything
-    """
+    """An entry of docs/figures.yaml, whose head explains the fields."""
 
     id: str
     kind: str

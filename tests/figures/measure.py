@@ -67,13 +67,9 @@ def _with(measurement: Measurement, text: str) -> str:
     """The ledger's text with one measurement's fields replaced."""
     begin = text.index(f"  - id: {measurement.id}\n")
     end = text.index("    prints:\n", begin)
-    block = text[begin:end]
-    fields = {
-        "date": measurement.date,
-        "commit": f'"{measurement.commit}"',
-        "content": f'"{measurement.content}"',
-        **{place: _written(value) for place, value in measurement.values.items()},
-    }
+    block, m = text[begin:end], measurement
+    fields = {"date": m.date, "commit": f'"{m.commit}"', "content": f'"{m.content}"'}
+    fields |= {place: _written(value) for place, value in m.values.items()}
     for name, value in fields.items():
         line = rf"^( +{re.escape(name)}: ).*$"
         block = re.sub(line, rf"\g<1>{value}", block, count=1, flags=re.MULTILINE)

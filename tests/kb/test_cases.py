@@ -18,14 +18,11 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import RIGS, fault_replay, record, write_csv
-from tests.conftest import ROOT
+from tests.written import write_plant
 
 FOLDER = Path(__file__).parent / "faults"
-PUMPS = {
-    "abc": "dosing-pcp",
-    "abc-membrane": "dosing-membrane",
-    "abc-centrifugal": "dosing-centrifugal",
-}
+TYPES = ("dosing-pcp", "dosing-membrane", "dosing-centrifugal")
+PUMPS = dict(zip(("abc", "abc-membrane", "abc-centrifugal"), TYPES, strict=True))
 SEED = 7
 
 
@@ -39,18 +36,8 @@ def _diagnosed(given: dict[str, Any], folder: Path) -> Diagnosis:
     """Simulate the fault, compile the plant of the same modules, diagnose."""
     run = fault_replay(RIGS[given["rig"]](), given["fault"], degrees=(0.0, given["degree"]))
     write_csv(folder / "recording.csv", record(run, seed=SEED).readings)
-    lines = [
-        "plant: case",
-        "title: case",
-        f"kb: {ROOT / 'kb'}",
-        "modules:",
-        f"  A: {{type: {PUMPS[given['rig']]}}}",
-        "  B: {type: dosing-pcp}",
-        "  C: {type: static-mixer}",
-        "connections: [A -> C, B -> C]",
-    ]
-    (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    ruleset = compile_plant(folder)
+    types = {"A": PUMPS[given["rig"]], "B": "dosing-pcp", "C": "static-mixer"}
+    ruleset = compile_plant(write_plant(folder, types, "A -> C, B -> C"))
     return diagnose(read_recording(folder / "recording.csv", ruleset), ruleset)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,23 +15,14 @@ from rulec_runtime.contract.plan import Plan
 
 from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
-from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.fluid import property_of
 from rulec.knowledge.module_type import Fluid
-from rulec.knowledge.read import read_files
 from rulec.language.symbolic import TEMPERATURE
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
-from tests.conftest import ROOT
-from tests.kb.fit_fluids import (
-    LIQUIDS,
-    Array,
-    fit_liquid,
-    polynomial,
-    tabulated,
-    temperatures,
-    vogel,
-)
+from tests.kb.fit_fluids import LIQUIDS, Array, tabulated, temperatures
+from tests.kb.test_effects import knowledge
+from tests.written import write_plant
 
 LETTER = {"density": "D", "viscosity": "V"}
 FITTED = {
@@ -46,12 +37,8 @@ OILS = {"hydraulic-oil-32": (32.0, 5.4, 872.0), "hydraulic-oil-46": (46.0, 6.8, 
 """Kinematic viscosity at 40 and at 100 degC, mm2/s, and density at 15 degC, kg/m3."""
 
 
-@functools.cache
-def fluids() -> dict[str, Fluid]:
-    """All fluids of the knowledge base."""
-    (sources,), _, found = read_files([ROOT / "kb"])
-    assert found == []
-    return dict(check_knowledge(sources).fluids)
+def fluids() -> Mapping[str, Fluid]:
+    return knowledge().fluids
 
 
 @functools.cache
@@ -74,14 +61,6 @@ def test_property_is_within_its_stated_error(fluid: str, name: str) -> None:
     assert (fluids()[fluid].lowest, fluids()[fluid].highest) == pytest.approx((T[0], T[-1]))
     off = np.max(np.abs(formula(fluid, name)(T) / tabulated(liquid, LETTER[name], T) - 1))
     assert off <= FITTED[fluid][name] <= bound(fluid, name)
-
-
-def test_fit_gives_the_coefficients() -> None:
-    """Fitting again gives the same curves, to the digits kept."""
-    fluid = "mpg-30"
-    found, T = fit_liquid(LIQUIDS[fluid]), temperatures(LIQUIDS[fluid])
-    for name, law in (("density", polynomial), ("viscosity", vogel)):
-        assert law(found[name][0], T) == pytest.approx(formula(fluid, name)(T), rel=1e-5)
 
 
 @pytest.mark.parametrize("oil", OILS)
@@ -112,21 +91,13 @@ def test_glycerol_is_that_of_the_tables() -> None:
     assert abs(density / 1261.3 - 1.0) < bound("glycerol", "density")
 
 
-# --- friction --------------------------------------------------------------------------------
-
 LENGTH, DIAMETER = 10.0, 0.016
-
-
-def _plant(folder: Path, fluid: str, modules: str = "  P: {type: straight-pipe}") -> Path:
-    text = f"plant: p\ntitle: p\nfluid: {fluid}\nkb: {ROOT / 'kb'}\nmodules:\n{modules}\n"
-    (folder / "plant.yaml").write_text(text, encoding="utf-8")
-    return folder
 
 
 @pytest.fixture(scope="module")
 def pipe(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     """The flow of the pipe with water; readings and parameters are inputs."""
-    folder = _plant(tmp_path_factory.mktemp("pipe"), "water")
+    folder = write_plant(tmp_path_factory.mktemp("pipe"), {"P": "straight-pipe"}, fluid="water")
     (model,) = run_passes(Compilation(path=folder), "types").types.values()
     graph = Graph(model.symbols)
     nodes = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
@@ -180,15 +151,10 @@ def test_flow_rises_through_the_transition_without_a_jump(pipe: Plan, roughness:
     assert step.max() < 1.01
 
 
-# --- fluids in plants ------------------------------------------------------------------------
-
-
 def test_two_fluids_in_one_plant(tmp_path: Path) -> None:
     """At equal readings the flows through two valves are as the roots of the densities."""
-    modules = """\
-  A: {type: dosing-pcp-warm}
-  B: {type: dosing-pcp-warm, fluid: meg-50}"""
-    ruleset = compile_plant(_plant(tmp_path, "water", modules))
+    modules = {"A": "dosing-pcp-warm", "B": "dosing-pcp-warm, fluid: meg-50"}
+    ruleset = compile_plant(write_plant(tmp_path, modules, fluid="water"))
     readings = {"n": 15.0, "dp": 1.8e5, "P_el": 150.0, "T": 293.15}
     out = ruleset.plan.select(["q:A.plant", "q:B.plant"]).run(
         {f"{m}.{name}": value for m in "AB" for name, value in readings.items()}
@@ -203,11 +169,8 @@ def test_two_fluids_in_one_plant(tmp_path: Path) -> None:
 
 def test_error_of_a_property_enters_the_budget_once(tmp_path: Path) -> None:
     """Laminar flow goes with 1/viscosity: 10 % bound gives 5.8 % of it, alike in both pipes."""
-    modules = """\
-  P: {type: straight-pipe, reference: {dp: 0.5}}
-  R: {type: straight-pipe, reference: {dp: 0.5}}
-connections: [P -> R]"""
-    ruleset = compile_plant(_plant(tmp_path, "hydraulic-oil-46", modules))
+    pipes = dict.fromkeys("PR", "straight-pipe, reference: {dp: 0.5}")
+    ruleset = compile_plant(write_plant(tmp_path, pipes, "P -> R", fluid="hydraulic-oil-46"))
     readings = {s.id: s.reference for s in ruleset.signals} | {"u:parameters": 1.0}
     out = ruleset.plan.run(
         {**readings, **{f"u:{s.id}": 0.0 for s in ruleset.signals}, "u:model": 1}

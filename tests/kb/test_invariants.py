@@ -5,14 +5,12 @@ A new module type gets all of this for free: it only needs a plant below.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.written import write_plant
 
 PLANTS = {
     "abc": {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"},
@@ -30,14 +28,9 @@ PLANTS = {
 @pytest.fixture(scope="module", params=sorted(PLANTS))
 def ruleset(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
     """A small plant of some module types."""
-    modules = PLANTS[request.param]
-    lines = ["plant: small", "title: small", "fluid: meg-30", f"kb: {ROOT / 'kb'}", "modules:"]
-    lines += [f"  {name}: {{type: {kind}}}" for name, kind in modules.items()]
-    if "C" in modules:
-        lines += ["connections:", "  - A -> C", "  - B -> C"]
-    file: Path = tmp_path_factory.mktemp("plant") / "plant.yaml"
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return compile_plant(file)
+    modules, folder = PLANTS[request.param], tmp_path_factory.mktemp("plant")
+    connections = "A -> C, B -> C" if "C" in modules else ""
+    return compile_plant(write_plant(folder, modules, connections, fluid="meg-30"))
 
 
 def _reference(ruleset: Ruleset) -> dict[str, float]:

@@ -17,6 +17,7 @@ from rulec.passes.pipeline import compile_plant
 from rulec.simulation.signature import signature_of
 from tests.conftest import ROOT, plain_yaml
 from tests.kb.test_effects import knowledge
+from tests.written import write_plant
 
 LINES: dict[str, list[dict[str, Any]]] = plain_yaml(ROOT / "tests/kb/library-lines.yaml")
 POINTS = [
@@ -56,44 +57,6 @@ def test_laws_give_what_their_sources_say(name: str, point: dict[str, Any]) -> N
         share = point.get("within") or stated(kind, what)
         told = knowledge().units.parse(point["in"]).from_si(found[what])
         assert math.isclose(told, expected, rel_tol=share, abs_tol=NOTHING), (what, told, expected)
-
-
-def small_plant(kind: ModuleType, folder: Path) -> Ruleset:
-    """The module alone; one that stores between two pumps with meters."""
-    lines = ["plant: small", "title: small", "fluid: water", f"kb: {ROOT / 'kb'}", "modules:"]
-    lines += [f"  M: {{type: {kind.name}}}"]
-    if kind.states:
-        lines += ["  A: {type: metered-pump}", "  B: {type: metered-pump}"]
-        lines += ["connections: [A -> M, M -> B]"]
-    file = folder / "plant.yaml"
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return compile_plant(file)
-
-
-@pytest.mark.parametrize("name", LINES)
-def test_faults_are_told_apart_or_listed(name: str, tmp_path: Path) -> None:
-    """In a small plant every fault is seen; what acts alike is known."""
-    kind = knowledge().modules[name]
-    ruleset = small_plant(kind, tmp_path)
-    (listed,) = (part for part in LINES[name] if "together" in part)
-    if kind.states:
-        signature = signature_of(ruleset)
-        assert signature is not None
-        unseen = {
-            f for f, row in zip(signature.faults, signature.signs, strict=True) if not any(row)
-        }
-        groups = signature.alike
-    else:
-        unseen = {fault.id for fault in ruleset.faults} & set(ruleset.unobserved)
-        groups = tuple(g.faults for g in ruleset.ambiguous if g.kind == "coincide")
-        assert all(observer.reference > 0 for observer in ruleset.observers)
-
-    def full(fault: str) -> str:
-        return fault if fault[:2] in ("A.", "B.") else f"M.{fault}"
-
-    assert unseen == {full(f) for f in listed.get("unseen", ())}
-    expected = {frozenset(map(full, group)) for group in listed["together"]}
-    assert {frozenset(group) for group in groups} == expected
 
 
 PUMPS = plain_yaml(ROOT / "tests/kb/library_pumps.yaml")
@@ -160,47 +123,75 @@ def test_a_law_keeps_to_what_is_published(name: str, check: Mapping[str, Any]) -
         assert found == pytest.approx(told, rel=within), point
 
 
+def stores(name: str) -> bool:
+    return "states" in plain_yaml(ROOT / "kb" / "modules" / f"{name}.yaml")
+
+
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
-    """All types of the table side by side as one plant, each with its neighbour."""
-    lines = ["plant: library", "title: library", "fluid: water", f"kb: {ROOT / 'kb'}", "modules:"]
-    connections = ["connections:"]
+    """All types that store nothing side by side as one plant: pumps and meters each with its
+    neighbour, lines alone."""
+    modules = {module_of(kind): kind for kind in LINES if not stores(kind)}
+    connections = []
     for kind, entry in PUMPS.items():
-        name, fluid = kind.replace("-", "_"), entry.get("fluid", "water")
-        lines += [f"  {name}: {{type: {kind}, fluid: {fluid}}}"]
-        reference = entry.get("reference", {"Q": 6})
-        lines += [f"  {name}_beside: {{type: {entry['beside']}, reference: {reference}}}"]
-        pump = entry["beside"] != "metered-pump"
-        pair = (name, f"{name}_beside") if pump else (f"{name}_beside", name)
-        connections.append(f"  - {' -> '.join(pair)}")
-    file: Path = tmp_path_factory.mktemp("plant") / "plant.yaml"
-    file.write_text("\n".join([*lines, *connections]) + "\n", encoding="utf-8")
-    return compile_plant(file)
+        name, beside = module_of(kind), f"{module_of(kind)}_beside"
+        modules[name] = f"{kind}, fluid: {entry.get('fluid', 'water')}"
+        modules[beside] = f"{entry['beside']}, reference: {entry.get('reference', {'Q': 6})}"
+        pair = (beside, name) if entry["beside"] == "metered-pump" else (name, beside)
+        connections.append(" -> ".join(pair))
+    folder = tmp_path_factory.mktemp("plant")
+    return compile_plant(write_plant(folder, modules, ", ".join(connections), fluid="water"))
 
 
-def coinciding(ruleset: Ruleset, kind: str) -> list[list[str]]:
-    """Own faults of a type that no residual of this plant tells apart, by group."""
-    head = f"{kind.replace('-', '_')}."
-    groups = (group.faults for group in ruleset.ambiguous if group.kind == "coincide")
-    own = (sorted(f.removeprefix(head) for f in group if f.startswith(head)) for group in groups)
-    return sorted(group for group in own if len(group) > 1)
+def module_of(kind: str) -> str:
+    return kind.replace("-", "_")
 
 
-@pytest.mark.parametrize("name", PUMPS)
-def test_faults_of_pumps_are_told_apart_or_listed(plant: Ruleset, name: str) -> None:
+@pytest.mark.parametrize("name", [*PUMPS, *(kind for kind in LINES if not stores(kind))])
+def test_faults_are_told_apart_or_listed(plant: Ruleset, name: str) -> None:
     """Each fault shows in some residual; those that coincide are the ones of the table."""
-    head = f"{name.replace('-', '_')}."
+    head = f"{module_of(name)}."
     faults = {f.id for f in plant.faults if f.id.startswith(head)}
     assert faults
-    assert faults <= {cell.fault for cell in plant.cells}
-    expected = sorted(sorted(group) for group in PUMPS[name].get("classes", ()))
-    assert expected == coinciding(plant, name)
+    assert all(o.reference > 0 for o in plant.observers if o.id.startswith(head))
+    listed = listed_of(name)
+    assert faults - {cell.fault for cell in plant.cells} == set(plant.unobserved) & faults
+    assert set(plant.unobserved) & faults == {head + fault for fault in listed.get("unseen", ())}
+    groups = (group.faults for group in plant.ambiguous if group.kind == "coincide")
+    own = (sorted(f.removeprefix(head) for f in group if f.startswith(head)) for group in groups)
+    expected = sorted(sorted(group) for group in listed.get("together", ()))
+    assert expected == sorted(group for group in own if len(group) > 1)
+
+
+def listed_of(name: str) -> dict[str, Any]:
+    """What a table says of the faults of a type: which act alike, and which nobody sees."""
+    if name in PUMPS:
+        return {"together": PUMPS[name].get("classes", ())}
+    (listed,) = (part for part in LINES[name] if "together" in part)
+    return listed
+
+
+@pytest.mark.parametrize("name", [*filter(stores, LINES)])
+def test_faults_of_stores_are_told_apart_or_listed(name: str, tmp_path: Path) -> None:
+    """Of one that stores, between two pumps with meters."""
+    modules = {"M": name, "A": "metered-pump", "B": "metered-pump"}
+    ruleset = compile_plant(write_plant(tmp_path, modules, "A -> M, M -> B", fluid="water"))
+    signature, listed = signature_of(ruleset), listed_of(name)
+    assert signature is not None
+
+    def full(fault: str) -> str:
+        return fault if fault[:2] in ("A.", "B.") else f"M.{fault}"
+
+    rows = zip(signature.faults, signature.signs, strict=True)
+    assert {f for f, row in rows if not any(row)} == {full(f) for f in listed.get("unseen", ())}
+    expected = {frozenset(map(full, group)) for group in listed["together"]}
+    assert {frozenset(group) for group in signature.alike} == expected
 
 
 @pytest.mark.parametrize("name", [n for n, entry in PUMPS.items() if "signs" in entry])
 def test_a_fault_goes_the_way_it_is_told(plant: Ruleset, name: str) -> None:
     """The sign that a growing fault gives a residual, first estimate minus second."""
-    module = name.replace("-", "_")
+    module = module_of(name)
     slopes = {(cell.fault, cell.residual): cell.sensitivity for cell in plant.cells}
     for fault, (place, sign) in PUMPS[name]["signs"].items():
         beside, residual = place.startswith("beside."), place.removeprefix("beside.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -17,20 +16,19 @@ from rulec_runtime.report.text import degree
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
+from tests.written import told_by, write_columns, write_plant
 
 HERE = ROOT / "tests" / "loop"
 V, C, b, K2 = 10.2, 5.5, 0.3, 7.3e-6
 """Truth in ml/rev, l/h/bar, 1/K over 20 degC, bar/(l/h)^2; other than the data sheet says."""
 
 
-def plant(folder: Path, more: str = "") -> Path:
+def plant(folder: Path) -> Path:
     """The plant with a knowledge base of its own."""
     shutil.copytree(ROOT / "kb", folder / "kb")
     shutil.copy(HERE / "warm-loop.yaml", folder / "kb" / "modules")
     shutil.copy(HERE / "current-loop.yaml", folder / "kb" / "sensors")
-    text = "plant: loop\ntitle: A warm loop\nmodules:\n  A: {type: warm-loop}\nconnections: []\n"
-    (folder / "plant.yaml").write_text(f"{text}kb: kb\n{more}", encoding="utf-8")
-    return folder
+    return write_plant(folder, {"A": "warm-loop"}, kb="kb")
 
 
 def readings(speed: Array, T: Array, seed: int = 1) -> dict[str, Array]:
@@ -55,10 +53,7 @@ def readings(speed: Array, T: Array, seed: int = 1) -> dict[str, Array]:
 
 def write(path: Path, columns: dict[str, Array]) -> Path:
     """One sample a second."""
-    names = ",".join(["time [s]", *columns])
-    rows = np.column_stack([np.arange(len(next(iter(columns.values())))), *columns.values()])
-    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.9g")
-    return path
+    return write_columns(path, {"time [s]": np.arange(len(columns["A.n [rpm]"])), **columns})
 
 
 def run_in(folder: Path, varied: bool = True) -> Path:
@@ -69,11 +64,7 @@ def run_in(folder: Path, varied: bool = True) -> Path:
 
 
 def _calibrate(folder: Path, recording: Path) -> dict[str, Any]:
-    target = folder / "found.json"
-    arguments = ["calibrate", str(folder), str(recording), "-o", str(folder / "found.yaml")]
-    assert 0 == main([*arguments, "--json", str(target)])
-    found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
-    return found
+    return dict(told_by("calibrate", folder, recording, "-o", folder / "found.yaml"))
 
 
 def test_the_flow_is_what_the_equation_of_the_meter_says(tmp_path: Path) -> None:
@@ -110,18 +101,15 @@ SIZES = [("A.T.low", 3.0, "K"), ("A.I_Q.high", 0.5, "mA")]
 
 def _diagnosed(folder: Path, fault: str, size: float) -> dict[str, Any]:
     """Inject a fault in the second half and diagnose."""
-    calibration = ["calibrate", str(folder), str(run_in(folder))]
-    assert 0 == main([*calibration, "-o", str(folder / "found.yaml")])
+    _calibrate(folder, run_in(folder))
     (folder / "plant.yaml").open("a", encoding="utf-8").write("calibration: [found.yaml]\n")
     speed, T = np.repeat([900.0, 1100.0, 1000.0], 4), np.repeat([38.0, 48.0, 44.0], 4)
     inputs = {k: v for k, v in readings(speed, T).items() if "n" in k[:3] or "T" in k[:3]}
     arguments = [str(folder), str(write(folder / "in.csv", inputs))]
     made = ["-o", str(folder / "made.csv"), "--noise", "3", "--fault", f"{fault}={size}@60:119"]
     assert 0 == main(["simulate", *arguments, *made])
-    told = ["--json", str(folder / "d.json"), "--report", str(folder / "d.html")]
-    assert 0 == main(["diagnose", str(folder), str(folder / "made.csv"), *told])
-    found: dict[str, Any] = json.loads((folder / "d.json").read_text(encoding="utf-8"))
-    return found
+    page = folder / "d.html"
+    return dict(told_by("diagnose", folder, folder / "made.csv", "--report", page))
 
 
 @pytest.mark.parametrize(("fault", "size", "unit"), SIZES)
@@ -143,8 +131,7 @@ def test_an_offset_is_found_with_its_size_in_the_unit(
 def test_the_matrix_tells_what_can_be_seen_in_the_unit(tmp_path: Path) -> None:
     """The detectable size times the sensitivity is the threshold, as for every fault."""
     folder = plant(tmp_path)
-    assert 0 == main(["matrix", str(folder), "--json", str(tmp_path / "m.json")])
-    matrix = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    matrix = told_by("matrix", folder)
     units = dict(zip(matrix["faults"], matrix["units"], strict=True))
     assert {"A.leakage": "1", "A.T.high": "K", "A.I_Q.low": "mA"}.items() <= units.items()
     ruleset = compile_plant(folder)

@@ -48,14 +48,8 @@ class DosingBranch:
 Branch = Resistance | DosingBranch
 
 
-def readings(
-    branches: Mapping[str, Branch], faults: Mapping[str, float] | None = None
-) -> dict[str, float]:
-    """Return the readings of a network, as columns such as ``A.dp [bar]``.
-
-    `faults` maps names such as ``A.leakage``, ``M.clogging``, ``A.dp.low`` to degrees.
-    """
-    degrees = dict(faults or {})
+def readings(branches: Mapping[str, Branch], degrees: Mapping[str, float]) -> dict[str, float]:
+    """Columns such as ``A.dp [bar]``, with faults such as ``M.clogging`` of some degrees."""
     flow, rise = solve(branches, degrees)
     shown: dict[str, float] = {}
     for name, branch in branches.items():
@@ -74,23 +68,20 @@ def readings(
 def solve(
     branches: Mapping[str, Branch], degrees: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the flow of every branch (l/h) and the pressure rise of every pump (bar).
-
-    Raises RuntimeError if there is no operating point.
-    """
+    """The flow of every branch (l/h) and the pressure rise of every pump (bar)."""
     pumps = [name for name, branch in branches.items() if isinstance(branch, DosingBranch)]
     ends = dict.fromkeys(n for b in branches.values() for n in (b.tail, b.head))
     nodes = [n for n in ends if n != OUTSIDE]
     cuts = np.cumsum([len(branches), len(pumps)])
 
-    def named(x: Array) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+    def named(x: Array) -> list[dict[str, float]]:
         """Flows in UNIT, rises of pumps and pressures of nodes, bar."""
         parts = zip((branches, pumps, nodes), np.split(x, cuts), strict=True)
-        flow, rise, pressure = (dict(zip(names, v.tolist(), strict=True)) for names, v in parts)
-        return flow, rise, {**pressure, OUTSIDE: 0.0}
+        return [dict(zip(names, v.tolist(), strict=True)) for names, v in parts]
 
     def errors(x: Array) -> list[float]:
         flow, rise, pressure = named(x)
+        pressure[OUTSIDE] = 0.0
         found = []
         for name, branch in branches.items():
             static, quadratic, added = 0.0, 0.0, 0.0
@@ -110,9 +101,7 @@ def solve(
         return found
 
     solved = root(errors, np.ones(cuts[-1] + len(nodes)), method="lm", tol=TOLERANCE)
-    largest = float(np.max(np.abs(solved.fun)))
-    if largest > ACCEPTED:
-        raise RuntimeError(f"no operating point; largest error {largest:.1e}")
+    assert np.max(np.abs(solved.fun)) < ACCEPTED, "no operating point"
     flow, rise, _ = named(solved.x)
     return {name: UNIT * q for name, q in flow.items()}, rise
 

@@ -13,6 +13,8 @@ import yaml
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
@@ -60,28 +62,7 @@ def large_centrifugal() -> truth.Plant:
     return truth.Plant(modules, {"C": Mixer(2e-8 * BAR / flow**2)}, {"A": "C", "B": "C", "C": None})
 
 
-LIFTS = {"1": -0.4, "2": 0.0, "3": 0.4, "4": 0.8}
-"""Static part of the lines in `plants/lines`, bar."""
-
-
-def lines() -> truth.Plant:
-    """Twelve modules, each kind of pump with four static heads: `plants/lines`."""
-    quadratic = 5.2e-6 * BAR / LITRE_PER_HOUR**2
-    made = {"P": truth.abc("pcp"), "D": truth.abc("membrane"), "E": truth.abc("centrifugal")}
-    modules = {}
-    for kind, plant in made.items():
-        old = plant.modules["A"]
-        for number, static in LIFTS.items():
-            line = Line(static * BAR, quadratic if kind != "E" else quadratic / 10)
-            modules[kind + number] = DosingModule(
-                old.pump, line, old.speed, old.slowest, old.fastest, gear_ratio=old.gear_ratio
-            )
-    downstream: dict[str, str | None] = dict.fromkeys(modules, "M")
-    mixer = Mixer(1e-9 * BAR / LITRE_PER_HOUR**2)
-    return truth.Plant(modules, {"M": mixer}, {**downstream, "M": None})
-
-
-BUILT = {**truth.RIGS, "large-centrifugal": large_centrifugal, "lines": lines}
+BUILT = {**truth.RIGS, "large-centrifugal": large_centrifugal}
 """The truth behind each plant."""
 
 
@@ -128,34 +109,30 @@ def points(rules: Ruleset, values: Mapping[str, Array]) -> Points:
     return Points(values=values, u=spread, systematic=spread, bad=bad, why={})
 
 
+def chances(plant: str, values: Mapping[str, Array]) -> dict[str, float]:
+    """Probability of each fault at the first operating point, in the default mode."""
+    rules = ruleset(plant)
+    found = isolate(rules, observe(rules, points(rules, values))).probability[:, 0]
+    return {f.id: float(p) for f, p in zip(rules.faults, found, strict=True)}
+
+
 def noisy(
-    rules: Ruleset,
-    values: Mapping[str, Array],
-    seeds: int,
-    random: np.random.Generator,
-    share: float = 1.0,
+    rules: Ruleset, values: Mapping[str, Array], seeds: int, random: np.random.Generator
 ) -> dict[str, Array]:
-    """Each point `seeds` times, each with new sensor errors, a share of half their bound."""
+    """Each point `seeds` times, each with new sensor errors of half their bound."""
     result = {}
-    for signal in rules.signals:
-        if signal.id in values:
-            true = np.repeat(values[signal.id], seeds)
-            result[signal.id] = true + share * systematic_u(signal, true) * random.normal(
-                size=true.size
-            )
+    for signal in (s for s in rules.signals if s.id in values):
+        true = np.repeat(values[signal.id], seeds)
+        error = systematic_u(signal, true) * random.normal(size=true.size)
+        result[signal.id] = true + error
     return result
 
 
 def recording(rules: Ruleset, columns: Mapping[str, Array]) -> Recording:
     """A recording as the reader would give it."""
-    time = columns["time [s]"]
-    return Recording(
-        time=time,
-        values=to_si(rules, columns),
-        segment=np.zeros(time.size, dtype=int),
-        missing=(),
-        notes=(),
-    )
+    time, values = columns["time [s]"], to_si(rules, columns)
+    segment = np.zeros(time.size, dtype=int)
+    return Recording(time=time, values=values, segment=segment, missing=(), notes=())
 
 
 def signs(values: Mapping[str, Array], residuals: list[str], flow: float) -> list[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 from tests.method.readings import PLANTS, ruleset
+from tests.written import write_plant
 
 
 def group(rules: Ruleset, *faults: str) -> AmbiguousGroup:
@@ -105,36 +106,24 @@ ADVISED = [
 
 @pytest.mark.parametrize(("faults", "sensor", "kind", "signal", "observer", "rel"), ADVISED)
 def test_advised_sensor_keeps_its_promise(
-    faults: tuple[str, str],
-    sensor: str,
-    kind: str,
-    signal: str,
-    observer: str,
-    rel: float,
-    tmp_path: Path,
+    faults: Any, sensor: str, kind: str, signal: str, observer: str, rel: float, tmp_path: Path
 ) -> None:
     """With it fitted and compiled, the pair is told from the degree that the advice says."""
     advised = group(ruleset("abc-centrifugal"), *faults)
     assert [sensor] == [f"{s.module}.{s.signal}" for s in advised.sensors]
-    folder = own_plant(tmp_path, (PLANTS / "abc-centrifugal" / "plant.yaml").read_text())
-    file = tmp_path / "kb" / "modules" / f"{kind}.yaml"
-    head, _, tail = file.read_text(encoding="utf-8").partition("signals:\n")
-    text = f"{head}signals:\n{signal}\n{tail}"
+    (tmp_path / "kb").mkdir()
+    text = (ROOT / "kb" / "modules" / f"{kind}.yaml").read_text(encoding="utf-8")
+    text = text.replace("signals:\n", f"signals:\n{signal}\n", 1).replace(kind, "more", 1)
     text = text.replace("observers:\n", f"observers:\n  more: {observer}\n", 1)
-    file.write_text(text, encoding="utf-8")
-    made = run_passes(Compilation(path=folder), "isolability")
+    (tmp_path / "kb" / "more.yaml").write_text(text, encoding="utf-8")
+    plant = (PLANTS / "abc-centrifugal" / "plant.yaml").read_text(encoding="utf-8")
+    plant = plant.replace(f"{sensor[0]}: {{type: {kind}", f"{sensor[0]}: {{type: more")
+    (tmp_path / "plant.yaml").write_text(plant, encoding="utf-8")
+    made = run_passes(Compilation(path=tmp_path), "isolability")
     found = degrees(made, faults)
     told = float(re.findall(r"above ([0-9.]+)$", advised.advice)[0])
     assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=rel)
     assert sensor == "B.dp" or faults not in {g.faults for g in made.isolability.groups}
-
-
-def own_plant(folder: Path, plant: str) -> Path:
-    """A folder with a plant, beside a copy of the knowledge base."""
-    shutil.copytree(ROOT / "kb", folder / "kb", ignore=shutil.ignore_patterns("effects"))
-    (folder / "plant").mkdir()
-    (folder / "plant" / "plant.yaml").write_text(plant, encoding="utf-8")
-    return folder / "plant"
 
 
 LONE_PUMP = """
@@ -151,19 +140,14 @@ observers:
   pump: {component: pump, Q: n*V - C*dp**2, source: test}
 faults: [leakage(pump)]
 """
-LONE_PLANT = """
-plant: lone
-title: A pump law against a mixer
-modules: {A: {type: lone-pump, reference: {dp: 1}}, C: {type: static-mixer}}
-connections: [A -> C]
-"""
 
 
 def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
     """One residual for three faults: it takes a flow meter and a second mixer pressure."""
-    plant = own_plant(tmp_path, LONE_PLANT)
-    (tmp_path / "kb" / "modules" / "lone-pump.yaml").write_text(LONE_PUMP, encoding="utf-8")
-    matrix = json_form(compile_plant(plant))
+    (tmp_path / "kb").mkdir()
+    (tmp_path / "kb" / "lone-pump.yaml").write_text(LONE_PUMP, encoding="utf-8")
+    types = {"A": "lone-pump, reference: {dp: 1}", "C": "static-mixer"}
+    matrix = json_form(compile_plant(write_plant(tmp_path, types, "A -> C")))
     three, two = matrix["advice"]
     assert ["A.leakage", "C.widening", "C.dp.low"] == three["faults"]
     assert ["C.clogging", "C.dp.high"] == two["faults"]
@@ -178,16 +162,11 @@ def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
 def test_wide_junction_is_judged_module_by_module(tmp_path: Path) -> None:
     """Forty pumps on one header: pairs within a module are listed as close, no others."""
     names = [f"A{i}" for i in range(40)]
-    mixer = "{type: static-mixer, reference: {dp: 0.3}, parameters: {k2: " + (
-        "{value: 7.0e-10, unit: bar/(l/h)**2, u: 0, source: test}}}"
-    )
-    modules = "".join(f"  {n}: {{type: dosing-pcp}}\n" for n in names) + f"  M: {mixer}\n"
+    loss = "{k2: {value: 7.0e-10, unit: bar/(l/h)**2, u: 0, source: test}}"
+    modules = dict.fromkeys(names, "dosing-pcp")
+    modules["M"] = f"static-mixer, reference: {{dp: 0.3}}, parameters: {loss}"
     connections = ", ".join(f"{n} -> M" for n in names)
-    (tmp_path / "plant.yaml").write_text(
-        f"plant: star\ntitle: t\nmodules:\n{modules}connections: [{connections}]\n",
-        encoding="utf-8",
-    )
-    rules = compile_plant(tmp_path)
+    rules = compile_plant(write_plant(tmp_path, modules, connections))
     close = [{f.split(".")[0] for f in g.faults} for g in rules.ambiguous if g.kind == "close"]
     assert [{name} for name in names] == close
     pump = group(rules, "A7.clogging", "A7.dp.high")

@@ -11,7 +11,6 @@ import pytest
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_part
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
-from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.verdict import why_blind
 from rulec_runtime.diagnosis.verdict_per_sample import trace
@@ -19,7 +18,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 
 from rulec.prove.truth import TABLE_1, healthy_run, record
-from tests.method.readings import built, noise_free, points, recording, ruleset
+from tests.method.readings import built, chances, noise_free, points, recording, ruleset, to_si
 
 NAN = float("nan")
 EDGES = {
@@ -73,16 +72,11 @@ def edge_recording(edge: str, samples: int = 30) -> Recording:
 
 def replaced_point(plant: str, columns: Mapping[str, float]) -> tuple[set[str], dict[str, float]]:
     """Invalid observers, and probabilities of faults, at one noise-free point."""
-    rules = ruleset(plant)
-    values = noise_free(plant)
-    for signal in rules.signals:
-        if f"{signal.id} [{signal.unit}]" in columns:
-            shown = columns[f"{signal.id} [{signal.unit}]"]
-            values[signal.id] = np.array([shown * signal.factor + signal.offset])
-    observed = observe(rules, points(rules, values))
-    ended = {o.id for o, ok in zip(rules.observers, observed.valid[:, 0], strict=True) if not ok}
-    chances = isolate(rules, observed).probability[:, 0]
-    return ended, {f.id: float(p) for f, p in zip(rules.faults, chances, strict=True)}
+    rules, shown = ruleset(plant), {name: np.array([v]) for name, v in columns.items()}
+    values = noise_free(plant) | to_si(rules, shown)
+    valid = observe(rules, points(rules, values)).valid[:, 0]
+    ended = {o.id for o, ok in zip(rules.observers, valid, strict=True) if not ok}
+    return ended, chances(plant, values)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +110,6 @@ def test_a_wrong_pressure_reading_is_not_blamed_on_others() -> None:
     reading says nothing certain about that of power."""
     assert replaced_point("abc-centrifugal", {"A.dp [bar]": 1.3})[1]["A.dp.high"] > 0.2
     for reading in (0.0, 0.06, 0.4):
-        ended, chances = replaced_point("abc", {"A.dp [bar]": reading})
+        ended, found = replaced_point("abc", {"A.dp [bar]": reading})
         assert "A.plant" in ended
-        assert chances["A.P_el.high"] < 0.9
+        assert found["A.P_el.high"] < 0.9

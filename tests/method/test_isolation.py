@@ -15,16 +15,7 @@ from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.stationary import noise_of
 
 from rulec.prove.truth import TABLE_1, leakage_replay, record
-from tests.method.readings import (
-    PUMPS,
-    built,
-    evaluate,
-    noise_free,
-    noisy,
-    points,
-    recording,
-    ruleset,
-)
+from tests.method.readings import PUMPS, built, noise_free, noisy, points, recording, ruleset
 
 SEEDS = 30
 MENTION = 0.02
@@ -58,25 +49,17 @@ def test_shares_of_what_is_isolated(
     assert printed == pytest.approx(np.mean(right), abs=0.06)
 
 
-def test_healthy_points_do_not_alarm() -> None:
-    """Claim 15: none of 2000 fault-free samples with the gate of the default mode."""
-    rules = ruleset("abc")
-    values = noisy(rules, noise_free("abc"), 2000, np.random.default_rng(15))
-    observed = observe(rules, points(rules, values))
-    assert 0 == isolate(rules, observed).deviating.sum()
-    assert np.mean(judge_by_paper(rules, observed).degree.max(axis=0) > 0) > 0.99
-
-
 @pytest.mark.parametrize("plant", PUMPS)
-def test_paper_mode_gives_few_false_alarms(plant: str) -> None:
-    """method.md, section 2: 1.3 to 2.8 % with a gate on all relevant residuals at 2 sigma.
-
-    Bounds are three standard errors of 2000 samples wider.
-    """
+def test_healthy_points_do_not_alarm(plant: str) -> None:
+    """Claim 15: none of 2000 fault-free samples with the gate of the default mode. In paper mode
+    1.3 to 2.8 % (method.md, section 2) with a gate on all relevant residuals at 2 sigma, here
+    within three standard errors."""
     rules = ruleset(plant)
     values = noisy(rules, noise_free(plant), 2000, np.random.default_rng(15))
-    result = judge_by_paper(rules, observe(rules, points(rules, values)))
-    assert 0.005 < np.mean(result.deviating) < 0.039
+    observed = observe(rules, points(rules, values))
+    assert 0.005 < np.mean(judge_by_paper(rules, observed).deviating) < 0.039
+    if plant == "abc":
+        assert 0 == isolate(rules, observed).deviating.sum()
 
 
 @pytest.mark.parametrize("fault", ["A.leakage", "A.dp.low", "C.clogging"])
@@ -96,17 +79,6 @@ def test_paper_mode_asks_for_all_rules_of_the_winner(fault: str) -> None:
     assert expected == result.deviating.tolist()
 
 
-@pytest.mark.parametrize("fault", ["A.clogging", "A.widening", "A.dp.high", "C.dp.low"])
-def test_linear_rules_are_not_overconfident(fault: str) -> None:
-    """The error of a linearised degree is within its bounds, the model's part included."""
-    rules, values = ruleset("abc"), noise_free("abc", fault, 0.2)
-    found = evaluate(rules, noisy(rules, values, 20_000, np.random.default_rng(12)))
-    for cell in rules.cells_of_fault[fault]:
-        key = f"linear:{fault}:{cell.residual}"
-        inside = np.abs(found[f"x:{key}"] - 0.2) <= 2 * found[f"ux:{key}"]
-        assert np.mean(inside) > 0.93, cell.residual
-
-
 def test_lower_bound_is_never_narrower_than_upper_bound() -> None:
     """Claim 10: minima of degree and bounds, with every rule triggered."""
     rules = ruleset("abc")
@@ -119,24 +91,20 @@ def test_lower_bound_is_never_narrower_than_upper_bound() -> None:
         assert whole.any()
 
 
-LEAK = "A.leakage"
-RUNS = range(1, 21)
-
-
 @functools.cache
 def replay() -> dict[str, Array]:
     """Leakage in A in plateaus (method.md, section 4, claim 16), every sample judged alone: its
     true degree, and per mode error, doubt and what is named."""
     rules = ruleset("abc")
-    index = [f.id for f in rules.faults].index(LEAK)
+    index = [f.id for f in rules.faults].index("A.leakage")
     parts: dict[str, list[Array]] = defaultdict(list)
-    for seed in RUNS:
+    for seed in range(1, 11):
         made = record(leakage_replay(built("abc")), TABLE_1, seed)
         readings = recording(rules, made.readings)
         noise = {name: noise_of(values) for name, values in readings.values.items()}
         observed = observe(rules, points_of_samples(readings, rules, noise))
         isolation, paper = isolate(rules, observed), judge_by_paper(rules, observed)
-        best, true = np.argmax(isolation.probability, axis=0), made.truth[f"{LEAK} [1]"]
+        best, true = np.argmax(isolation.probability, axis=0), made.truth["A.leakage [1]"]
         for name, column in {
             "true": true,
             "error": isolation.degree[index] - true,

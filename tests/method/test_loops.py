@@ -20,10 +20,13 @@ from tests.method.loops import OUTSIDE, Branch, DosingBranch, Resistance, readin
 from tests.method.readings import PLANTS, evaluate, points, row_of, ruleset, signs, to_si
 
 NARROW, DN15, HEADER = 9.0e-7, 3.5e-7, 2.0e-7
+FEEDS: dict[str, Branch] = {
+    "A": DosingBranch(OUTSIDE, "in"),
+    "B": DosingBranch(OUTSIDE, "in", 800.0),
+}
 BRANCHES: dict[str, dict[str, Branch]] = {
     "parallel": {
-        "A": DosingBranch(OUTSIDE, "in"),
-        "B": DosingBranch(OUTSIDE, "in", 800.0),
+        **FEEDS,
         "M1": Resistance("in", "out", DN15),
         "M2": Resistance("in", "out", NARROW),
         "C": Resistance("out", OUTSIDE, DN15),
@@ -35,14 +38,12 @@ BRANCHES: dict[str, dict[str, Branch]] = {
         "E": Resistance("out", OUTSIDE, DN15),
     },
     "pipe": {
-        "A": DosingBranch(OUTSIDE, "in"),
-        "B": DosingBranch(OUTSIDE, "in", 800.0),
+        **FEEDS,
         "P": Resistance("in", "out", shown=False),
         "C": Resistance("out", OUTSIDE, DN15),
     },
     "header": {
-        "A": DosingBranch(OUTSIDE, "in"),
-        "B": DosingBranch(OUTSIDE, "in", 800.0),
+        **FEEDS,
         "H": Resistance("in", "split", HEADER),
         "K1": Resistance("split", "vessel", DN15),
         "K2": Resistance("split", "vessel", NARROW),

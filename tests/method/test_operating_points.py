@@ -1,5 +1,4 @@
-"""What several operating points, several faults and several blocks give (issue of the paper's
-single point and single fault; method.md, section 6, "going further")."""
+"""What several operating points, several faults and several blocks give (method.md, section 6)."""
 
 from __future__ import annotations
 
@@ -13,8 +12,8 @@ from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import TABLE_1, Run, operating_points, record, visiting_run
-from tests.conftest import ROOT
 from tests.method.readings import built, calibrated, recording, ruleset
+from tests.written import write_plant
 
 SEEDS = range(4)
 
@@ -70,10 +69,8 @@ def test_pairs_of_a_module_are_screened_too(module: str) -> None:
 
 
 def test_pairs_that_cannot_be_told_apart_widen_the_bounds() -> None:
-    """A wider line before a clogging mixer looks like a leak before a worse clogging.
-
-    Both are said, and the bounds of the clogging hold its degree either way.
-    """
+    """A wider line before a clogging mixer looks like a leak before a worse clogging: both are
+    said, and the bounds of the clogging hold its degree either way."""
     findings = found({"B.widening": 0.3, "C.clogging": 0.3}, 1, 610, lead=20)
     named = {f.fault.id: f for f in findings}
     mixer = named.pop("C.clogging")
@@ -109,13 +106,9 @@ def test_never_more_faults_than_the_evidence_carries() -> None:
 def test_modules_without_common_balance_are_blocks(tmp_path: Path) -> None:
     """Two plants side by side in one file: their faults are single faults, each in its block."""
     kinds = {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"}
-    modules = "".join(f"  {k}{m}: {{type: {t}}}\n" for k in "XY" for m, t in kinds.items())
-    (tmp_path / "plant.yaml").write_text(
-        f"plant: two\ntitle: two\nkb: {ROOT / 'kb'}\nmodules:\n{modules}"
-        "connections: [XA -> XC, XB -> XC, YA -> YC, YB -> YC]\n",
-        encoding="utf-8",
-    )
-    rules = compile_plant(tmp_path)
+    modules = {f"{k}{m}": t for k in "XY" for m, t in kinds.items()}
+    connections = "XA -> XC, XB -> XC, YA -> YC, YB -> YC"
+    rules = compile_plant(write_plant(tmp_path, modules, connections))
     flags = [zip(rules.observers, block, strict=True) for block in blocks_of(rules)]
     blocks = [{o.module[0] for o, inside in each if inside} for each in flags]
     assert [{"X"}, {"Y"}] == blocks

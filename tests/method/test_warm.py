@@ -5,9 +5,7 @@ Nothing here is taken from the compiler or from kb/fluids: the parameters stand 
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +14,8 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.recordings.recording import read_recording
 from scipy.optimize import brentq
 
-from rulec.cli import main
 from tests.method.readings import PLANTS, ruleset
-from tests.runtime.sheets import write
+from tests.written import told_by, write_columns
 
 SPEED = {"A": 900.0, "B": 700.0}
 LENGTH, DIAMETER, ROUGHNESS = 10.0, 0.016, 1.5e-6
@@ -84,16 +81,14 @@ def readings(celsius: float, leakage: float = 0.0, pace: float = 1.0) -> dict[st
     return found
 
 
-def recorded(folder: Path, points: list[Mapping[str, float]]) -> Path:
+def recorded(folder: Path, points: list[dict[str, float]]) -> Path:
     """A recording that holds each point for a while."""
-    table = np.repeat([[*point.values()] for point in points], SAMPLES, axis=0)
-    rows = [f"{i},{','.join(f'{value:.9g}' for value in row)}" for i, row in enumerate(table)]
-    text = "\n".join([",".join(["time [s]", *points[0]]), *rows]) + "\n"
-    return write(folder, text, "recording.csv")
+    held = {name: np.repeat([point[name] for point in points], SAMPLES) for name in points[0]}
+    time = np.arange(len(points) * SAMPLES)
+    return write_columns(folder / "recording.csv", {"time [s]": time, **held})
 
 
-def diagnosed(folder: Path, points: list[Mapping[str, float]]) -> Diagnosis:
-    """Diagnose a recording that holds each point for a while."""
+def diagnosed(folder: Path, points: list[dict[str, float]]) -> Diagnosis:
     rules = ruleset("warm")
     return diagnose(read_recording(recorded(folder, points), rules), rules)
 
@@ -113,10 +108,8 @@ def test_calibration_over_temperatures_finds_the_parameters(tmp_path: Path) -> N
     """Slip at the reference viscosity, loss at the reference density, and no correction of
     Colebrook's law; the file is of the module type, whatever the fluid."""
     points = [readings(c, pace=p) for c in (20.0, 40.0, 60.0) for p in (0.8, 1.0, 1.2, 1.4)]
-    target = tmp_path / "found.json"
-    arguments = ["calibrate", str(PLANTS / "warm"), str(recorded(tmp_path, points))]
-    assert main([*arguments, "-o", str(tmp_path / "found.yaml"), "--json", str(target)]) == 0
-    modules = json.loads(target.read_text(encoding="utf-8"))["modules"]
+    recording, written = recorded(tmp_path, points), tmp_path / "found.yaml"
+    modules = told_by("calibrate", PLANTS / "warm", recording, "-o", written)["modules"]
     assert "dosing-pcp-warm" == modules["A"]["type"]
     found = {n: p["value"] for m in "AC" for n, p in modules[m]["parameters"].items()}
     wanted = {"C2": 2.0, "k2": 5.2e-6, "c": 1.0}

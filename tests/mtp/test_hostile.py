@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import random
-import struct
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -44,21 +43,17 @@ def nested(levels: int) -> str:
     return '<InternalElement Name="x">' * levels + "</InternalElement>" * levels
 
 
-def forged(data: bytes) -> bytes:
-    """The same container, whose headers say that each member unpacks to one byte."""
-    changed = bytearray(data)
-    for signature, at in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
-        place = changed.find(signature)
-        changed[place + at : place + at + 4] = struct.pack("<I", 1)
-    return bytes(changed)
+def changed(data: bytes, at: int, field: bytes) -> bytes:
+    """The same container with another field in both headers of its member."""
+    both = bytearray(data)
+    for signature, further in ((b"PK\x03\x04", 0), (b"PK\x01\x02", 2)):
+        place = both.find(signature) + at + further
+        both[place : place + len(field)] = field
+    return bytes(both)
 
 
-def encrypted(data: bytes) -> bytes:
-    """The same container, whose headers say that its member is encrypted."""
-    changed = bytearray(data)
-    for signature, at in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        changed[changed.find(signature) + at] |= 1
-    return bytes(changed)
+UNPACKED, FLAGS = 22, 6
+"""Places of the size and of the flags in a local header."""
 
 
 CASES = {
@@ -98,18 +93,19 @@ def test_a_hostile_manifest_is_refused(tmp_path: Path, name: str) -> None:
 
 
 GOOD = text_of()
+SMALL, LARGE = packed({"x.aml": GOOD}), packed({"x.aml": bytes(30 << 20)})
 CONTAINERS = {
     "zip slip": (packed({"../../x.aml": GOOD}), "'../../x.aml' in it leads out of the container"),
     "escape in a name": (packed({"\x1b[31m.aml": GOOD}), "a file name in it holds control"),
-    "bomb": (packed({"x.aml": bytes(30 << 20)}), "200 times its size"),
-    "forged sizes": (forged(packed({"x.aml": bytes(30 << 20)})), "damaged|200 times its size"),
-    "encrypted": (encrypted(packed({"x.aml": GOOD})), "it is encrypted; export it without"),
+    "bomb": (LARGE, "200 times its size"),
+    "forged sizes": (changed(LARGE, UNPACKED, b"\1\0\0\0"), "damaged|200 times its size"),
+    "encrypted": (changed(SMALL, FLAGS, b"\1"), "it is encrypted; export it without"),
     "many members": (
         packed({f"{i}.txt": b"" for i in range(limits.MOST_MEMBERS + 1)}, zipfile.ZIP_STORED),
         "2001 files in it",
     ),
     "empty": (b"", "the file is empty; export it again"),
-    "cut off": (packed({"x.aml": GOOD})[:-30], "the container is damaged"),
+    "cut off": (SMALL[:-30], "the container is damaged"),
 }
 
 
@@ -146,17 +142,8 @@ def test_a_manifest_in_several_files_is_one_module(
 
 def test_texts_of_a_manifest_are_never_yaml(tmp_path: Path) -> None:
     """Titles, units and names of versions stand in what is written as texts and comments alone."""
-    texts = (
-        '"}: x',
-        "a: b # c",
-        "é\u202e\u2028\x85",
-        "- [",
-        "'",
-        "{{}}",
-        "*a &b !c",
-        "",
-        "x\ny: z",
-    )
+    odd = "é\u202e\u2028\x85"
+    texts = ('"}: x', "a: b # c", odd, "- [", "'", "{{}}", "*a &b !c", "", "x\ny: z")
     points = [analog(f"PI{i}", text, text or "1137", 0, 5) for i, text in enumerate(texts)]
     text = manifest(points, name="a: [b] # {c}", endpoint="opc.tcp://h:1/'\"}")
     title = "<Description>&lt;x&gt;: [\n signals: {} # \u202e</Description>"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from rulec_runtime.contract.plan import Array
 from scipy.integrate import solve_ivp
 
 from tests.conftest import ROOT
+from tests.written import write_columns, write_plant
 
 TANKS = ROOT / "plants" / "cascaded-tanks"
 
@@ -44,22 +44,17 @@ readings:
 """
 
 
-def plant_in(folder: Path, modules: str, connections: str = "", **types: str) -> Path:
+def plant_in(folder: Path, modules: Mapping[str, str], connections: str = "", **types: str) -> Path:
     """A plant with module types of its own; `types` are texts by file name."""
-    shutil.copytree(ROOT / "kb", folder / "kb", dirs_exist_ok=True)
+    (folder / "kb").mkdir(parents=True, exist_ok=True)
     for name, text in types.items():
-        (folder / "kb" / "modules" / f"{name}.yaml").write_text(text, encoding="utf-8")
-    text = f"plant: made-up\ntitle: Made up\nkb: kb\nmodules:\n{modules}"
-    text += f"connections: [{connections}]\n" if connections else ""
-    (folder / "plant.yaml").write_text(text, encoding="utf-8")
-    return folder
+        (folder / "kb" / f"{name}.yaml").write_text(text, encoding="utf-8")
+    return write_plant(folder, modules, connections)
 
 
 def write_inputs(file: Path, time: Array, u: Array) -> Path:
     """A test record of the two tanks: time and voltage alone."""
-    rows = (f"{t:.17g},{v:.17g}" for t, v in zip(time, u, strict=True))
-    file.write_text("\n".join(["time [s],u [V]", *rows, ""]), encoding="utf-8")
-    return file
+    return write_columns(file, {"time [s]": time, "u [V]": u})
 
 
 def random_inputs(n: int = 200, seed: int = 5) -> tuple[Array, Array]:
@@ -85,21 +80,10 @@ def two_tanks(
         between = flow(h[0])
         return [(v["k"] * now - between) / v["A"], (between - flow(h[1])) / v["A"]]
 
-    return v["gain"] * stepwise(rates, time, u, [v["h0"], v["h0"]], rtol)[:, 1]
-
-
-def stepwise(
-    rates: Callable[[float, Array, float], list[float]],
-    time: Array,
-    u: Array,
-    start: list[float],
-    rtol: float,
-) -> Array:
-    """States at all samples, shape (n, states); the input is held between samples."""
-    states = [np.array(start)]
+    states = [np.array([v["h0"], v["h0"]])]
     for begin, end, now in zip(time[:-1], time[1:], u[:-1], strict=True):
-        found = solve_ivp(
+        step = solve_ivp(
             rates, (begin, end), states[-1], "LSODA", args=(now,), rtol=rtol, atol=1e-13
         )
-        states.append(np.maximum(found.y[:, -1], 0.0))
-    return np.array(states)
+        states.append(np.maximum(step.y[:, -1], 0.0))
+    return v["gain"] * np.array(states)[:, 1]

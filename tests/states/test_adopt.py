@@ -17,11 +17,10 @@ from rulec.effects.adopt import adoption_of, why_not
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import read_form, repair_of
 from rulec.effects.write_plant import plant_files
-from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.read import read_plant
 from rulec.simulation.predict import predict
 from tests.states.plants import TANKS, random_inputs, write_inputs
-from tests.test_adopt import adopted, mismatch, models_of, opened, rules_of
+from tests.test_adopt import adopted, mismatch, models_of, opened, rules_of, values_of
 
 CAUGHT = "upper.overflow-caught@inflow"
 
@@ -39,19 +38,12 @@ def unknowns_of(builder: ModelBuilder, name: str) -> dict[str, float]:
     }
 
 
-def type_of(plant: Path, module: str) -> ModuleType:
-    return models_of(plant).plant.modules[module].type
-
-
 def assert_same_course(
     folder: Path, new: Path, data: Mapping[str, Any], builder: ModelBuilder, at_least: float = 0.0
 ) -> None:
     """The new plant, read from its files, predicts what the analysis had: to 1e-9 V; and somewhere
     by at least so many volts another level than without what was joined."""
-    repair = data["repair"]
-    values = {**builder.parameters.constants}
-    values |= dict(zip(repair["parameters"], repair["values"], strict=True))
-    values |= {k: v for entry in repair["joined"] for k, v in entry["fixed"].items()}
+    values = values_of(data, builder)
     time, u = random_inputs(300)
 
     def course(joined: tuple[str, ...]) -> Array:
@@ -59,7 +51,7 @@ def assert_same_course(
         shown = balances.run(time, u[:, None], np.array([True]), values).shown
         return np.asarray(shown[:, balances.outputs.index("shown:lower.y")])
 
-    expected = course(tuple(entry["id"] for entry in repair["joined"]))
+    expected = course(tuple(entry["id"] for entry in data["repair"]["joined"]))
     rules = rules_of(new)
     file = read_file(write_inputs(folder / "in.csv", time, u), rules, [])
     # Beyond its range a sensor shows the end of it.
@@ -72,7 +64,7 @@ def test_overflow_of_one_tank(tmp_path: Path) -> None:
     """That tank gets a type of its own; what it loses and what is caught stand in its laws."""
     data, builder = mismatch(TANKS, [(CAUGHT, unknowns_of(opened(TANKS), CAUGHT))])
     new = adopted(tmp_path, data)
-    upper, lower = type_of(new, "upper"), type_of(new, "lower")
+    upper, lower = (models_of(new).plant.modules[name].type for name in ("upper", "lower"))
     assert ("open-tank-upper", 2) == (upper.name, upper.version)
     assert ("open-tank", 1) == (lower.name, lower.version)
     assert "(inflow_true - outflow)/A" == upper.states["h"].rate.text
@@ -97,7 +89,7 @@ def test_states_that_an_effect_brings_in(tmp_path: Path) -> None:
     new = adopted(tmp_path, data)
     assert_same_course(tmp_path, new, data, builder, at_least=0.02)
     assert 0 == main(["check", str(new)])
-    kind = type_of(new, "pump")
+    kind = models_of(new).plant.modules["pump"].type
     assert "pump_plain" == kind.observers["pump"].expression.text
     assert "z" == kind.definitions["outflow"].expression.text
     assert "(pump_plain - z)/tau" == kind.states["z"].rate.text

@@ -15,14 +15,7 @@ from rulec_runtime.simulation.balances import Balances, Course
 
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import compiled
-from tests.states.plants import (
-    FEED,
-    SHIPPED,
-    STORE,
-    plant_in,
-    random_inputs,
-    two_tanks,
-)
+from tests.states.plants import FEED, SHIPPED, STORE, plant_in, random_inputs, two_tanks
 
 LIVELY = {**SHIPPED, "k": 4e-6, "a": 0.1e-4, "h0": 0.08}
 """Tanks that run empty within a few samples."""
@@ -80,7 +73,7 @@ def test_limits_hold(tmp_path: Path) -> None:
     assert levels[(time > 300) & (time < 400)].max() < 1e-6
     assert levels[-1] > 0.1
     np.testing.assert_allclose(lower(course), two_tanks(time, u), rtol=0, atol=1e-3)
-    modules = "  P: {type: feed}\n  T: {type: store}\n"
+    modules = {"P": "feed", "T": "store"}
     store = compile_plant(plant_in(tmp_path, modules, "P -> T", feed=FEED, store=STORE)).dynamics
     assert store is not None
     time, u = np.arange(0.0, 200.0, 10.0), np.full((20, 1), 2.0)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset_file import read_ruleset
@@ -17,19 +17,14 @@ from rulec.passes.pipeline import compile_plant
 from rulec.simulation.first_readings import starts_of
 from tests.conftest import compiled
 from tests.states.plants import FEED, STORE, TANKS, plant_in, random_inputs, two_tanks, write_inputs
+from tests.written import write_columns
 
-CHAIN = "  P: {type: feed}\n  T: {type: store}\n"
-
-
-def table(path: Path) -> list[list[str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.reader(file))
+CHAIN = {"P": "feed", "T": "store"}
 
 
 def column(path: Path, title: str) -> Array:
     """Numbers of a column; NaN where a cell is empty."""
-    header, *rows = table(path)
-    return np.array([float(row[header.index(title)] or "nan") for row in rows])
+    return pd.read_csv(path)[title].to_numpy()
 
 
 def simulated(inputs: Path, target: Path, *options: str, plant: Path = TANKS) -> Path:
@@ -47,7 +42,7 @@ def test_a_test_record_needs_time_and_input_alone(tmp_path: Path) -> None:
     time, u = random_inputs()
     inputs = write_inputs(tmp_path / "in.csv", time, u)
     made = simulated(inputs, tmp_path / "out.csv")
-    assert ["time [s]", "u [V]", "y [V]"] == table(made)[0]
+    assert ["time [s]", "u [V]", "y [V]"] == list(pd.read_csv(made))
     expected = np.clip(two_tanks(time, u), 0.0, 10.0)
     np.testing.assert_allclose(column(made, "y [V]"), expected, rtol=0, atol=1e-5)
 
@@ -94,9 +89,8 @@ def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
     feed = FEED.replace("input: true", "input: true, between: line")
     plant = plant_in(tmp_path, CHAIN, "P -> T", feed=feed, store=STORE)
     time = np.array([0.0, 4.0, 8.0, 12.0, 16.0, 100.0])
-    rows = [f"{t:g},{t / 10:g}" for t in time]
-    (tmp_path / "in.csv").write_text("\n".join(["time [s],P.u [V]", *rows, ""]))
-    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
+    inputs = write_columns(tmp_path / "in.csv", {"time [s]": time, "P.u [V]": time / 10})
+    made = simulated(inputs, tmp_path / "out.csv", plant=plant)
     expected = 0.5 + 0.5e-3 * time**2 / 20
     np.testing.assert_allclose(column(made, "T.y [m]"), expected, rtol=1e-9)
     rules = compile_plant(plant)
@@ -105,32 +99,11 @@ def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
     assert read_ruleset(tmp_path / "rules.json") == rules
 
 
-@pytest.mark.parametrize(
-    ("rows", "options", "message"),
-    [
-        ("time [s],y [V]\n0,1\n", (), "it needs the column 'u [V]'"),
-        ("time [s],u [V]\n0,\n4,\n", (), "pump.u has not one reading"),
-        ("time [s],u [V]\n0,1\n", ("--fault", "pump.leek=0.1"), "has no fault 'pump.leek'"),
-    ],
-)
-def test_what_cannot_be_simulated_is_told(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    rows: str,
-    options: tuple[str, ...],
-    message: str,
-) -> None:
-    """A message, no file, no traceback."""
-    assert message in refused(TANKS, tmp_path, rows, capsys, *options)
-
-
-def refused(
-    plant: Path, folder: Path, rows: str, capsys: pytest.CaptureFixture[str], *options: str
-) -> str:
+def refused(plant: Path, folder: Path, rows: str, capsys: pytest.CaptureFixture[str]) -> str:
     """What is told; nothing is written."""
     source, target = folder / "in.csv", folder / "none.csv"
     source.write_text(rows)
-    assert 1 == main(["simulate", str(plant), str(source), "-o", str(target), *options])
+    assert 1 == main(["simulate", str(plant), str(source), "-o", str(target)])
     assert not target.exists()
     return capsys.readouterr().err
 
@@ -168,7 +141,7 @@ def test_balances_and_what_follows_at_once(
 ) -> None:
     """A pressure over a level: the predicted level counts, not the recorded one. A balance that
     feeds on itself, and a flow by a pressure that follows from the level, are told."""
-    plant = plant_in(tmp_path, "  T: {type: pressed-store}\n", pressed=PRESSED)
+    plant = plant_in(tmp_path, {"T": "pressed-store"}, pressed=PRESSED)
     (tmp_path / "in.csv").write_text("time [s],T.n [rpm],T.y [m]\n0,900,9\n60,900,9\n120,900,9\n")
     made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
     flow = 15.0 * 10e-6
@@ -182,7 +155,7 @@ def test_balances_and_what_follows_at_once(
     told = refused(plant, tmp_path, "time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n", capsys)
     assert "a state of made-up grows beyond all bounds" in told
     circle = PRESSED.replace("outflow: {is: n*V}", "outflow: {is: k*(dp - b*y)}")
-    plant = plant_in(tmp_path / "b", "  T: {type: pressed-store}\n", pressed=circle)
+    plant = plant_in(tmp_path / "b", {"T": "pressed-store"}, pressed=circle)
     told = refused(plant, tmp_path, "time [s],T.n [rpm]\n0,900\n60,900\n", capsys)
     assert "its balances need T.dp, which follows from T.y" in told
 
@@ -234,7 +207,7 @@ def test_only_sensors_that_are_there_see(
 
 def test_a_plant_of_stores_alone(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     """No observer at all: nothing is compared at rest, but levels are predicted."""
-    plant = plant_in(tmp_path, "  T: {type: store}\n", store=STORE)
+    plant = plant_in(tmp_path, {"T": "store"}, store=STORE)
     rules = compile_plant(plant)
     assert [] == list(recwarn)
     assert rules.dynamics is not None
@@ -250,7 +223,6 @@ def test_a_reading_is_read_as_its_sensor_shows_it(tmp_path: Path) -> None:
     feed = feed.replace("observers:", "  u_h: {value: 1, unit: V/m, u: 0, source: x}\nobservers:")
     store = STORE.replace("der: inflow/A", "der: (inflow - r*y*A)/A")
     store = store.replace("readings:", "  r: {value: 0.01, unit: 1/s, u: 0, source: x}\nreadings:")
-    modules = "  P: {type: feed}\n  T: {type: store}\n"
-    dynamics = compile_plant(plant_in(tmp_path, modules, "P -> T", feed=feed, store=store)).dynamics
+    dynamics = compile_plant(plant_in(tmp_path, CHAIN, "P -> T", feed=feed, store=store)).dynamics
     assert dynamics is not None
     assert ("P.u",) == dynamics.inputs

@@ -1,0 +1,40 @@
+"""Files that tests write, plants and recordings, and what a command writes."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rulec.cli import main
+
+
+def write_plant(
+    folder: Path, modules: Mapping[str, str], connections: str = "", **more: object
+) -> Path:
+    """A folder with a plant: the type of each module, or what else its braces hold behind it."""
+    listed = "".join(f"  {name}: {{type: {kind}}}\n" for name, kind in modules.items())
+    text = f"plant: made-up\ntitle: Made up\nmodules:\n{listed}connections: [{connections}]\n"
+    text += "".join(f"{key}: {value}\n" for key, value in more.items())
+    folder.mkdir(exist_ok=True)
+    (folder / "plant.yaml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def write_columns(file: Path, columns: Mapping[str, object]) -> Path:
+    """A recording in CSV, by the titles of its columns."""
+    rows = np.column_stack([np.asarray(column, dtype=float) for column in columns.values()])
+    np.savetxt(file, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
+    return file
+
+
+def told_by(*words: object, code: int = 0) -> Any:
+    """The JSON of a command."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "told.json"
+        assert code == main([*map(str, words), "--json", str(file)])
+        return json.loads(file.read_text(encoding="utf-8"))
