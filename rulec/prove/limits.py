@@ -10,6 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+PLAIN_GAIN, PLAIN_MARGIN = 100.0, 10.0
+"""Least strength and margin of an effect that is plain to see: a gain beyond any doubt, and odds of
+22 000 against the next name. Origin: assumed."""
+
 # Goals -------------------------------------------------------------------------------------------
 
 GOALS: Mapping[str, tuple[float, float]] = {

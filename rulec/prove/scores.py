@@ -15,6 +15,12 @@ from rulec.prove.results import Judged
 from rulec.prove.truth.sealed import DIFFICULTIES
 
 
+def plain(judged: Sequence[Judged]) -> list[Judged]:
+    """Return the cases with an effect that is plain to see: the readings suffice to name it."""
+    least = (limits.PLAIN_GAIN, limits.PLAIN_MARGIN)
+    return [j for j in judged if not j.clean and j.gain >= least[0] and j.margin >= least[1]]
+
+
 @dataclass(frozen=True)
 class Goal:
     """An interval of values that are good enough, ends included, and its text."""

@@ -15,9 +15,9 @@ from rulec_runtime.report import tables as of_pages
 from rulec_runtime.report.document import section
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
-from rulec.prove.limits import WORST_CASES
+from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN, WORST_CASES
 from rulec.prove.results import Judged
-from rulec.prove.scores import Group, Row, by_difficulty, reliability, table
+from rulec.prove.scores import Group, Row, by_difficulty, plain, reliability, table
 from rulec.prove.truth.sealed import DIFFICULTIES
 
 MARKS = {"✓": ("green", "agrees"), "✗": ("red", "contradicts"), "–": ("dim", "soft")}
@@ -70,6 +70,7 @@ def _styles(cell: str) -> tuple[str, str]:
 
 
 REMARK = (
+    f"plain to see: strength of {PLAIN_GAIN:.0f} and margin of {PLAIN_MARGIN:.0f} at least. "
     "“not surely”: the 95 % interval holds values on both sides of the goal. Intervals of shares "
     "by Wilson, of ratio and course by drawing cases anew; intervals of parameters of one case are "
     "counted one by one."
@@ -79,10 +80,13 @@ REMARK = (
 def tables(judged: Sequence[Judged]) -> Iterator[Table]:
     """Yield the tables of a run; those without a row are left out."""
     goals = [
-        (row.score, row.goal.text, str(row.count), value_of(row), interval_of(row), verdict_of(row))
-        for row in table(judged)
+        (
+            *(row.score, row.goal.text, str(row.count), value_of(row), interval_of(row)),
+            *(verdict_of(row), f"{value_of(own)} of {own.count}" if own.count else "–"),
+        )
+        for row, own in zip(table(judged), table(plain(judged)), strict=True)
     ]
-    of_goals = ("score", ".goal", ".cases", ".reached", ".95 % interval", "")
+    of_goals = ("score", ".goal", ".cases", ".reached", ".95 % interval", "", ".plain to see")
     yield Table("", of_goals, goals, REMARK)
     if bins := reliability(judged):
         rows = []
