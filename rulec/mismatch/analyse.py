@@ -33,9 +33,9 @@ from rulec.mismatch.answer.written_plant import (
     refusal,
     written,
 )
+from rulec.mismatch.evidence.configuration import ERROR
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
-from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.prove import confounded, heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series

@@ -23,6 +23,7 @@ from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
 from rulec.mismatch.evidence.stores.errors_of_form import allowed
+from rulec.mismatch.evidence.stores.evidence import StoresEvidence
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.model import StoresModel, Suspect, model_of, suspects
 from rulec.mismatch.evidence.stores.noise import Noise, no_drift
@@ -37,8 +38,7 @@ from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, heldout_spa
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.curve_found import Accepted
-from rulec.mismatch.search.stores.best_set import Found, curves_of, likeliest_curve, search
-from rulec.mismatch.search.stores.geometry import StoresGeometry
+from rulec.mismatch.search.simulated import Found, curves_of, likeliest_curve, search
 
 
 def explain(
@@ -152,9 +152,9 @@ class Explanation(Explained[Fitted]):
     def evidence_per_row(self) -> tuple[float, int]:
         """Log odds of the likeliest set per reading, nats, and the number of readings."""
         posterior = self.posterior
-        geometry = posterior.geometry
-        assert isinstance(geometry, StoresGeometry)
-        return posterior.odds[posterior.best] / geometry.count - geometry.log_scale, geometry.count
+        evidence = posterior.evidence
+        assert isinstance(evidence, StoresEvidence)
+        return posterior.odds[posterior.best] / evidence.count - evidence.log_scale, evidence.count
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""

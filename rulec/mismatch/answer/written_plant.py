@@ -28,8 +28,8 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.write_plant import trial
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import suffix
+from rulec.mismatch.evidence.configuration import HIDDEN
 from rulec.mismatch.evidence.model import Model, Samples, inside_of
-from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Predicted, Proof, course_of, rms
 from rulec.mismatch.result import (
     CandidateSet,
@@ -45,7 +45,7 @@ from rulec.mismatch.result import (
     Update,
 )
 from rulec.mismatch.search.curve_found import Accepted
-from rulec.mismatch.search.settled.grow_sets import Posterior
+from rulec.mismatch.search.posterior import Posterior
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.predict import predict
 

@@ -9,10 +9,9 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +21,21 @@ from scipy.linalg.lapack import dpotri
 from scipy.special import erfcx
 
 from rulec.knowledge.parameter_belief import LocalBelief
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.fit import Fitted, Prior
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.evidence import (
+    USUAL,
+    Evidence,
+    Noise,
+    Place,
+    Point,
+    Random,
+    Sizes,
+    climbed,
+)
+from rulec.mismatch.evidence.prior import Prior
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import USUAL, Evidence, Noise, Point, Random, Sizes, Term
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,10 +65,10 @@ class Model:
     raw: Array
     off: Array
 
-    def under(self, geometry: Evidence, noise: Noise) -> Model:
+    def under(self, evidence: Evidence, noise: Noise) -> Model:
         """The same model at the same values under another noise, with all rows weighted alike."""
-        table, left = geometry.whitened(self.raw, noise), geometry.whitened(self.off, noise)
-        return replace(self, noise=noise, table=table, left=left, weights=geometry.alike(noise))
+        table, left = evidence.whitened(self.raw, noise), evidence.whitened(self.off, noise)
+        return replace(self, noise=noise, table=table, left=left, weights=evidence.alike(noise))
 
     def rest(self) -> Array:
         """The residual after a linear refit, shape (rows,)."""
@@ -94,13 +104,6 @@ class Model:
         return self.point.setting
 
     @property
-    def fitted(self) -> Fitted:
-        """The fit to settled points."""
-        fitted = getattr(self.point, "fitted", None)
-        assert isinstance(fitted, Fitted)
-        return fitted
-
-    @property
     def scale(self) -> float:
         """Size of the noise relative to the expected one."""
         return self.noise[0]
@@ -113,6 +116,28 @@ class Model:
         inverse: Array = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
         inverse /= np.outer(size, size)
         return inverse
+
+    @cached_property
+    def solved(self) -> tuple[Array, Array]:
+        """All unknowns less their prior means, shape (unknowns,), and their covariance, shape
+        (unknowns, unknowns)."""
+        weights, table = self.weights, self.table
+        normal = table.T @ (table * weights[:, None]) + self.precision
+        unit = np.sqrt(np.diag(normal))
+        inverse = np.linalg.inv(normal / np.outer(unit, unit)) / np.outer(unit, unit)
+        return -inverse @ (table.T @ (self.left * weights)), inverse
+
+    def columns_of(self, term: Term) -> NDArray[np.intp]:
+        """Indices of a term's functions among the unknowns: behind values and errors of form and of
+        sensors, in the order of `Random`."""
+        before = len(self.at) + len(self.forms)
+        for other in self.terms[self.terms.index(term) :]:
+            before -= other.columns.shape[1]
+        return np.arange(before, before + term.columns.shape[1])
+
+    def size_of(self, term: Term) -> float:
+        """Size of the functions of a term, SI of its place."""
+        return self.sizes.terms[self.terms.index(term)] / term.norm
 
     @cached_property
     def covariance(self) -> Array:
@@ -153,7 +178,7 @@ class _Weighted:
 
 
 def refitted(
-    geometry: Evidence,
+    evidence: Evidence,
     setting: Configuration,
     near: Model | None = None,
     terms: tuple[Term, ...] = (),
@@ -166,40 +191,40 @@ def refitted(
 
     Raises `numpy.linalg.LinAlgError` where the model has no finite slopes at the start.
     """
-    prior = geometry.prior(setting)
+    prior = evidence.prior(setting)
     held = np.isin(prior.names, [ERROR + name for name in without_error])
     low, high = (np.where(held, 0.0, end) for end in (prior.lowest, prior.highest))
     prior = replace(prior, lowest=low, highest=high)
     n = len(prior.names)
     at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
-    random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, terms)
+    random = Random(evidence.forms, evidence.law, evidence.moving, evidence.held, terms)
     forms = np.zeros(random.count)
     if near is not None:
         kept = min(len(forms), len(near.forms))
         forms[:kept] = near.forms[:kept]
-    sizes, noise, own = USUAL, geometry.usual_noise, dict[str, float]()
+    sizes, noise, own = USUAL, evidence.usual_noise, dict[str, float]()
     if near is not None:
         sizes, noise = near.sizes, near.noise
         own = {t.name: size for t, size in zip(near.terms, sizes.terms, strict=True)}
     sizes = replace(sizes, terms=tuple(own.get(t.name, 1.0) for t in terms))
     fresh = [len(noise) + 1 + i for i, t in enumerate(terms) if t.name not in own]
     fresh += [0] if near is None else []
-    no_more = np.zeros((geometry.count, 0))
+    no_more = np.zeros((evidence.count, 0))
     pressed = np.zeros(n, dtype=bool)
-    now = geometry.evaluated(setting, prior, at)
+    now = evidence.evaluated(setting, prior, at)
     if not (np.isfinite(now.residual).all() and np.isfinite(now.jacobian).all()):
         raise np.linalg.LinAlgError("the model has no finite slopes where the refit begins")
     damping, cost = 1e-3, np.inf
     for step in range(steps):
         if step in (0, 4):
             begin = at, forms, sizes, noise
-            found = _choose(geometry, prior, random, now, begin, no_more, fresh, held, anew=True)
+            found = _choose(evidence, prior, random, now, begin, no_more, fresh, held, anew=True)
             sizes, noise, forms, fresh = found.sizes, found.noise, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
-            cost = _cost(geometry, prior, now, at, forms, loads, noise)
-        residual = geometry.whitened(now.residual + loads @ forms, noise)
-        table = geometry.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
-        weights = geometry.weights(residual, noise)
+            cost = _cost(evidence, prior, now, at, forms, loads, noise)
+        residual = evidence.whitened(now.residual + loads @ forms, noise)
+        table = evidence.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
+        weights = evidence.weights(residual, noise)
         known, precision = prior.near(at), np.eye(table.shape[1])
         precision[:n, :n] = known.precision
         normal = table.T @ (table * weights[:, None]) + precision
@@ -219,21 +244,21 @@ def refitted(
             change[free] = -np.linalg.solve(damped, slope[free] / size) / size
             there = np.clip(at + change[:n], prior.lowest, prior.highest)
             moved = forms + change[n:]
-            trial = geometry.evaluated(setting, prior, there)
-            after = _cost(geometry, prior, trial, there, moved, loads, noise)
+            trial = evidence.evaluated(setting, prior, there)
+            after = _cost(evidence, prior, trial, there, moved, loads, noise)
             gain = cost - after if np.isfinite(after) else -1.0
             if gain >= -1e-9:
                 at, forms, now, cost = there, moved, trial, after
                 damping = max(damping / 8.0, 1e-9)
                 break
             damping = max(damping, 1e-6) * 8.0
-        if gain < geometry.ended:
+        if gain < evidence.ended:
             break
-    return _weighed(geometry, prior, random, now, (at, forms, sizes, noise), pressed)
+    return _weighed(evidence, prior, random, now, (at, forms, sizes, noise), pressed)
 
 
 def _cost(
-    geometry: Evidence,
+    evidence: Evidence,
     prior: Prior,
     now: Point,
     at: Array,
@@ -241,20 +266,17 @@ def _cost(
     loads: Array,
     noise: Noise,
 ) -> float:
-    residual = geometry.whitened(now.residual + loads @ forms, noise)
-    likelihood = geometry.likelihood(residual, noise)
+    residual = evidence.whitened(now.residual + loads @ forms, noise)
+    likelihood = evidence.likelihood(residual, noise)
     return -likelihood - prior.near(at).density + 0.5 * float(forms @ forms)
 
 
 Begin = tuple[Array, Array, Sizes, Noise]
 """Values, amounts of random columns, their sizes, and the noise to start from."""
 
-Place = tuple[int, ...]
-"""Indices of the parameters of the noise, and of all sizes, on a grid."""
-
 
 def _choose(
-    geometry: Evidence,
+    evidence: Evidence,
     prior: Prior,
     random: Random,
     now: Point,
@@ -281,11 +303,11 @@ def _choose(
     precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
     start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
     moves = random.moving.shape[1] > 0
-    axes: list[tuple[float, ...]] = [*geometry.noises]
-    axes += [limits.MOVING_SHARES if moves else (limits.USUAL_MOVING,)]
-    axes += [limits.TERM_SIZES] * len(sizes.terms)
+    axes: list[tuple[float, ...]] = [*evidence.noises]
+    axes += [common.MOVING_SHARES if moves else (common.USUAL_MOVING,)]
+    axes += [common.TERM_SIZES] * len(sizes.terms)
 
-    whole_of, left_of = geometry.whitener(table), geometry.whitener(left)
+    whole_of, left_of = evidence.whitener(table), evidence.whitener(left)
 
     def solved(sizes: Sizes, noise: Noise, weighted: _Weighted) -> _Chosen:
         ratio = np.ones(len(precision))
@@ -299,15 +321,15 @@ def _choose(
         moment = weighted.moment * ratio / size
         solution = -cho_solve(factor, moment, check_finite=False) / size
         residual = weighted.left + weighted.table @ (ratio * solution)
-        score = geometry.likelihood(residual, noise) - 0.5 * float(solution @ precision @ solution)
+        score = evidence.likelihood(residual, noise) - 0.5 * float(solution @ precision @ solution)
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
-        score += sizes.odds + geometry.noise_odds(noise)
+        score += sizes.odds + evidence.noise_odds(noise)
         return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
 
     @cache
     def weighted_at(noise: Noise) -> _Weighted:
         whole, rest = whole_of(noise), left_of(noise)
-        return _Weighted(whole, rest, geometry.weights(rest + whole @ start, noise))
+        return _Weighted(whole, rest, evidence.weights(rest + whole @ start, noise))
 
     @cache
     def at_place(place: Place) -> _Chosen:
@@ -317,7 +339,7 @@ def _choose(
         return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
 
     rest = left + table @ start
-    likely = (noise, *(geometry.likely_noises(rest) if anew else ()))
+    likely = (noise, *(evidence.likely_noises(rest) if anew else ()))
     ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
     first = max((tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score)
     place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
@@ -325,7 +347,7 @@ def _choose(
     for _ in range(limits.SIZES_STEPS):
         own = best.weighted
         residual = own.left + own.table @ (best.ratio * best.solution)
-        own = _Weighted(own.table, own.left, geometry.weights(residual, best.noise))
+        own = _Weighted(own.table, own.left, evidence.weights(residual, best.noise))
         law = _by_law(best, random.law, n)
         again = solved(replace(best.sizes, laws=law), best.noise, own)
         if again.score <= best.score:
@@ -348,7 +370,7 @@ def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
     columns: dict[str, list[int]] = {}
     for i, name in enumerate(law, first):
         columns.setdefault(name, []).append(i)
-    most = float(np.log(limits.FORM_KNOWN))
+    most = float(np.log(common.FORM_KNOWN))
     known, times = most**-2, {}
     for name, at in columns.items():
         determined = len(at) - float(doubt[at].sum())
@@ -366,30 +388,8 @@ def _nearest(axis: Sequence[float], value: float) -> int:
     return int(np.argmin(np.abs(np.log(np.array(axis) / value))))
 
 
-def climbed(
-    score: Callable[[Place], float], begin: Place, lengths: Sequence[int], fresh: Collection[int]
-) -> Place:
-    """The best place of a grid that steps along one axis at a time reach from another one.
-
-    All combinations of the axes in `fresh` are tried first.
-    """
-    ways = [range(n) if i in fresh else (begin[i],) for i, n in enumerate(lengths)]
-    best = max(product(*ways), key=score)
-    while True:
-        beside = [
-            (*best[:i], best[i] + step, *best[i + 1 :])
-            for i, n in enumerate(lengths)
-            for step in (-1, 1)
-            if 0 <= best[i] + step < n
-        ]
-        next_ = max(beside, key=score)
-        if not score(next_) > score(best):
-            return best
-        best = next_
-
-
 def _weighed(
-    geometry: Evidence,
+    evidence: Evidence,
     prior: Prior,
     random: Random,
     now: Point,
@@ -397,17 +397,17 @@ def _weighed(
     pressed: NDArray[np.bool_],
 ) -> Model:
     at = begin[0]
-    more = geometry.effect_forms(now)
-    found = _choose(geometry, prior, random, now, begin, more, (), pressed)
+    more = evidence.effect_forms(now)
+    found = _choose(evidence, prior, random, now, begin, more, (), pressed)
     known = prior.near(at)
     off = (at - known.mean) * ~pressed
     left = now.residual - now.jacobian @ off
     # Replace the normal density of the linear solution by that of the Student distribution.
-    evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
-    evidence -= len(random.terms) * float(np.log(len(limits.TERM_SIZES)))
+    log_evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
+    log_evidence -= len(random.terms) * float(np.log(len(common.TERM_SIZES)))
     ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
     if len(ends):
-        evidence += _at_ends(geometry, found, now.jacobian[:, ends], known, at, ends)
+        log_evidence += _at_ends(evidence, found, now.jacobian[:, ends], known, at, ends)
     return Model(
         point=now,
         prior=prior,
@@ -417,9 +417,9 @@ def _weighed(
         terms=random.terms,
         sizes=found.sizes,
         noise=found.noise,
-        evidence=evidence,
+        evidence=log_evidence,
         table=found.weighted.table * found.ratio,
-        left=geometry.whitened(left, found.noise),
+        left=evidence.whitened(left, found.noise),
         raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1) * found.ratio,
         off=left,
         precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
@@ -428,7 +428,7 @@ def _weighed(
 
 
 def _at_ends(
-    geometry: Evidence,
+    evidence: Evidence,
     found: _Chosen,
     slopes: Array,
     known: LocalBelief,
@@ -437,7 +437,7 @@ def _at_ends(
 ) -> float:
     """Gain in evidence, nats, because values at an end of their range can only move inwards, where
     the likelihood falls. `slopes`, shape (rows, ends), are those by the values at `ends`."""
-    shown, own = geometry.whitened(slopes, found.noise), found.weighted
+    shown, own = evidence.whitened(slopes, found.noise), found.weighted
     table, (lower, size) = own.table * found.ratio, found.spread
     residual = own.left + table @ found.solution
     pull = shown.T * own.weights

@@ -18,7 +18,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.operating_state_means import states_of
 from rulec.mismatch.evidence.steady.prepare import Data, prepare

@@ -24,7 +24,7 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, BaseParameters
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of

@@ -13,6 +13,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Simulated, SimulationProblem
+from rulec.mismatch.evidence.term import bends
 
 # The change by a candidate in a plant that stores, and errors of form of that change: no effect
 # obeys its formula exactly.
@@ -83,15 +84,6 @@ def forms_of_effects(
                     yield shown - plain
         except RanAway:
             continue
-
-
-def bends(driver: Array) -> tuple[Array, ...]:
-    """A parabola and a cubic over the range of a driver, of unit size."""
-    low, high = np.quantile(driver, [0.02, 0.98])
-    if high <= low:
-        return ()
-    z = np.clip(2.0 * (driver - low) / (high - low) - 1.0, -1.2, 1.2)
-    return np.sqrt(5.0) * (3.0 * z**2 - 1.0) / 4.0, np.sqrt(7.0) * (5.0 * z**3 - 3.0 * z) / 4.0
 
 
 # Allowed errors of readings under a complete model, with sensors within their class, laws within

@@ -17,7 +17,7 @@ from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.report.text import counted, fixed
 from rulec_runtime.simulation.balances import TIME, Balances, Course
 
-from rulec.effects.candidate import BaseParameters, Candidate, Unknown
+from rulec.effects.candidate import BaseParameters, Candidate, DisturbanceLocation, Unknown
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.parameter_belief import Belief, belief_in
 from rulec.mismatch import limits as common
@@ -351,6 +351,20 @@ class SimulationProblem:
         module, _, end = name.partition(".")
         output = f"{SHOWN}{name}" if f"{SHOWN}{name}" in whole.outputs else f"{end}:{module}"
         return np.ascontiguousarray(course.shown[:, whole.outputs.index(output)])
+
+    @property
+    def places(self) -> list[DisturbanceLocation]:
+        """Places at which a law may have an error."""
+        kinds = ("balance", "definition", "reading")
+        return [spot for spot in self.builder.spots if spot.kind in kinds]
+
+    @property
+    def drivers(self) -> list[str]:
+        """What an error at a place may follow: states, inputs and time."""
+        assert self.ruleset.dynamics is not None
+        states = [s.id for s in self.ruleset.dynamics.states]
+        drivers = [*states, *self.balances(()).inputs][: limits.FOLLOWED]
+        return [*drivers, TIME] if self.record.timed else drivers
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:

@@ -12,8 +12,8 @@ import pytest
 from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
 from rulec.mismatch.evidence.stores.fit import Fitter, plain_end
-from rulec.mismatch.search.settled import grow_sets
-from rulec.mismatch.search.settled.grow_sets import posterior
+from rulec.mismatch.search import posterior as of_search
+from rulec.mismatch.search.posterior import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove
 from rulec.mismatch.structure.structure_search import Structure
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, explained, made
@@ -56,10 +56,10 @@ def test_no_tick_where_an_explanation_gains(
     none, other = frozenset[str](), frozenset({"pump.x"})
     shown: Any = SimpleNamespace(terms=())
     monkeypatch.setattr(
-        grow_sets, "Tolerance", lambda geometry, model: SimpleNamespace(shows=1.0, within=none)
+        of_search, "Tolerance", lambda evidence, model: SimpleNamespace(shows=1.0, within=none)
     )
     odds = {none: was.odds[none], other: was.odds[none] + more}
-    now = posterior(was.geometry, {**was.models, other: shown}, odds)
+    now = posterior(was.evidence, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)
     assert expected == verdict(explanation(plain.recording, plain.model, found))
 

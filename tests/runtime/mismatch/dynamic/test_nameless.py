@@ -10,7 +10,7 @@ import pytest
 from rulec.mismatch.evidence.stores.fit import plain_end
 from rulec.mismatch.evidence.stores.model import Suspect, model_of
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.search.stores.best_set import curves_of, likeliest_curve
+from rulec.mismatch.search.simulated import curves_of, likeliest_curve
 from rulec.mismatch.stores import nameless_places
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, searched, voltage
 

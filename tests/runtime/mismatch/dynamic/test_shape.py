@@ -17,9 +17,10 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.evidence.stores.fit import plain_end
+from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
+from rulec.mismatch.search.curve_by_simulation import curve_of
 from rulec.mismatch.search.curve_found import CurveFound
-from rulec.mismatch.search.stores.best_set import curve_of, likeliest_curve
-from rulec.mismatch.search.stores.fitted_curve import FittedCurve, fitted_curve
+from rulec.mismatch.search.simulated import likeliest_curve
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, tanks
 

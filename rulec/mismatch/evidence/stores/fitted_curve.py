@@ -19,11 +19,11 @@ from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Basis
+from rulec.mismatch.evidence.term import Basis
 
 
 @dataclass(frozen=True)
@@ -71,20 +71,6 @@ def place_over(spot: DisturbanceLocation, driver: str, course: Array) -> Place |
     if not high - low > limits.HARDLY_MOVES * float(np.max(np.abs(course))):
         return None
     return Place(spot, driver, low, high)
-
-
-def spots_of(bench: SimulationProblem) -> list[DisturbanceLocation]:
-    """Places at which a law may have an error."""
-    kinds = ("balance", "definition", "reading")
-    return [spot for spot in bench.builder.spots if spot.kind in kinds]
-
-
-def drivers_of(bench: SimulationProblem) -> list[str]:
-    """Possible drivers of a place."""
-    assert bench.ruleset.dynamics is not None
-    states = [s.id for s in bench.ruleset.dynamics.states]
-    drivers = [*states, *bench.balances(()).inputs][: limits.FOLLOWED]
-    return [*drivers, TIME] if bench.record.timed else drivers
 
 
 @dataclass(frozen=True)
@@ -236,7 +222,7 @@ def _likeliest(system: System, place: Place, news: float) -> tuple[Form, float]:
         rows = (rows - q @ (q.T @ rows)) / norm
         own, ways = np.linalg.eigh(rows.T @ rows)
         square, own = (ways.T @ (rows.T @ left)) ** 2, np.maximum(own, 0.0)
-        for size in limits.TERM_SIZES:
+        for size in common.TERM_SIZES:
             for noise in limits.NOISE_FALLS:
                 rest = whole - float(np.sum(square * size**2 / (noise**2 + own * size**2)))
                 gained = 0.5 * (whole - rest / noise**2) - news * float(np.log(noise))

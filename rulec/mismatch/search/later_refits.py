@@ -13,21 +13,21 @@ from rulec_runtime.report.text import listed
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.column import Names, id_of, name_of
+from rulec.mismatch.evidence.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.model import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, settled
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.result import CandidateSet, Likely, Moved, Presence
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.grow_sets import Progress
+from rulec.mismatch.search.operating_states import begun, explain
+from rulec.mismatch.search.posterior import Posterior, candidates_of, titled_with_module
 from rulec.mismatch.search.refit import Model, refitted
-from rulec.mismatch.search.settled.best_set import candidates_of, titled_with_module
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.grow_sets import Names, Posterior, Progress, begun, explain
-from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.scan import id_of, name_of
 
 # The result of each of several recordings alone, and the change by each further one.
 #
@@ -188,7 +188,7 @@ def clear_states(system: System, clear: np.ndarray) -> Rows:
 
 def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
     """The likeliest refit from several starts."""
-    system, smooth, inexact = rows.system, Geometry(rows), 0.0
+    system, smooth, inexact = rows.system, SteadyEvidence(rows), 0.0
     squares = np.sum(smooth.forms**2, axis=0)
     # The effective number of independent errors of form.
     ways = float(squares.sum()) ** 2 / max(float(np.sum(squares**2)), 1e-300)
@@ -200,8 +200,8 @@ def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
         for name, error in errors.items():
             noise[name] = np.hypot(noise[name], share * error)
         noisier = replace(system, data=replace(system.data, noise=noise))
-        geometry = Geometry(rows_of(noisier, Configuration()), exact=True)
-        found = [refitted(geometry, start, without_error=system.shared) for start in starts]
+        evidence = SteadyEvidence(rows_of(noisier, Configuration()), exact=True)
+        found = [refitted(evidence, start, without_error=system.shared) for start in starts]
         best = max(found, key=lambda model: model.evidence)
         starts = [best.setting]
         off = rows.errors(system.flows(best.setting))[0][smooth.seen]
@@ -245,9 +245,9 @@ def _in_words(term: Term) -> str:
 
 @dataclass(frozen=True)
 class Again:
-    """Candidate sets and their refits to the means of operating states in `geometry`, in order."""
+    """Candidate sets and their refits to the means of operating states in `evidence`, in order."""
 
-    geometry: Geometry
+    evidence: SteadyEvidence
     sets: tuple[CandidateSet, ...]
     models: tuple[Model, ...]
 
@@ -259,25 +259,25 @@ def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
     Raises KeyError with the id of a candidate that the knowledge base does not have.
     """
     search = begun(every)
-    plain = search.models[frozenset()]
+    evidence, plain = settled(search.evidence), search.models[frozenset()]
     # Terms that switch have no name and length of their own.
-    smooth = [t for t in terms(search.settled, plain) if not t.basis.says]
+    smooth = [t for t in evidence.terms(plain.point) if not t.basis.says]
     named = {(t.name, t.basis.length): t for t in smooth}
     kept, models = [], []
     for one in sets:
         if any(not length for _, length in one.terms):
             continue
         own = tuple(named[name] for name in one.terms)
-        first = search.refit(_setting(search.settled, one), plain, own)
+        first = search.refit(_setting(evidence, one), plain, own)
         # The plain model has large errors where an effect is missing, and these would explain part
         # of that effect; the second refit starts from the errors of the set itself.
         models.append(search.refit(first.setting, first, own))
         kept.append(one)
-    return Again(search.settled, tuple(kept), tuple(models))
+    return Again(evidence, tuple(kept), tuple(models))
 
 
-def _setting(geometry: Geometry, one: CandidateSet) -> Configuration:
-    system = geometry.rows.system
+def _setting(evidence: SteadyEvidence, one: CandidateSet) -> Configuration:
+    system = evidence.system
     known = {candidate.id: candidate for candidate in system.builder.candidates}
     return Configuration(
         joined=tuple(known[id_] for id_ in one.joined),

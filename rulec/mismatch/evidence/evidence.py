@@ -1,0 +1,286 @@
+"""The interface between the search and a recording of any plant: rows, and allowed model errors.
+
+A model is linearised at its values: its residual, shape (rows,), is r = r0 + J_theta d_theta +
+J_w w + J_b b + J_c c + noise. Values of the plant and of joined candidates have lasting priors.
+Errors of sensors within their class (b) and errors of form of each law within its accuracy (c) are
+random columns, which are integrated out. The slopes are those of operating points at settled
+points, and those of a simulation in plants that store; the search need not know which.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Protocol
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
+from rulec.mismatch.evidence.column import Column, Names, Proposal
+from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.prior import Prior, Size, prior_with_sizes, range_over, size_of
+from rulec.mismatch.evidence.term import Term
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of random columns.
+
+    `moving` is the size of sensor errors that move, as a share of their class; `terms` are those of
+    terms without a name, in units of the noise of a point. `laws` has the error of each law by the
+    id of its place, in units of what its accuracy allows; it is known within a factor of two.
+    """
+
+    moving: float
+    terms: tuple[float, ...]
+    laws: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def odds(self) -> float:
+        """Log prior density of all but terms."""
+        far = [np.log(self.moving / common.USUAL_MOVING) / np.log(limits.MOVING_KNOWN)]
+        far += [np.log(times) / np.log(common.FORM_KNOWN) for times in self.laws.values()]
+        return -0.5 * float(np.sum(np.square(far)))
+
+    def of(self, laws: Sequence[str]) -> Array:
+        """Size of the error of form of each law, in units of what its accuracy allows."""
+        return np.array([self.laws.get(name, 1.0) for name in laws])
+
+
+USUAL = Sizes(common.USUAL_MOVING, ())
+"""Prior sizes."""
+
+
+@dataclass(frozen=True)
+class Random:
+    """Random columns: errors of form, with the `law` of each, sensor errors that move within their
+    class, errors of held inputs, and terms without a name. All sizes but those of held inputs are
+    estimated."""
+
+    forms: Array
+    law: tuple[str, ...]
+    moving: Array
+    held: Array
+    terms: tuple[Term, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return int(self.columns.shape[1])
+
+    def ratio(self, sizes: Sizes) -> Array:
+        """Standard deviation of each column's amount, shape (columns,)."""
+        parts = [sizes.of(self.law)]
+        parts += [np.full(self.moving.shape[1], sizes.moving), np.ones(self.held.shape[1])]
+        own = zip(self.terms, sizes.terms, strict=True)
+        parts += [np.full(t.columns.shape[1], size) for t, size in own]
+        return np.concatenate(parts)
+
+    @property
+    def columns(self) -> Array:
+        """All columns, each of unit size, shape (rows, columns)."""
+        own = [t.columns for t in self.terms]
+        return np.concatenate([self.forms, self.moving, self.held, *own], axis=1)
+
+
+Noise = tuple[float, ...]
+"""Parameters of the noise."""
+
+
+class Point(Protocol):
+    """A model at some values: its residual, shape (rows,), and the slopes of that by the
+    coordinates of the values, shape (rows, values)."""
+
+    @property
+    def setting(self) -> Configuration: ...
+
+    @property
+    def residual(self) -> Array: ...
+
+    @property
+    def jacobian(self) -> Array: ...
+
+
+Place = tuple[int, ...]
+"""Indices of the parameters of the noise, and of all sizes, on a grid."""
+
+
+def climbed(
+    score: Callable[[Place], float], begin: Place, lengths: Sequence[int], fresh: Collection[int]
+) -> Place:
+    """The best place of a grid that steps along one axis at a time reach from another one.
+
+    All combinations of the axes in `fresh` are tried first.
+    """
+    ways = [range(n) if i in fresh else (begin[i],) for i, n in enumerate(lengths)]
+    best = max(product(*ways), key=score)
+    while True:
+        beside = [
+            (*best[:i], best[i] + step, *best[i + 1 :])
+            for i, n in enumerate(lengths)
+            for step in (-1, 1)
+            if 0 <= best[i] + step < n
+        ]
+        next_ = max(beside, key=score)
+        if not score(next_) > score(best):
+            return best
+        best = next_
+
+
+class Evidence(ABC):
+    """What all models of one recording have in common.
+
+    `forms` are rows of errors of form, shape (rows, errors), each of the law in `law`; `moving` and
+    `held` are rows of sensor errors that move within their class, and of all others. `of_class` are
+    rows of sensor errors that are not among the values; `readings` are ids of all sensors. A refit
+    ends where a step gains less than `ended`, nats; the search for the noise starts at
+    `usual_noise`. Sets of named explanations have at most `most` members, with terms among them
+    only if laws are tried `beside_terms`.
+    """
+
+    forms: Array
+    law: tuple[str, ...]
+    moving: Array
+    held: Array
+    usual_noise: Noise
+    readings: frozenset[str]
+    ended: float = 1e-2
+    most: int = common.LARGEST_SET
+    beside_terms: bool = True
+    of_class: tuple[Array, ...] = ()
+
+    def __init__(self) -> None:
+        self._sizes: dict[str, Size] = {}
+
+    def of_reading(self, changed: Candidate | DisturbanceLocation) -> bool:
+        """Is it the reading of a sensor, rather than a law or a parameter, that changes?"""
+        return f"{changed.module}.{changed.place}" in self.readings
+
+    @property
+    @abstractmethod
+    def noises(self) -> tuple[tuple[float, ...], ...]:
+        """Values to try for each parameter of the noise."""
+
+    @property
+    @abstractmethod
+    def candidates(self) -> Sequence[Candidate]:
+        """Effects that the model may lack."""
+
+    @property
+    @abstractmethod
+    def places(self) -> int:
+        """Number of places and drivers of a term without a name."""
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """Number of rows."""
+
+    def prior(self, setting: Configuration) -> Prior:
+        """The prior of all values."""
+
+        def range_of(unknown: Unknown, start: float) -> tuple[float, float]:
+            driver = None if unknown.driver is None else self.driven_by(unknown.driver)
+            return range_over(unknown, start, driver)
+
+        return prior_with_sizes(self.plain_prior(setting), setting, self.size, range_of)
+
+    @abstractmethod
+    def plain_prior(self, setting: Configuration) -> Prior:
+        """The prior of all values, without usual sizes of amplitudes and ranges of shapes."""
+
+    @abstractmethod
+    def driven_by(self, driver: str) -> Array:
+        """Values of a driver of an effect in the plain model, shape (n,), SI."""
+
+    def size(self, candidate: Candidate, unknown: Unknown) -> Size:
+        """The prior of an amplitude."""
+        if unknown.id not in self._sizes:
+            self._sizes[unknown.id] = size_of(unknown, lambda: self.share(candidate, unknown))
+        return self._sizes[unknown.id]
+
+    @abstractmethod
+    def share(self, candidate: Candidate, unknown: Unknown) -> float:
+        """Largest relative change of estimates or readings per amplitude, over all shapes."""
+
+    @abstractmethod
+    def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> Point:
+        """The model at some coordinates, shape (values,)."""
+
+    @abstractmethod
+    def columns(self, point: Point, candidates: Iterable[Candidate]) -> list[Column]:
+        """Columns for each amplitude of candidates that are not joined, at several shapes."""
+
+    @abstractmethod
+    def terms(self, point: Point) -> list[Term]:
+        """Terms without a name for each place and each driver, linearised at a model."""
+
+    @abstractmethod
+    def beginnings(
+        self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]
+    ) -> Iterator[tuple[Names, Configuration]]:
+        """Where the refits of a setting with proposals joined begin, each with the names of what is
+        joined; `every` are all columns beside that setting."""
+
+    @abstractmethod
+    def effect_forms(self, now: Point) -> Array:
+        """Rows of the errors of form of the effects' own laws, shape (rows, errors)."""
+
+    def whitened(self, columns: Array, noise: Noise) -> Array:
+        """Columns, shape (rows,) or (rows, columns), as rows with independent noise."""
+        return self.whitener(columns)(noise)
+
+    @abstractmethod
+    def whitener(self, columns: Array) -> Callable[[Noise], Array]:
+        """`whitened` for fixed columns, as a function of the noise."""
+
+    @abstractmethod
+    def likelihood(self, residual: Array, noise: Noise) -> float:
+        """Log likelihood of a whitened residual, shape (rows,)."""
+
+    def weights(self, residual: Array, noise: Noise) -> Array:
+        """Weights of whitened rows in the normal matrix, shape (rows,)."""
+        return self.scored(residual[:, None], noise)[0][:, 0]
+
+    @abstractmethod
+    def expected_weights(self, noise: Noise) -> Array:
+        """Mean information of each whitened row, shape (rows,)."""
+
+    @abstractmethod
+    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
+        """Random noise of whitened rows, shape (rows, count)."""
+
+    @abstractmethod
+    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
+        """Weights of whitened rows in the normal matrix, shape (rows, n), and twice their loss of
+        log likelihood, shape (n,); `residuals` has shape (rows, n)."""
+
+    @abstractmethod
+    def noise_odds(self, noise: Noise) -> float:
+        """Log prior density of the noise."""
+
+    def likely_noises(self, residual: Array) -> list[Noise]:
+        """Noise from which to start, besides the given one, by a residual, shape (rows,)."""
+        return []
+
+    @abstractmethod
+    def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
+        """Noise under which further explanations show best, with all rows weighted alike.
+
+        `noise` is that of the model, `rest` gives its residual, shape (rows,); the model is `alone`
+        where nothing is joined.
+        """
+
+    @abstractmethod
+    def alike(self, noise: Noise) -> Array:
+        """Weights of whitened rows if none is an outlier, shape (rows,)."""
+
+    @abstractmethod
+    def shown(self, columns: Array) -> dict[str, float]:
+        """By how much errors, shape (rows, errors), move each output: root of their summed mean
+        squares, SI."""
