@@ -11,7 +11,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.columns import thinned
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.report.text import counted, listed
 from rulec_runtime.simulation.balances import RanAway
 
@@ -30,6 +29,7 @@ from rulec.mismatch.evidence.stores.noise import Noise, no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import (
     SimulationProblem,
     lacking,
+    noise_floor,
     record_of,
     stored_evidence,
     without_odd,
@@ -77,7 +77,7 @@ def explain(
         best = Fitter(bench, (), {}).with_covariance(best, judged)
     tell("looking for places where something is wrong")
     # A place may explain errors as far as they exceed noise.
-    sharp = replace(best, noise={n: Noise(floor, 1.0) for n, floor in _floors(bench).items()})
+    sharp = replace(best, noise={n: Noise(floor, 1.0) for n, floor in bench.floors.items()})
     left = suspects(bench, sharp, judged)
     model = model_of(bench, best, judged, fixed_values(best))
     nameless = nameless_places(model, left, len(bench.candidates))
@@ -307,11 +307,6 @@ def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
     return Proof(fit, Predicted(*(e + measured for e in errors)), known)
 
 
-def noise_floor(measured: Array) -> float:
-    """Scatter of a reading, shape (n,), by third differences, to which states contribute none."""
-    return white_noise(np.diff(measured, 3), 3)
-
-
 def _worse(proof: Proof) -> float:
     """The error before the repair, in units of noise."""
     errors = proof.fit.estimation
@@ -337,15 +332,6 @@ def _least(proofs: Sequence[Proof]) -> float:
     return -limits.PROVEN if learnt and not heldout else limits.PROVEN
 
 
-def _floors(bench: SimulationProblem) -> dict[str, float]:
-    """Standard deviation of the noise of each measured signal, SI."""
-    record = bench.record
-    return {
-        n: max(noise_floor(v[np.isfinite(v)]), record.resolution[n])
-        for n, v in record.measured.items()
-    }
-
-
 def nameless_places(
     model: StoresModel, left: Sequence[Suspect], tried: int
 ) -> tuple[Location, ...]:
@@ -354,7 +340,7 @@ def nameless_places(
     if not left or left[0].gain < least:
         return ()
     bench, noise = model.bench, model.fitted.noise
-    floors = _floors(bench)
+    floors = bench.floors
     far = any(own.spread > limits.FAR_OFF * floors[n] for n, own in noise.items())
     # Linearisation fails for a model that is far off: then the most probable place must do.
     if left[0].share < limits.PLACE_SHARE and not far:
@@ -411,7 +397,7 @@ def _refitted(
 def _squares(fitted: Fitted, judged: Judged) -> float:
     """Squared errors in the same noise for all fits, plus the negative log prior."""
     errors = np.concatenate(list(fitted.errors.values()))
-    weighted = (errors / judged.weights())[judged.flags()]
+    weighted = (errors / judged.weights)[judged.flags]
     return 0.5 * float(weighted @ weighted) + fitted.negative_log_prior
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 from typing import Protocol
 
@@ -81,7 +82,7 @@ class Random:
         parts += [np.full(t.columns.shape[1], size) for t, size in own]
         return np.concatenate(parts)
 
-    @property
+    @cached_property
     def columns(self) -> Array:
         """All columns, each of unit size, shape (rows, columns)."""
         own = [t.columns for t in self.terms]
@@ -135,20 +136,26 @@ def climbed(
 class Evidence(ABC):
     """What all models of one recording have in common.
 
-    `forms` are rows of errors of form, shape (rows, errors), each of the law in `law`; `moving` and
-    `held` are rows of sensor errors that move within their class, and of all others. `of_class` are
-    rows of sensor errors that are not among the values; `readings` are ids of all sensors. A refit
-    ends where a step gains less than `ended`, nats; the search for the noise starts at
-    `usual_noise`. Sets of named explanations have at most `most` members, with terms among them
-    only if laws are tried `beside_terms`.
+    It has `count` rows. `candidates` are effects that the model may lack, `places` counts the
+    places and drivers of a term without a name; `readings` are ids of all sensors. `forms` are rows
+    of errors of form, shape (rows, errors), each of the law in `law`; `moving` and `held` are rows
+    of sensor errors that move within their class, and of all others, `of_class` of those that are
+    not among the values. The search for the noise tries the values in `noises` of each of its
+    parameters, from `usual_noise` on. A refit ends where a step gains less than `ended`, nats. Sets
+    of named explanations have at most `most` members, with terms among them only if laws are tried
+    `beside_terms`.
     """
 
+    count: int
+    candidates: Sequence[Candidate]
+    places: int
+    readings: frozenset[str]
     forms: Array
     law: tuple[str, ...]
     moving: Array
     held: Array
+    noises: tuple[tuple[float, ...], ...]
     usual_noise: Noise
-    readings: frozenset[str]
     ended: float = 1e-2
     most: int = common.LARGEST_SET
     beside_terms: bool = True
@@ -160,26 +167,6 @@ class Evidence(ABC):
     def of_reading(self, changed: Candidate | DisturbanceLocation) -> bool:
         """Is it the reading of a sensor, rather than a law or a parameter, that changes?"""
         return f"{changed.module}.{changed.place}" in self.readings
-
-    @property
-    @abstractmethod
-    def noises(self) -> tuple[tuple[float, ...], ...]:
-        """Values to try for each parameter of the noise."""
-
-    @property
-    @abstractmethod
-    def candidates(self) -> Sequence[Candidate]:
-        """Effects that the model may lack."""
-
-    @property
-    @abstractmethod
-    def places(self) -> int:
-        """Number of places and drivers of a term without a name."""
-
-    @property
-    @abstractmethod
-    def count(self) -> int:
-        """Number of rows."""
 
     def prior(self, setting: Configuration) -> Prior:
         """The prior of all values."""

@@ -206,8 +206,13 @@ def usual(unknown: Unknown, sign: float = 0.0) -> float:
     """The smallest starting amplitude of an entry, SI, of the given sign if that is not 0."""
     null = unknown.null or 0.0
     starts = [s for s in unknown.starts if s != null and (not sign or np.sign(s - null) == sign)]
-    span = unknown.highest - unknown.lowest
-    step = 0.1 * span if np.isfinite(span) else unknown.factor
-    other = min((abs(s - null) for s in unknown.starts if s != null), default=step)
-    nearest = min(starts, key=lambda s: abs(s - null), default=null + (sign or 1.0) * other)
+    other = null + (sign or 1.0) * step_of(unknown)
+    nearest = min(starts, key=lambda s: abs(s - null), default=other)
     return float(np.clip(nearest, unknown.lowest, unknown.highest))
+
+
+def step_of(unknown: Unknown) -> float:
+    """A typical step of an unknown: to its nearest start, or else a tenth of its range, SI."""
+    null, span = unknown.null or 0.0, unknown.highest - unknown.lowest
+    steps = (abs(s - null) for s in unknown.starts if s != null)
+    return min(steps, default=0.1 * span if np.isfinite(span) else unknown.factor)

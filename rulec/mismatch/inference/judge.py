@@ -78,10 +78,8 @@ class Judge:
     @cached_property
     def _solved(self) -> Array:
         """Maps residuals to the values fitted to them, shape (values, rows)."""
-        table, weights = self.model.table, self.model.weights
-        normal = table.T @ (table * weights[:, None]) + self.model.precision
-        unit = np.sqrt(np.diag(normal))
-        scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
+        table, weights, (normal, unit) = self.model.table, self.model.weights, self.model.normal
+        scaled = normal + 1e-12 * np.eye(len(unit))
         solution = np.linalg.solve(scaled, (table / unit * weights[:, None]).T)
         return np.asarray(-solution / unit[:, None])
 

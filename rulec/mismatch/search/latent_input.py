@@ -103,14 +103,7 @@ def _trial(spot: DisturbanceLocation, values: dict[str, float], course: Course) 
         title="error",
         unit=spot.unit,
         factor=spot.factor,
-        offset=0.0,
         null=0.0,
-        lowest=-np.inf,
-        highest=np.inf,
-        starts=(),
-        quantiles=(),
-        driver=None,
-        fixed=False,
     )
     candidate = Candidate(
         id=spot.id,

@@ -7,6 +7,9 @@ from __future__ import annotations
 HALF_STEPS = 50
 """Most steps of a refit that starts close to its optimum. Origin: numerical."""
 
+REFIT_STEPS = 25
+"""Most steps of a refit of a set. Origin: numerical."""
+
 # Prices and gains: log likelihood and log odds.
 
 COMMON = 6.0

@@ -40,12 +40,12 @@ from rulec.mismatch.search.intermittent_fault import with_refined_onset
 from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names
 from rulec.mismatch.search.scan import alike_faults, scan
-from rulec.mismatch.search.switching_terms import refit_switching_terms
 from rulec.mismatch.search.time_course import (
     coming_and_going,
     ends_of,
     grow_periods,
     refine_onsets,
+    refit_switching_terms,
 )
 from rulec.mismatch.search.unnamed_terms import holds
 
@@ -229,16 +229,14 @@ def _curve_at(fitted: Fitted, spot: DisturbanceLocation, name: str, most: int) -
 
 
 def _with_trial(fitted: Fitted, trial: InitialCandidate) -> Fitted:
-    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    return _fitted(fitted.rows, setting)
+    return _fitted(fitted.rows, trial.joined_to(fitted.setting))
 
 
 def _place(fitted: Fitted, id_: str) -> Suspect | None:
     """A place, or a parameter of the law there, with the error that explains most."""
     spots = fitted.rows.system.builder.spots
-    for spot in spots:
+    for spot in (s for s in spots if s.id == id_):
         column = spot_column(fitted, spot)
-        if spot.id == id_:
-            return None if column is None else suspect_at(fitted, spot, column)
+        return None if column is None else suspect_at(fitted, spot, column)
     ways = (way for spot in spots for way in varying_parameters(fitted, spot))
     return next((way for way in ways if way.spot.id == id_), None)

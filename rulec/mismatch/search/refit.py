@@ -70,24 +70,27 @@ class Model:
         table, left = evidence.whitened(self.raw, noise), evidence.whitened(self.off, noise)
         return replace(self, noise=noise, table=table, left=left, weights=evidence.alike(noise))
 
+    @cached_property
+    def normal(self) -> tuple[Array, Array]:
+        """The normal matrix of all unknowns, scaled to a unit diagonal, and the roots of that
+        diagonal, shape (unknowns,)."""
+        normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
+        unit = np.sqrt(np.diag(normal))
+        return normal / np.outer(unit, unit), unit
+
     def rest(self) -> Array:
         """The residual after a linear refit, shape (rows,)."""
-        weights, table = self.weights, self.table
-        normal = table.T @ (table * weights[:, None]) + self.precision
-        size = np.sqrt(np.diag(normal))
-        moment = table.T @ (weights * self.left) / size
-        found = np.linalg.solve(normal / np.outer(size, size), moment) / size
-        return np.asarray(self.off - self.raw @ found)
+        scaled, unit = self.normal
+        moment = self.table.T @ (self.weights * self.left) / unit
+        return np.asarray(self.off - self.raw @ (np.linalg.solve(scaled, moment) / unit))
 
     @cached_property
     def _imitating(self) -> tuple[Array, Array]:
         """Map from whitened rows to what all unknowns imitate of them, shape (unknowns, rows), and
         that of the residual, shape (unknowns,)."""
-        weights, table = self.weights, self.table
-        normal = table.T @ (table * weights[:, None]) + self.precision
-        unit = np.sqrt(np.diag(normal))
-        factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
-        imitating = solve_triangular(factor, (table / unit).T * weights, lower=True)
+        scaled, unit = self.normal
+        factor = np.linalg.cholesky(scaled + 1e-12 * np.eye(len(unit)))
+        imitating = solve_triangular(factor, (self.table / unit).T * self.weights, lower=True)
         return imitating, imitating @ self.left
 
     def beside(self, rows: Array) -> tuple[Array, Array]:
@@ -111,21 +114,16 @@ class Model:
     @cached_property
     def inverse(self) -> Array:
         """Covariance of the values, in coordinates, and of the amounts of random columns."""
-        normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
-        size = np.sqrt(np.diag(normal))
-        inverse: Array = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-        inverse /= np.outer(size, size)
-        return inverse
+        scaled, unit = self.normal
+        return np.asarray(np.linalg.pinv(scaled, hermitian=True) / np.outer(unit, unit))
 
     @cached_property
     def solved(self) -> tuple[Array, Array]:
         """All unknowns less their prior means, shape (unknowns,), and their covariance, shape
         (unknowns, unknowns)."""
-        weights, table = self.weights, self.table
-        normal = table.T @ (table * weights[:, None]) + self.precision
-        unit = np.sqrt(np.diag(normal))
-        inverse = np.linalg.inv(normal / np.outer(unit, unit)) / np.outer(unit, unit)
-        return -inverse @ (table.T @ (self.left * weights)), inverse
+        scaled, unit = self.normal
+        inverse = np.linalg.inv(scaled) / np.outer(unit, unit)
+        return -inverse @ (self.table.T @ (self.left * self.weights)), inverse
 
     def columns_of(self, term: Term) -> NDArray[np.intp]:
         """Indices of a term's functions among the unknowns: behind values and errors of form and of
@@ -182,7 +180,6 @@ def refitted(
     setting: Configuration,
     near: Model | None = None,
     terms: tuple[Term, ...] = (),
-    steps: int = 25,
     without_error: Collection[str] = (),
 ) -> Model:
     """Refit all values and errors of form, starting from `near`, a similar model.
@@ -198,30 +195,26 @@ def refitted(
     n = len(prior.names)
     at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
     random = Random(evidence.forms, evidence.law, evidence.moving, evidence.held, terms)
-    forms = np.zeros(random.count)
+    forms, sizes, noise, own = np.zeros(random.count), USUAL, evidence.usual_noise, {}
     if near is not None:
         kept = min(len(forms), len(near.forms))
         forms[:kept] = near.forms[:kept]
-    sizes, noise, own = USUAL, evidence.usual_noise, dict[str, float]()
-    if near is not None:
         sizes, noise = near.sizes, near.noise
         own = {t.name: size for t, size in zip(near.terms, sizes.terms, strict=True)}
     sizes = replace(sizes, terms=tuple(own.get(t.name, 1.0) for t in terms))
     fresh = [len(noise) + 1 + i for i, t in enumerate(terms) if t.name not in own]
     fresh += [0] if near is None else []
-    no_more = np.zeros((evidence.count, 0))
-    pressed = np.zeros(n, dtype=bool)
+    problem, pressed = _Problem(evidence, prior, random), np.zeros(n, dtype=bool)
     now = evidence.evaluated(setting, prior, at)
     if not (np.isfinite(now.residual).all() and np.isfinite(now.jacobian).all()):
         raise np.linalg.LinAlgError("the model has no finite slopes where the refit begins")
     damping, cost = 1e-3, np.inf
-    for step in range(steps):
+    for step in range(limits.REFIT_STEPS):
         if step in (0, 4):
-            begin = at, forms, sizes, noise
-            found = _choose(evidence, prior, random, now, begin, no_more, fresh, held, anew=True)
+            found = problem.chosen(now, (at, forms, sizes, noise), held, fresh=fresh, anew=True)
             sizes, noise, forms, fresh = found.sizes, found.noise, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
-            cost = _cost(evidence, prior, now, at, forms, loads, noise)
+            cost = problem.cost(now, at, forms, loads, noise)
         residual = evidence.whitened(now.residual + loads @ forms, noise)
         table = evidence.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
         weights = evidence.weights(residual, noise)
@@ -245,7 +238,7 @@ def refitted(
             there = np.clip(at + change[:n], prior.lowest, prior.highest)
             moved = forms + change[n:]
             trial = evidence.evaluated(setting, prior, there)
-            after = _cost(evidence, prior, trial, there, moved, loads, noise)
+            after = problem.cost(trial, there, moved, loads, noise)
             gain = cost - after if np.isfinite(after) else -1.0
             if gain >= -1e-9:
                 at, forms, now, cost = there, moved, trial, after
@@ -254,108 +247,145 @@ def refitted(
             damping = max(damping, 1e-6) * 8.0
         if gain < evidence.ended:
             break
-    return _weighed(evidence, prior, random, now, (at, forms, sizes, noise), pressed)
-
-
-def _cost(
-    evidence: Evidence,
-    prior: Prior,
-    now: Point,
-    at: Array,
-    forms: Array,
-    loads: Array,
-    noise: Noise,
-) -> float:
-    residual = evidence.whitened(now.residual + loads @ forms, noise)
-    likelihood = evidence.likelihood(residual, noise)
-    return -likelihood - prior.near(at).density + 0.5 * float(forms @ forms)
+    return problem.weighed(now, (at, forms, sizes, noise), pressed)
 
 
 Begin = tuple[Array, Array, Sizes, Noise]
 """Values, amounts of random columns, their sizes, and the noise to start from."""
 
 
-def _choose(
-    evidence: Evidence,
-    prior: Prior,
-    random: Random,
-    now: Point,
-    begin: Begin,
-    more: Array,
-    fresh: Collection[int],
-    pressed: NDArray[np.bool_],
-    *,
-    anew: bool = False,
-) -> _Chosen:
-    """Sizes of random columns and noise under which the recording is most probable.
+@dataclass(frozen=True)
+class _Problem:
+    """The refit of one model: its prior, and its random columns."""
 
-    The search climbs from the given noise or, `anew`, from one that the residual makes likely, if
-    that is likelier. `more` are columns of errors of form of effects. `fresh` are axes whose sizes
-    are not known from a similar model: all their values are tried, the other axes are climbed.
-    Values that are `pressed` against an end of their range stay there.
-    """
-    at, forms, sizes, noise = begin
-    n = len(at)
-    known = prior.near(at)
-    jacobian, off = now.jacobian * ~pressed, (at - known.mean) * ~pressed
-    left = now.residual - jacobian @ off
-    table = np.concatenate([jacobian, random.columns, more], axis=1)
-    precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
-    start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
-    moves = random.moving.shape[1] > 0
-    axes: list[tuple[float, ...]] = [*evidence.noises]
-    axes += [common.MOVING_SHARES if moves else (common.USUAL_MOVING,)]
-    axes += [common.TERM_SIZES] * len(sizes.terms)
+    evidence: Evidence
+    prior: Prior
+    random: Random
 
-    whole_of, left_of = evidence.whitener(table), evidence.whitener(left)
+    def cost(self, now: Point, at: Array, forms: Array, loads: Array, noise: Noise) -> float:
+        """Negative log density at some values and amounts of random columns, nats."""
+        residual = self.evidence.whitened(now.residual + loads @ forms, noise)
+        likelihood = self.evidence.likelihood(residual, noise)
+        return -likelihood - self.prior.near(at).density + 0.5 * float(forms @ forms)
 
-    def solved(sizes: Sizes, noise: Noise, weighted: _Weighted) -> _Chosen:
-        ratio = np.ones(len(precision))
-        ratio[n : n + random.count] = random.ratio(sizes)
-        ratio[n + random.count :] = limits.EFFECT_FORM
-        whole = ratio[:, None] * weighted.normal * ratio + precision
-        size = np.sqrt(np.diag(whole))
-        whole /= size[:, None] * size
-        whole[np.diag_indices(len(size))] += 1e-13
-        factor = cho_factor(whole, lower=True, overwrite_a=True, check_finite=False)
-        moment = weighted.moment * ratio / size
-        solution = -cho_solve(factor, moment, check_finite=False) / size
-        residual = weighted.left + weighted.table @ (ratio * solution)
-        score = evidence.likelihood(residual, noise) - 0.5 * float(solution @ precision @ solution)
-        score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
-        score += sizes.odds + evidence.noise_odds(noise)
-        return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
+    def chosen(
+        self,
+        now: Point,
+        begin: Begin,
+        pressed: NDArray[np.bool_],
+        effects: Array | None = None,
+        fresh: Collection[int] = (),
+        *,
+        anew: bool = False,
+    ) -> _Chosen:
+        """Sizes of random columns and noise under which the recording is most probable.
 
-    @cache
-    def weighted_at(noise: Noise) -> _Weighted:
-        whole, rest = whole_of(noise), left_of(noise)
-        return _Weighted(whole, rest, evidence.weights(rest + whole @ start, noise))
+        The search climbs from the given noise or, `anew`, from one that the residual makes likely,
+        if that is likelier. `effects` are columns of errors of form of effects. `fresh` are axes
+        whose sizes are not known from a similar model: all their values are tried, the other axes
+        are climbed. Values that are `pressed` against an end of their range stay there.
+        """
+        evidence, prior, random = self.evidence, self.prior, self.random
+        at, forms, sizes, noise = begin
+        more = np.zeros((evidence.count, 0)) if effects is None else effects
+        n = len(at)
+        known = prior.near(at)
+        jacobian, off = now.jacobian * ~pressed, (at - known.mean) * ~pressed
+        left = now.residual - jacobian @ off
+        table = np.concatenate([jacobian, random.columns, more], axis=1)
+        precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
+        start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
+        moves = random.moving.shape[1] > 0
+        axes: list[tuple[float, ...]] = [*evidence.noises]
+        axes += [common.MOVING_SHARES if moves else (common.USUAL_MOVING,)]
+        axes += [common.TERM_SIZES] * len(sizes.terms)
+        whole_of, left_of = evidence.whitener(table), evidence.whitener(left)
 
-    @cache
-    def at_place(place: Place) -> _Chosen:
-        values = [axis[i] for axis, i in zip(axes, place, strict=True)]
-        own = tuple(values[: len(noise)])
-        moving, *of_terms = values[len(noise) :]
-        return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
+        def solved(sizes: Sizes, noise: Noise, weighted: _Weighted) -> _Chosen:
+            ratio = np.ones(len(precision))
+            ratio[n : n + random.count] = random.ratio(sizes)
+            ratio[n + random.count :] = limits.EFFECT_FORM
+            whole = ratio[:, None] * weighted.normal * ratio + precision
+            size = np.sqrt(np.diag(whole))
+            whole /= size[:, None] * size
+            whole[np.diag_indices(len(size))] += 1e-13
+            factor = cho_factor(whole, lower=True, overwrite_a=True, check_finite=False)
+            moment = weighted.moment * ratio / size
+            solution = -cho_solve(factor, moment, check_finite=False) / size
+            residual = weighted.left + weighted.table @ (ratio * solution)
+            score = evidence.likelihood(residual, noise) - 0.5 * float(
+                solution @ precision @ solution
+            )
+            score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
+            score += sizes.odds + evidence.noise_odds(noise)
+            return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
 
-    rest = left + table @ start
-    likely = (noise, *(evidence.likely_noises(rest) if anew else ()))
-    ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
-    first = max((tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score)
-    place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
-    best = at_place(place)
-    for _ in range(limits.SIZES_STEPS):
-        own = best.weighted
-        residual = own.left + own.table @ (best.ratio * best.solution)
-        own = _Weighted(own.table, own.left, evidence.weights(residual, best.noise))
-        law = _by_law(best, random.law, n)
-        again = solved(replace(best.sizes, laws=law), best.noise, own)
-        if again.score <= best.score:
-            break
-        gain, best = again.score - best.score, again
-        if gain < limits.SIZES_GAIN:
-            break
-    return best
+        @cache
+        def weighted_at(noise: Noise) -> _Weighted:
+            whole, rest = whole_of(noise), left_of(noise)
+            return _Weighted(whole, rest, evidence.weights(rest + whole @ start, noise))
+
+        @cache
+        def at_place(place: Place) -> _Chosen:
+            values = [axis[i] for axis, i in zip(axes, place, strict=True)]
+            own = tuple(values[: len(noise)])
+            moving, *of_terms = values[len(noise) :]
+            return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
+
+        rest = left + table @ start
+        likely = (noise, *(evidence.likely_noises(rest) if anew else ()))
+        ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
+        first = max(
+            (tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score
+        )
+        place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
+        best = at_place(place)
+        for _ in range(limits.SIZES_STEPS):
+            own = best.weighted
+            residual = own.left + own.table @ (best.ratio * best.solution)
+            own = _Weighted(own.table, own.left, evidence.weights(residual, best.noise))
+            law = _by_law(best, random.law, n)
+            again = solved(replace(best.sizes, laws=law), best.noise, own)
+            if again.score <= best.score:
+                break
+            gain, best = again.score - best.score, again
+            if gain < limits.SIZES_GAIN:
+                break
+        return best
+
+    def weighed(self, now: Point, begin: Begin, pressed: NDArray[np.bool_]) -> Model:
+        """The model at some values, of which some are `pressed` against an end of their range."""
+        evidence, prior, random = self.evidence, self.prior, self.random
+        at = begin[0]
+        more = evidence.effect_forms(now)
+        found = self.chosen(now, begin, pressed, more)
+        known = prior.near(at)
+        off = (at - known.mean) * ~pressed
+        left = now.residual - now.jacobian @ off
+        # Replace the normal density of the linear solution by that of the Student distribution.
+        log_evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
+        log_evidence -= len(random.terms) * float(np.log(len(common.TERM_SIZES)))
+        ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
+        if len(ends):
+            log_evidence += _at_ends(evidence, found, now.jacobian[:, ends], known, at, ends)
+        return Model(
+            point=now,
+            prior=prior,
+            mean=known.mean,
+            at=at,
+            forms=begin[1],
+            terms=random.terms,
+            sizes=found.sizes,
+            noise=found.noise,
+            evidence=log_evidence,
+            table=found.weighted.table * found.ratio,
+            left=evidence.whitened(left, found.noise),
+            raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1)
+            * found.ratio,
+            off=left,
+            precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
+            weights=found.weighted.weights,
+        )
 
 
 def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
@@ -386,45 +416,6 @@ def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
 
 def _nearest(axis: Sequence[float], value: float) -> int:
     return int(np.argmin(np.abs(np.log(np.array(axis) / value))))
-
-
-def _weighed(
-    evidence: Evidence,
-    prior: Prior,
-    random: Random,
-    now: Point,
-    begin: Begin,
-    pressed: NDArray[np.bool_],
-) -> Model:
-    at = begin[0]
-    more = evidence.effect_forms(now)
-    found = _choose(evidence, prior, random, now, begin, more, (), pressed)
-    known = prior.near(at)
-    off = (at - known.mean) * ~pressed
-    left = now.residual - now.jacobian @ off
-    # Replace the normal density of the linear solution by that of the Student distribution.
-    log_evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
-    log_evidence -= len(random.terms) * float(np.log(len(common.TERM_SIZES)))
-    ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
-    if len(ends):
-        log_evidence += _at_ends(evidence, found, now.jacobian[:, ends], known, at, ends)
-    return Model(
-        point=now,
-        prior=prior,
-        mean=known.mean,
-        at=at,
-        forms=begin[1],
-        terms=random.terms,
-        sizes=found.sizes,
-        noise=found.noise,
-        evidence=log_evidence,
-        table=found.weighted.table * found.ratio,
-        left=evidence.whitened(left, found.noise),
-        raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1) * found.ratio,
-        off=left,
-        precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
-        weights=found.weighted.weights,
-    )
 
 
 def _at_ends(

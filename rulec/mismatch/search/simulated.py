@@ -20,7 +20,7 @@ from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curv
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.evidence.stores.starting_values import from_afar
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.curve_by_simulation import axis_of, course_of, curve_of
+from rulec.mismatch.search.curve_by_simulation import axis_of, curve_of
 from rulec.mismatch.search.curve_found import Accepted, CurveFound, RejectedCandidate
 from rulec.mismatch.search.grow_sets import Progress, Search, grow, grow_terms, grown, prune
 from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names
@@ -33,7 +33,9 @@ def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
     grown(search, progress, (grow_terms, grow, prune), apart=True)
     progress("refitting the likeliest sets, with errors as they are about the best one")
     # A model that is far off has other errors of form and of sensors.
-    again = Search(StoresEvidence(bench, search.models[search.likeliest].setting))
+    evidence = search.evidence
+    assert isinstance(evidence, StoresEvidence)
+    again = Search(evidence.about(search.models[search.likeliest].setting))
     likely = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_AGAIN]
     for names in dict.fromkeys((*likely, frozenset())):
         model = search.models[names]
@@ -46,7 +48,7 @@ def begun(bench: SimulationProblem) -> Search:
     """A search that has refitted the plain model, with errors linearised at that."""
     first = StoresEvidence(bench)
     near = refitted(first, from_afar(bench, Configuration()))
-    search = Search(StoresEvidence(bench, near.setting))
+    search = Search(first.about(near.setting))
     search.keep(frozenset(), search.refit(near.setting, near))
     return search
 
@@ -140,7 +142,7 @@ def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
     near = (c.place for c in every if c.gain > least)
     places = (p.spot for p in near if p.driver == driver and p.spot is not own)
     curve = replace(
-        curve_of(found.ends.bench, first),
+        curve_of(first),
         elsewhere=tuple(f"{spot.module}.{spot.place}" for spot in places),
         lost=_lost(found, first),
     )
@@ -160,7 +162,7 @@ def _squares(ends: FinalFits, fitted: Fitted) -> Array:
 def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
     """Effects that were tried alone and gain less than a curve, by rising loss."""
     ends = found.ends
-    driver = axis_of(ends.bench, first).over(course_of(ends.bench, first))
+    driver = axis_of(first).over(first.course())
     own, lost = _squares(ends, first.fitted), list[RejectedCandidate]()
     models, alone = found.posterior.models, found.alone
     every = (models[frozenset({n})].setting for n in sorted(alone, key=lambda n: -alone[n]))

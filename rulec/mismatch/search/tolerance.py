@@ -59,10 +59,9 @@ class Tolerance:
     def _moved_by_terms(self) -> Iterator[tuple[Term, Array]]:
         """Terms without a name, and their effect on the rows, shape (rows,)."""
         model = self.model
-        last = len(model.forms) - sum(t.columns.shape[1] for t in model.terms)
         for term, size in zip(model.terms, model.sizes.terms, strict=True):
-            first, last = last, last + term.columns.shape[1]
-            yield term, term.columns @ (size * model.forms[first:last])
+            own = model.columns_of(term) - len(model.at)
+            yield term, term.columns @ (size * model.forms[own])
 
     def _moved_by(self, i: int, start: float) -> Array:
         """Change of the residuals from the null to a value, per unit of it, shape (rows,): at the

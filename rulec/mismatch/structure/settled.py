@@ -154,7 +154,7 @@ class Settled:
         own = [c for c in fitted.rows.system.candidates if set(c.modules) & set(modules)]
         result = []
         for trial in screen(fitted, own)[: limits.STRUCTURE_REFITTED]:
-            setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed)
+            setting = trial.joined_to(fitted.setting)
             there = fit(fitted.rows, setting, data.open, limits.STRUCTURE_RIVAL_STEPS)
             result.append((self._agreement(data, there), len(trial.values)))
         return result

@@ -201,8 +201,7 @@ def fitted(
 
 def joined(fitted: Fitted, trial: InitialCandidate) -> Fitted:
     """A model refitted with a candidate, as a screen found it."""
-    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    return fit(fitted.rows, setting, fitted.used)
+    return fit(fitted.rows, trial.joined_to(fitted.setting), fitted.used)
 
 
 def changed(recording: Recording, values: Mapping[str, Array]) -> Recording:

@@ -18,7 +18,7 @@ from rulec.mismatch.search.grow_sets import join_terms
 from rulec.mismatch.search.later_refits import possible_sets, refitted_again
 from rulec.mismatch.search.operating_states import begun, explain
 from rulec.mismatch.search.posterior import Posterior
-from rulec.mismatch.search.switching_terms import price
+from rulec.mismatch.search.time_course import price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
 from tests.runtime.mismatches import UNNAMED

@@ -76,15 +76,21 @@ class SteadyEvidence(Evidence):
     sensors are `exact`, laws have no error of form and errors of sensors are constant.
     """
 
-    usual_noise: Noise = (1.0,)
+    noises = (limits.NOISE_SCALES,)
+    """Sizes of the noise to try, relative to the expected one."""
+    usual_noise = (1.0,)
 
     def __init__(self, rows: Rows, points: Rows | None = None, *, exact: bool = False) -> None:
         super().__init__()
-        system = rows.system
+        self.system = system = rows.system
         self.rows, self.points = rows, rows if points is None else points
         self.readings = frozenset(s.id for s in system.ruleset.signals)
+        self.candidates = system.candidates
+        inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
+        self.places = len(system.builder.spots) * max(len(inputs) + system.data.timed, 1)
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
+        self.count = len(self.point)
         prior = prior_of(system, Configuration())
         plain = evaluated(rows, Configuration(), prior, prior.mean, system.data.open)
         laws = () if exact else system.builder.laws
@@ -96,30 +102,6 @@ class SteadyEvidence(Evidence):
         freedom = limits.FREEDOM
         constants = gammaln((freedom + self.rank) / 2) - self.rank / 2 * np.log(freedom)
         self.constant = float(np.sum(constants - gammaln(freedom / 2)))
-
-    @property
-    def system(self) -> System:
-        """The plant and its settled points."""
-        return self.rows.system
-
-    @property
-    def places(self) -> int:
-        system = self.system
-        inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
-        return len(system.builder.spots) * max(len(inputs) + system.data.timed, 1)
-
-    @property
-    def noises(self) -> tuple[tuple[float, ...], ...]:
-        """Sizes of the noise to try, relative to the expected one."""
-        return (limits.NOISE_SCALES,)
-
-    @property
-    def count(self) -> int:
-        return int(self.seen.sum())
-
-    @property
-    def candidates(self) -> Sequence[Candidate]:
-        return self.system.candidates
 
     def plain_prior(self, setting: Configuration) -> Prior:
         return prior_of(self.system, setting)

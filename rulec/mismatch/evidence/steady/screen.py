@@ -194,6 +194,10 @@ class InitialCandidate:
     gain: float
     course: Course | None = None
 
+    def joined_to(self, setting: Configuration) -> Configuration:
+        """A setting with the candidate joined."""
+        return setting.joining(self.candidate, self.values, self.fixed, self.course)
+
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreTest:

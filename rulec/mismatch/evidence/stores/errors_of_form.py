@@ -96,13 +96,13 @@ def allowed(
     """Largest error of each measured signal in 19 of 20 recordings, SI; `kept` are fixed values, SI
     by id."""
     fitter = Fitter(bench, fitted.joined, kept)
-    _, slopes = fitter.residual(fitter.vector(fitted.values), judged, judged.basis())
-    flags = judged.flags()
+    _, slopes = fitter.residual(fitter.vector(fitted.values), judged)
+    flags = judged.flags
     squares: Array = np.sum(judged.drift.moved**2, axis=1)
     for _, moved in errors_of_form(bench, fitted.ids, fitted.values):
         rows = fitter.as_rows(moved, judged)
         left = rows - slopes @ np.linalg.lstsq(slopes, rows, rcond=None)[0]
-        own = left[: int(flags.sum())] * judged.weights()[flags, None]
+        own = left[: int(flags.sum())] * judged.weights[flags, None]
         squares[flags] += np.sum(own**2, axis=1)
     parts = np.split(np.where(flags, squares, np.nan), len(bench.signals))
     means = (float(np.nanmean(square)) for square in parts)

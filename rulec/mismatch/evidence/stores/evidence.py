@@ -15,7 +15,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust_statistics import white_noise
+from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
@@ -24,12 +24,12 @@ from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.column import Column, Names, Proposal, amplitudes_of
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import Evidence, Noise, Point, climbed
-from rulec.mismatch.evidence.prior import Prior, prior_with, usual
+from rulec.mismatch.evidence.prior import Prior, usual
 from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
 from rulec.mismatch.evidence.stores.fitted_curve import Place, place_over
 from rulec.mismatch.evidence.stores.noise import errors_of_sensors, innovations
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, coarser
-from rulec.mismatch.evidence.stores.starting_values import from_afar, nearest
+from rulec.mismatch.evidence.stores.starting_values import from_afar, nearest, ways_to_join
 from rulec.mismatch.evidence.term import Term, term_with
 
 
@@ -55,8 +55,10 @@ class StoresEvidence(Evidence):
 
     def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
         super().__init__()
-        self.bench = bench
+        self.bench, self.candidates = bench, bench.candidates
+        self.places = len(bench.places) * len(bench.drivers)
         self.readings = frozenset(s.id for s in bench.ruleset.signals)
+        self.count = int(sum(known.sum() for known in self._known.values()))
         near = near or Configuration()
         ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
@@ -67,12 +69,16 @@ class StoresEvidence(Evidence):
         self.forms, self.law = np.concatenate(forms, axis=1), tuple(law)
         self.held = self._table(errors_of_sensors(bench, ids, values))
         self.of_class = (self.held,)
+        self.noises = tuple(self._noises())
         self.usual_noise = tuple(axis[len(axis) // 2] for axis in self.noises)
         self.moving = np.zeros((self.count, 0))
 
-    @property
-    def places(self) -> int:
-        return len(self.bench.places) * len(self.bench.drivers)
+    def about(self, near: Configuration) -> StoresEvidence:
+        """The same, linearised at another model."""
+        there = StoresEvidence(self.bench, near)
+        # Sizes follow from the plain model.
+        there._sizes = self._sizes
+        return there
 
     def _table(self, moved: Array) -> Array:
         """Changes of readings, shape (signals * samples, columns), SI, as rows in their noise."""
@@ -106,32 +112,19 @@ class StoresEvidence(Evidence):
     @cached_property
     def white(self) -> dict[str, float]:
         """Standard deviation of the noise of each reading, SI."""
-        record, found = self.bench.record, {}
-        for name, values in record.measured.items():
-            known = values[np.isfinite(values)]
-            found[name] = max(white_noise(np.diff(known, 3), 3), record.resolution[name], 1e-12)
-        return found
+        return {name: max(floor, 1e-12) for name, floor in self.bench.floors.items()}
 
     @cached_property
     def _runs(self) -> list[list[slice]]:
         """Rows without a gap between them, for each signal."""
         found, first = [], 0
         for known in self._known.values():
-            ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
             own = []
-            for a, b in ends.reshape(-1, 2).tolist():
+            for a, b in runs_where(known, 1):
                 own.append(slice(first, first + b - a))
                 first += b - a
             found.append(own)
         return found
-
-    @property
-    def candidates(self) -> Sequence[Candidate]:
-        return self.bench.candidates
-
-    @cached_property
-    def count(self) -> int:
-        return int(sum(known.sum() for known in self._known.values()))
 
     @property
     def log_scale(self) -> float:
@@ -139,19 +132,16 @@ class StoresEvidence(Evidence):
         sizes = zip(self.white.values(), self._known.values(), strict=True)
         return float(sum(known.sum() * np.log(white) for white, known in sizes)) / self.count
 
-    @cached_property
-    def noises(self) -> tuple[tuple[float, ...], ...]:
-        """Size of the wandering error, in white noise, its correlation time in samples, and its
+    def _noises(self) -> Iterator[tuple[float, ...]]:
+        """Sizes of the wandering error to try, in white noise, correlation times in samples, and
         smoothness, for each signal."""
-        n = len(self.bench.time)
-        axes = []
         for name, known in self._known.items():
             span = float(np.std(self._measured[name][known])) / self.white[name]
             steps = int(np.ceil(np.log2(12.0 * max(span, 1.0))))
-            sizes = [limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()]
-            lasts = (2.0 ** np.arange(int(np.log2(n / 2.0)) + 1)).tolist()
-            axes += [tuple(sizes), tuple(lasts), limits.SMOOTHNESS]
-        return tuple(axes)
+            yield limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()
+            longest = int(np.log2(len(self.bench.time) / 2.0))
+            yield tuple((2.0 ** np.arange(longest + 1)).tolist())
+            yield limits.SMOOTHNESS
 
     def likely_noises(self, residual: Array) -> list[Noise]:
         """The likeliest noise by a residual, shape (rows,), with each smoothness for all signals,
@@ -247,11 +237,7 @@ class StoresEvidence(Evidence):
         return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
     def plain_prior(self, setting: Configuration) -> Prior:
-        bench, unknowns = self.bench, {u.id: u for c in setting.joined for u in c.unknowns}
-        names = bench.free(setting.joined)
-        belief = bench.belief(tuple(n for n in names if n not in unknowns))
-        bounds = {n: bench.ends(unknowns[n]) for n in names if n in unknowns}
-        return prior_with(belief, {}, bounds, setting)
+        return self.bench.prior(setting)
 
     def driven_by(self, driver: str) -> Array:
         return self.course(Configuration(), driver)
@@ -356,8 +342,10 @@ class StoresEvidence(Evidence):
             groups.setdefault(alone.names, [alone])
         tried = []
         for names, found in groups.items():
-            ways, count = self._ways(setting, found), limits.EVALUATIONS_OF_EACH
-            near = [from_afar(self.coarse, way, count, fits=1) for way in ways]
+            kinds = ways_to_join(setting, found, self.references, self.starts)
+            ways = (nearest(self.coarse, kind) for kind in kinds)
+            count = limits.EVALUATIONS_OF_EACH
+            near = [from_afar(self.coarse, way, count, fits=1) for way in ways if way is not None]
             promises = [(self.promise(way), way) for way in near]
             tried += [(*max(promises, key=lambda one: one[0]), names)] if promises else []
         tried.sort(key=lambda one: -one[0])
@@ -372,31 +360,6 @@ class StoresEvidence(Evidence):
                 yield names, farther if self.promise(farther) > promised else way
             except np.linalg.LinAlgError:
                 continue
-
-    def _ways(self, setting: Configuration, every: Sequence[Proposal]) -> list[Configuration]:
-        """Settings from which the refit of a set may start: the best one with predicted strengths,
-        and the best ones with usual strengths, with the current and with the stated values of the
-        plant."""
-        predicted = [one.joined_to(setting) for one in every]
-        new = {c.candidate.id: c.candidate for c, _ in every[0].starts}.values()
-        fixed = {c.id: self.references(setting, c) for c in new}
-        shapes = itertools.product(*(self.starts(setting, c) for c in new))
-        signs = {
-            tuple((c.amplitude, np.sign(v - (c.amplitude.null or 0.0))) for c, v in one.starts)
-            for one in every
-        }
-        others = []
-        for each in itertools.islice(shapes, limits.SHAPES):
-            for ahead in signs:
-                there, own = setting, {u.id: usual(u, sign) for u, sign in ahead}
-                for candidate, shape in zip(new, each, strict=True):
-                    rest = {u.id: usual(u) for u in amplitudes_of(candidate)}
-                    there = there.joining(candidate, {**shape, **rest}, fixed[candidate.id])
-                others.append(replace(there, values={**there.values, **own}))
-        # Beside another explanation the values of the plant are reliable.
-        stated = [_as_stated(there) for there in others] if not setting.joined else []
-        best = (nearest(self.coarse, kind) for kind in (predicted, others, stated))
-        return [way for way in best if way is not None]
 
     def simulated(self, setting: Configuration, names: Sequence[str] = ()) -> tuple[Array, Array]:
         """Errors of a model in the noise of readings, shape (rows,), and their slopes by the named
@@ -453,12 +416,6 @@ class StoresEvidence(Evidence):
 def _of_signals(noise: Noise) -> list[tuple[float, float, float]]:
     """Size, correlation time and smoothness of the wandering error of each signal."""
     return list(zip(noise[::3], noise[1::3], noise[2::3], strict=True))
-
-
-def _as_stated(setting: Configuration) -> Configuration:
-    """A setting with the stated values of the plant."""
-    own = {u.id for c in setting.joined for u in c.unknowns}
-    return replace(setting, values={n: v for n, v in setting.values.items() if n in own})
 
 
 def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:

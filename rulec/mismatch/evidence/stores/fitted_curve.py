@@ -103,6 +103,26 @@ class FittedCurve:
         """The free values of `fitter`, shape (free,)."""
         return self.fitter.vector(self.fitted.values)
 
+    @cached_property
+    def rows(self) -> tuple[Array, Array]:
+        """Slopes by all values and their prior precision: see `rows_of`."""
+        return rows_of(system_at(self.fitter, self.at, self.place, self.judged), self.form)
+
+    @cached_property
+    def left(self) -> Array:
+        """The residual, shape (rows,)."""
+        return self.fitter.residual(self.at, self.judged)[0]
+
+    def course(self, name: str = "") -> Array:
+        """Course of the driver, or of a reading, in the model with the curve, shape (n,), SI."""
+        model, name = self.fitted, name or self.place.driver
+        return self.fitter.bench.trajectory(model.ids, model.values, name, model.inputs)
+
+    def functions_at(self, driver: Array) -> Array:
+        """Its functions at values of the driver, shape (n, functions), SI of its place."""
+        knots = self.place.knots
+        return np.stack([np.interp(driver, knots, own) for own in self.form.table.T], axis=1)
+
     def value(self, driver: Array) -> Array:
         """The curve over its driver, SI, shape of `driver`."""
         return np.asarray(np.interp(driver, self.place.knots, self.form.table @ self.amounts))
@@ -182,7 +202,7 @@ def _fitted_over(
 
 def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System:
     """Linearise a model with a curve at a point."""
-    residual, slopes = fitter.residual(at, judged, judged.basis())
+    residual, slopes = fitter.residual(at, judged)
     count = slopes.shape[1] - len(place.bends)
     by_coefficient = slopes[:, count:] / fitter.scale[count:]
     own = by_coefficient @ place.bends
@@ -237,8 +257,7 @@ def _descended(
     fitter: Fitter, at: Array, amounts: Array, place: Place, form: Form, judged: Judged
 ) -> tuple[Array, Array]:
     """Gauss-Newton steps in all values and the curve."""
-    basis = judged.basis()
-    cost = fitter.cost(at, judged, basis) + 0.5 * float(amounts @ amounts)
+    cost = fitter.cost(at, judged) + 0.5 * float(amounts @ amounts)
     for _ in range(limits.CURVE_STEPS):
         system = system_at(fitter, at, place, judged)
         table, known = rows_of(system, form)
@@ -250,7 +269,7 @@ def _descended(
             point[:count] += share * found[:count] * fitter.scale[:count]
             point = fitter.within(point)
             point[count:] = place.bends @ form.table @ there
-            now = fitter.cost(point, judged, basis) + 0.5 * float(there @ there)
+            now = fitter.cost(point, judged) + 0.5 * float(there @ there)
             if now < cost:
                 break
         else:

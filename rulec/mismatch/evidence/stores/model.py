@@ -16,6 +16,7 @@ from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.errors_of_form import changes
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
+from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate, Period
 
@@ -45,7 +46,7 @@ class Suspect:
 
 def suspects(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
-    flags = judged.flags()
+    flags = judged.flags
     weight = np.repeat([fitted.noise[n].weight for n in bench.signals], len(bench.time))[flags]
     left = np.concatenate([fitted.errors[n] for n in bench.signals])[flags] / weight
     found: list[Suspect] = []
@@ -85,8 +86,7 @@ def response(
         if moved <= 1e-12 * scatter:
             return None
         size *= scatter / moved
-        ends = np.linspace(bench.time[0], bench.time[-1], max(knots, 2))
-        shapes = [np.interp(bench.time, ends, row) for row in np.eye(len(ends))[:knots]]
+        shapes = hats(bench.time, knots)
         step = 0.02 * size
         columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
     except RanAway:
@@ -128,17 +128,17 @@ class StoresModel(Model):
         """All other values refitted, from their current values and from their linear response."""
         fitted, fitter = self.fitted, Fitter(self.bench, self.fitted.joined, self.kept)
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        basis, at, i = judged.basis(), fitter.vector(fitted.values), fitted.free.index(name)
+        at, i = fitter.vector(fitted.values), fitted.free.index(name)
         along = fitted.covariance[:, i] / fitted.covariance[i, i] / fitter.slopes(at)
         lowest, highest = fitter.bounds(name)
-        bottom = fitter.cost(at, judged, basis)
+        bottom = fitter.cost(at, judged)
         return Line(
             value=float(at[i]),
             u=fitted.u(name),
             least=0.0,
             lowest=lowest,
             highest=highest,
-            fall=lambda step: fitter.fall(at, i, step, along, judged, basis) - bottom,
+            fall=lambda step: fitter.fall(at, i, step, along, judged) - bottom,
             pace=Pace(*limits.STORES_PACE),
         )
 

@@ -97,7 +97,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
     term = fitted_curve(ends, plain, spot, "lower.h")
     assert term is not None
-    curve = curve_of(place, term)
+    curve = curve_of(term)
     assert "lower.y" == curve.driver
     off = curve.value - left_out(curve, term)
     less = np.eye(len(off)) - 1.0 / len(off)
