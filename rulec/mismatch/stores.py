@@ -79,7 +79,7 @@ def explain(
     # A place may explain errors as far as they exceed noise.
     sharp = replace(best, noise={n: Noise(floor, 1.0) for n, floor in bench.floors.items()})
     left = suspects(bench, sharp, judged)
-    model = model_of(bench, best, judged, fixed_values(best))
+    model = model_of(bench, best, judged)
     nameless = nameless_places(model, left, len(bench.candidates))
     if found.nameless or (nameless and not accepted):
         tell("drawing what has no name")
@@ -143,7 +143,7 @@ class Explanation(Explained[Fitted]):
     def _allowed(self) -> dict[str, float]:
         own, fitted = self.model, self.model.fitted
         judged = replace(own.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        return allowed(own.bench, fitted, own.kept, judged)
+        return allowed(own.bench, fitted, judged)
 
     def allowed(self, signal: str) -> float:
         """The error that sensors and laws explain, with everything else refitted."""

@@ -27,9 +27,8 @@ from rulec.mismatch.evidence.steady.screen import (
     InitialCandidate,
     Suspect,
     screen,
-    spot_column,
     suspect_at,
-    varying_parameters,
+    ways_at,
 )
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
@@ -38,7 +37,7 @@ from rulec.mismatch.search.curve_found import Accepted, CurveFound
 from rulec.mismatch.search.grow_sets import Progress, Search, grow, grow_terms, grown, prune
 from rulec.mismatch.search.intermittent_fault import with_refined_onset
 from rulec.mismatch.search.latent_input import free_course, switched_course
-from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names
+from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names, reported_setting
 from rulec.mismatch.search.scan import alike_faults, scan
 from rulec.mismatch.search.time_course import (
     coming_and_going,
@@ -141,10 +140,7 @@ def search(rows: Rows, progress: Progress) -> Found:
 def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, Candidate]]:
     """The model with terms as courses and curves; candidates by their names in the set."""
     model, reported = posterior.models[posterior.told], reported_names(posterior)
-    setting = model.setting
-    for candidate in setting.joined:
-        if name_of(setting, candidate) not in reported:
-            setting = setting.leaving(candidate.id)
+    setting = reported_setting(posterior)
     setting = replace(setting, known=known_of(model.prior, setting))
     fitted = _fitted(rows, setting.at_points(rows.system.data.time))
     for course in fitted.setting.courses:
@@ -189,19 +185,18 @@ def _fitted(rows: Rows, setting: Configuration) -> Fitted:
 
 def with_term(fitted: Fitted, term: Term) -> Fitted | None:
     """Join a term without a name as a course in time, or as a curve over its driver."""
-    spot_id, _, driver = term.name.rpartition("~")
-    place = _place(fitted, spot_id)
+    place = _place(fitted, term)
     if place is None:
         return None
     if term.basis.says:
         there = term.basis.at(fitted.rows.system.data.time)[:, 0] > 0.0
         return _with_trial(fitted, switched_course(fitted, place.spot, there))
-    if driver == TIME:
+    if term.driver == TIME:
         return _with_trial(fitted, free_course(fitted, place))
     for most in limits.BANDS:
         # Beside another curve its equation may be too long; fewer pieces make it shorter.
         with contextlib.suppress(Rejected):
-            curve = _curve_at(fitted, place.spot, driver, most)
+            curve = _curve_at(fitted, place.spot, term.driver, most)
             found = screen(fitted, [curve]) if curve is not None else []
             return _with_trial(fitted, found[0]) if found else None
     return None
@@ -232,11 +227,8 @@ def _with_trial(fitted: Fitted, trial: InitialCandidate) -> Fitted:
     return _fitted(fitted.rows, trial.joined_to(fitted.setting))
 
 
-def _place(fitted: Fitted, id_: str) -> Suspect | None:
-    """A place, or a parameter of the law there, with the error that explains most."""
-    spots = fitted.rows.system.builder.spots
-    for spot in (s for s in spots if s.id == id_):
-        column = spot_column(fitted, spot)
-        return None if column is None else suspect_at(fitted, spot, column)
-    ways = (way for spot in spots for way in varying_parameters(fitted, spot))
-    return next((way for way in ways if way.spot.id == id_), None)
+def _place(fitted: Fitted, term: Term) -> Suspect | None:
+    """The place of a term, or the parameter of the law there, with the error that explains most."""
+    ways = ways_at(fitted, fitted.rows.system.builder.places[term.spot])
+    own = (suspect_at(fitted, *way) for way in ways if way[0].id == term.changed.id)
+    return next(own, None)

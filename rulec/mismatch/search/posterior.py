@@ -11,6 +11,7 @@ import numpy as np
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.column import Names, id_of, name_of
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import Evidence
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
@@ -110,6 +111,15 @@ def reported_names(posterior: Posterior) -> Names:
         if sum(p for names, p in sets.items() if names & same) >= limits.LIKELIER:
             kept.add(name)
     return frozenset(kept)
+
+
+def reported_setting(posterior: Posterior) -> Configuration:
+    """The best set without the candidates that are not reported."""
+    setting, reported = posterior.models[posterior.told].setting, reported_names(posterior)
+    for candidate in setting.joined:
+        if name_of(setting, candidate) not in reported:
+            setting = setting.leaving(candidate.id)
+    return setting
 
 
 def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:

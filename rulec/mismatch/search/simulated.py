@@ -23,7 +23,7 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_by_simulation import axis_of, curve_of
 from rulec.mismatch.search.curve_found import Accepted, CurveFound, RejectedCandidate
 from rulec.mismatch.search.grow_sets import Progress, Search, grow, grow_terms, grown, prune
-from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names
+from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names, reported_setting
 from rulec.mismatch.search.refit import refitted
 
 
@@ -84,11 +84,7 @@ def search(bench: SimulationProblem, progress: Progress) -> Found:
     posterior = explain(bench, progress)
     progress("fitting the most probable explanation to the end")
     ends, plain = plain_end(bench, posterior.models[frozenset()].setting.values)
-    names = reported_names(posterior)
-    setting = posterior.models[posterior.told].setting
-    for candidate in setting.joined:
-        setting = setting if candidate.id in names else setting.leaving(candidate.id)
-    best = plain
+    setting, best = reported_setting(posterior), plain
     if setting.joined:
         best = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
         best = ends.sharpened(best)

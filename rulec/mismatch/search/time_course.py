@@ -19,8 +19,8 @@ from rulec.mismatch.evidence.configuration import Configuration, Course
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, fit_of, settled
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.operating_state_means import states_of
-from rulec.mismatch.evidence.steady.screen import InitialCandidate
-from rulec.mismatch.evidence.steady.terms import term_of, ways_at
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, ways_at
+from rulec.mismatch.evidence.steady.terms import term_of
 from rulec.mismatch.evidence.term import Switching, Term
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.grow_sets import Search, without

@@ -123,34 +123,39 @@ def spot_column(fitted: Fitted, spot: DisturbanceLocation) -> Array | None:
     return column if np.any(column) else None
 
 
-def varying_parameters(fitted: Fitted, spot: DisturbanceLocation) -> list[Suspect]:
-    """Parameters of the law at a place, each with its own course.
+Changing = tuple[DisturbanceLocation, Array]
+"""A place, or a parameter of the law there, and the slopes of all rows by it, shape (rows,)."""
+
+
+def ways_at(fitted: Fitted, spot: DisturbanceLocation) -> list[Changing]:
+    """A place, and the parameters of the law there; none where the place does not show.
 
     A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
     """
+    column = spot_column(fitted, spot)
+    found = [] if column is None else [(spot, column)]
+    if column is None or spot.kind != "definition":
+        return found
     rows, system = fitted.rows, fitted.rows.system
-    if spot.kind != "definition":
-        return []
     parameters = system.builder.parameters
     own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
     names = [parameters.ids[i] for i in own]
     modules = system.reached(spot.observers)
     slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
     reached = {system.number[o] for o in spot.observers if o in system.number}
-    found = []
     for i, name in zip(own, names, strict=True):
         changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
-        if set(changed) != reached:
-            continue
-        shown = parameters.units[i], float(parameters.factors[i])
-        changing = parameter_at(spot, f"parameter:{name}", name + CHANGE, *shown)
-        found.append(suspect_at(fitted, changing, rows.column(fitted.maps, changed)))
+        if set(changed) == reached:
+            shown = parameters.units[i], float(parameters.factors[i])
+            way = parameter_at(spot, f"parameter:{name}", name + CHANGE, *shown)
+            found.append((way, rows.column(fitted.maps, changed)))
     return found
 
 
 def parameter_at(
     spot: DisturbanceLocation, id_: str, unknown: str, unit: str, factor: float
 ) -> DisturbanceLocation:
+    """A parameter of the law at a place, as a place."""
     return replace(spot, id=id_, kind="parameter", unit=unit, factor=factor, unknown=unknown)
 
 

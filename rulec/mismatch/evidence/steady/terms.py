@@ -11,35 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME, DisturbanceLocation
+from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.screen import spot_column, variables_of, varying_parameters
+from rulec.mismatch.evidence.steady.screen import Changing, variables_of, ways_at
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.term import Basis, Switching, Term, basis_over, term_with, ways_there
-
-Changing = tuple[DisturbanceLocation, Array]
-"""A place, or a parameter of the law there, and the slopes of all rows by it, shape (rows,)."""
 
 
 def driver_of(system: System, name: str) -> Array:
     """Values of a driver at all points, shape (n,), SI; NaN where it was not read."""
     return system.data.time if name == TIME else system.data.values[name]
-
-
-def ways_at(fitted: Fitted, spot: DisturbanceLocation) -> list[Changing]:
-    """A place, and the parameters of the law there; none where the place does not show.
-
-    A driver seldom adds to a law: it changes a parameter of it.
-    """
-    column = spot_column(fitted, spot)
-    if column is None:
-        return []
-    parameters = varying_parameters(fitted, spot)
-    return [(spot, column), *((way.spot, way.column) for way in parameters)]
 
 
 def term_of(

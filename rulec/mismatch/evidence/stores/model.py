@@ -15,7 +15,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.errors_of_form import changes
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate, Period
@@ -117,16 +117,16 @@ def _suspect(
 
 @dataclass(frozen=True, kw_only=True)
 class StoresModel(Model):
-    """Output error of a simulation; `kept` are fixed values, SI by id."""
+    """Output error of a simulation."""
 
     bench: SimulationProblem
     fitted: Fitted
     judged: Judged
-    kept: Mapping[str, float]
 
     def line(self, name: str) -> Line:
         """All other values refitted, from their current values and from their linear response."""
-        fitted, fitter = self.fitted, Fitter(self.bench, self.fitted.joined, self.kept)
+        fitted = self.fitted
+        fitter = Fitter(self.bench, fitted.joined, fixed_values(fitted))
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         at, i = fitter.vector(fitted.values), fitted.free.index(name)
         along = fitted.covariance[:, i] / fitted.covariance[i, i] / fitter.slopes(at)
@@ -196,10 +196,8 @@ class StoresModel(Model):
         return self._courses.get(name)
 
 
-def model_of(
-    bench: SimulationProblem, fitted: Fitted, judged: Judged, kept: Mapping[str, float]
-) -> StoresModel:
-    """The model of a fit; `kept` are fixed values, SI by id."""
+def model_of(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> StoresModel:
+    """The model of a fit."""
     return StoresModel(
         ruleset=bench.ruleset,
         builder=bench.builder,
@@ -210,7 +208,6 @@ def model_of(
         bench=bench,
         fitted=fitted,
         judged=judged,
-        kept=kept,
     )
 
 

@@ -94,13 +94,10 @@ def ways_to_join(
                 rest = {u.id: usual(u) for u in amplitudes_of(candidate)}
                 there = there.joining(candidate, {**shape, **rest}, fixed[candidate.id])
             usually.append(replace(there, values={**there.values, **own}))
-    predicted, own = (
-        [p.joined_to(setting) for p in proposals],
-        {u.id for c in new for u in c.unknowns},
-    )
     # Beside another explanation the values of the plant are reliable.
+    unknowns = {u.id for c in new for u in c.unknowns}
     stated = [
-        replace(there, values={n: v for n, v in there.values.items() if n in own})
+        replace(there, values={n: v for n, v in there.values.items() if n in unknowns})
         for there in (() if setting.joined else usually)
     ]
-    return predicted, usually, stated
+    return [one.joined_to(setting) for one in proposals], usually, stated

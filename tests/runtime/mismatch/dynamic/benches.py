@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, fixed_values, plain_end
+from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.grow_sets import Search, grow_terms, join_columns
@@ -118,5 +118,5 @@ def explained(
     recording: Recording, place: SimulationProblem, ends: FinalFits, plain: Fitted, best: Fitted
 ) -> Explanation:
     """What is told of that."""
-    model = model_of(place, best, ends.judged, fixed_values(best))
+    model = model_of(place, best, ends.judged)
     return explanation(recording, model, as_found(ends, plain, best))

@@ -118,7 +118,7 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     assert {fault, "pump.leakage", "pump.u.high"} <= told
     judged, best = found.ends.judged, found.best
     best = Fitter(place, best.joined, fixed_values(best)).with_covariance(best, judged)
-    model = model_of(place, best, judged, fixed_values(best))
+    model = model_of(place, best, judged)
     (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}

@@ -32,7 +32,7 @@ def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places:
     plain = replace(plain, noise={"lower.y": Noise(times * NOISE, 5.0)})
     spot = next(s for s in place.builder.spots if s.id == "balance:upper.h")
     left = [Suspect(spot, np.ones(len(place.time)), 100.0, share)]
-    model = model_of(place, plain, ends.judged, {})
+    model = model_of(place, plain, ends.judged)
     found = nameless_places(model, left, len(place.candidates))
     assert places == [f"{p.module}.{p.place}" for p in found]
 

@@ -102,7 +102,7 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     assert found.noise["lower.y"].spread == pytest.approx(NOISE, rel=0.15)
     judged = replace(ends.judged, noise=found.noise)
     exact = Fitter(place, found.joined, fixed_values(found)).with_covariance(found, judged)
-    model = model_of(place, exact, judged, fixed_values(found))
+    model = model_of(place, exact, judged)
     width = {}
     for key in (f"{OVERFLOW}.l_o", f"{OVERFLOW}.f"):
         assert abs(found.values[key] - RIM[key]) < 4.0 * exact.u(key), key
