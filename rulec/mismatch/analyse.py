@@ -181,7 +181,7 @@ def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
     for fit in fits:
         error = max(fit.estimation.repaired, fit.heldout.repaired) * signals[fit.signal].factor
         noise = limits.FAR_OFF * fit.heldout.noise * signals[fit.signal].factor
-        if error > np.hypot(noise, found.allowed(fit.signal)):
+        if error > np.hypot(noise, found.allowed.get(fit.signal, np.inf)):
             size = float(np.sqrt(np.nanmean(found.recording.values[fit.signal] ** 2)))
             beyond.append((fit, error / size))
     return Doubt(found.nothing, tuple(beyond), strain)

@@ -180,12 +180,8 @@ class Explanation(Explained[Fitted]):
     fitted: Fitted
     latent: tuple[Reconstruction, ...]
 
-    def allowed(self, signal: str) -> float:
-        """The error that sensors and laws explain; infinite for a reading that is no output."""
-        return self._allowed.get(signal, np.inf)
-
     @cached_property
-    def _allowed(self) -> dict[str, float]:
+    def allowed(self) -> dict[str, float]:
         return self.posterior.tolerance.allowed
 
     @property

@@ -140,14 +140,11 @@ class Explanation(Explained[Fitted]):
         return self.model.bench
 
     @cached_property
-    def _allowed(self) -> dict[str, float]:
+    def allowed(self) -> dict[str, float]:
+        """Errors that sensors and laws explain, with everything else refitted."""
         own, fitted = self.model, self.model.fitted
         judged = replace(own.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         return allowed(own.bench, fitted, judged)
-
-    def allowed(self, signal: str) -> float:
-        """The error that sensors and laws explain, with everything else refitted."""
-        return self._allowed.get(signal, np.inf)
 
     def evidence_per_row(self) -> tuple[float, int]:
         """Log odds of the likeliest set per reading, nats, and the number of readings."""

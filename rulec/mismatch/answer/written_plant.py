@@ -139,10 +139,11 @@ class Explained(ABC, Generic[F]):
     believed: Mapping[str, float] = field(default_factory=dict)
     curves: tuple[CurveTerm, ...] = ()
 
-    def allowed(self, signal: str) -> float:
-        """Error of a reading that sensors within their class and laws within their accuracy explain
-        in 95 % of recordings, SI; infinite if unknown."""
-        return float("inf")
+    @property
+    @abstractmethod
+    def allowed(self) -> Mapping[str, float]:
+        """Error of each output that sensors within their class and laws within their accuracy
+        explain in 95 % of recordings, SI."""
 
     def evidence_per_row(self) -> tuple[float, int]:
         """Log odds of the likeliest set per reading, nats, with readings in SI, and their number;

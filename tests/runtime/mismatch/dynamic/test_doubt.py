@@ -42,8 +42,8 @@ def test_a_sound_plant_gets_its_tick_and_none_where_more_is_left(plain: Explanat
     """Noise is left, as is what sensors within their class and laws within their accuracy do; what
     no law within its accuracy explains is missing, whether it has a name or not."""
     assert plain.nothing > 0.9
-    assert 5.0 * NOISE < plain.allowed("lower.y") < 0.5
-    said = [verdict(plain, share * plain.allowed("lower.y")) for share in (0.0, 0.8, 1.5)]
+    assert 5.0 * NOISE < plain.allowed["lower.y"] < 0.5
+    said = [verdict(plain, share * plain.allowed["lower.y"]) for share in (0.0, 0.8, 1.5)]
     assert ["none", "none", "unsure"] == said
 
 
