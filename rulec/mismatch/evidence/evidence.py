@@ -208,7 +208,7 @@ class Evidence(ABC):
         """Terms without a name for each place and each driver, linearised at a model."""
 
     @abstractmethod
-    def beginnings(
+    def starting_points(
         self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]
     ) -> Iterator[tuple[Names, Configuration]]:
         """Where the refits of a setting with proposals joined begin, each with the names of what is

@@ -126,7 +126,7 @@ def join_columns(search: Search, names: Names, every: Iterable[Column]) -> None:
     every = [c for c in every if not holds(model.terms, c.rows)]
     found = scan(evidence, model, every, search.alike, common.SETS_REFITTED)
     new = [one for one in found if names | one.names not in search.odds]
-    for more, begin in evidence.beginnings(model.setting, every, new):
+    for more, begin in evidence.starting_points(model.setting, every, new):
         search.join(names, more, begin)
 
 

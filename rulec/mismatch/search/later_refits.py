@@ -107,9 +107,9 @@ def _result(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
     """The verdict by probabilities only, and the likely explanations, the likeliest first."""
     if found is None:
         return "cannot judge", ()
-    every, (titles, sorts) = _by_id(found), _titles(found)
-    kept = sorted((k for k, p in every.items() if p >= common.MENTIONED), key=lambda k: -every[k])
-    return _verdict(every, sorts), tuple(Likely(key, titles[key], every[key]) for key in kept)
+    every, sorts = _explanations(found)
+    kept = [one for one in every.values() if one.probability >= common.MENTIONED]
+    return _verdict(every, sorts), tuple(sorted(kept, key=lambda one: -one.probability))
 
 
 def _key(name: str) -> str:
@@ -118,21 +118,10 @@ def _key(name: str) -> str:
     return TERM + driver if mark else id_of(name)
 
 
-def _by_id(posterior: Posterior) -> dict[str, float]:
-    """Probability of each explanation, by its id; as in a finding, that errors of laws and sensors
+def _explanations(posterior: Posterior) -> tuple[dict[str, Likely], dict[str, str]]:
+    """All explanations and their sorts, by id; as in a finding, that errors of laws and sensors
     alone explain the misfit counts against those of the best set."""
-    found = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
-    for names, probability in posterior.sets.items():
-        for key in {_key(name) for name in names}:
-            found[key] = found.get(key, 0.0) + probability
-    exact = posterior.tolerance.stand_out
-    return {k: p * (1.0 - limits.INEXACT * (1.0 - exact.get(k, 1.0))) for k, p in found.items()}
-
-
-def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
-    """Titles and sorts of all explanations by their ids."""
-    titles = {NOTHING: "nothing left out"}
-    sorts = {NOTHING: "none"}
+    titles, sorts = {NOTHING: "nothing left out"}, {NOTHING: "none"}
     for names, model in posterior.models.items():
         for candidate in model.setting.joined:
             key, title = _key(name_of(model.setting, candidate)), titled_with_module(candidate)
@@ -142,31 +131,35 @@ def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
             driver = key.removeprefix(TERM)
             follows = "time" if driver == TIME else driver
             titles[key], sorts[key] = f"something without a name over {follows}", "free"
-    return titles, sorts
+    shares = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
+    for names, probability in posterior.sets.items():
+        for key in {_key(name) for name in names}:
+            shares[key] = shares.get(key, 0.0) + probability
+    exact = posterior.tolerance.stand_out
+    inexact = {k: limits.INEXACT * (1.0 - exact.get(k, 1.0)) for k in shares}
+    return {k: Likely(k, titles[k], p * (1.0 - inexact[k])) for k, p in shares.items()}, sorts
 
 
-def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
-    if found[NOTHING] >= limits.LIKELIER:
+def _verdict(found: Mapping[str, Likely], sorts: Mapping[str, str]) -> str:
+    if found[NOTHING].probability >= limits.LIKELIER:
         return "none"
-    best = max(found.keys() - {NOTHING}, key=lambda key: (found[key], key))
+    best = max(found.keys() - {NOTHING}, key=lambda key: (found[key].probability, key))
     sort = SORTED.get(sorts[best], "unnamed")
-    return "ambiguous" if sort != "unnamed" and found[best] < common.CERTAIN else sort
+    unsure = sort != "unnamed" and found[best].probability < common.CERTAIN
+    return "ambiguous" if unsure else sort
 
 
 def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ...]:
     """Probabilities before and after of explanations that are likely in either; None before the
     first recording that could be judged."""
-    titles: dict[str, str] = {}
-    shares: list[dict[str, float]] = []
-    for found in (before, after):
-        shares.append({} if found is None else _by_id(found))
-        titles |= {} if found is None else _titles(found)[0]
-    first, last = shares
-    every = {k: (first.get(k, 0.0 if first else None), last.get(k, 0.0)) for k in first | last}
-    largest = {key: max(old or 0.0, new) for key, (old, new) in every.items()}
-    kept = [key for key, share in largest.items() if share >= common.MENTIONED]
-    kept.sort(key=lambda key: (-largest[key], key))
-    return tuple(Moved(key, titles[key], *every[key]) for key in kept)
+    first, last = ({} if found is None else _explanations(found)[0] for found in (before, after))
+    found = []
+    for key, one in (first | last).items():
+        old = first[key].probability if key in first else 0.0 if first else None
+        new = last[key].probability if key in last else 0.0
+        if max(old or 0.0, new) >= common.MENTIONED:
+            found.append(Moved(key, one.title, old, new))
+    return tuple(sorted(found, key=lambda one: (-max(one.before or 0.0, one.after), one.id)))
 
 
 # Refit a set for a plant file: no errors of sensors and no errors of form.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# Fits to settled points.
+# Refits.
 
 HALF_STEPS = 50
 """Most steps of a refit that starts close to its optimum. Origin: numerical."""
@@ -91,7 +91,7 @@ BAND_WIDTH = 4.0
 WEIGHED = 6
 """Other explanations that are fitted to convergence. Origin: assumed."""
 
-# Evidence: noise, errors of form, errors of sensors, terms.
+# Evidence and odds.
 
 INEXACT = 0.5
 """Probability that an error of laws or sensors is the cause where an explanation moves no reading

@@ -91,7 +91,7 @@ def _refit_candidates_for_terms(search: Search) -> None:
         every = [c for c in every if not holds(model.terms, c.rows)]
         for one in scan(evidence, model, every, search.alike, common.LOST_TOLD):
             if len(one.starts) == 1 and rest | one.names not in search.odds:
-                for more, begin in evidence.beginnings(model.setting, every, [one]):
+                for more, begin in evidence.starting_points(model.setting, every, [one]):
                     search.join(rest, more, begin)
 
 

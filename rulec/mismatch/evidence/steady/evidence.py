@@ -158,7 +158,7 @@ class SteadyEvidence(Evidence):
     def terms(self, point: Point) -> list[Term]:
         return terms_at(fit_of(point), self.seen)
 
-    def beginnings(
+    def starting_points(
         self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]
     ) -> Iterator[tuple[Names, Configuration]]:
         """From all shapes that some view of the recording found best, by the largest gain of each,

@@ -328,7 +328,7 @@ class StoresEvidence(Evidence):
             if term is not None:
                 yield term
 
-    def beginnings(
+    def starting_points(
         self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]
     ) -> Iterator[tuple[Names, Configuration]]:
         """The most promising beginning of each set, by least squares from several ones, of the most
@@ -343,9 +343,11 @@ class StoresEvidence(Evidence):
         tried = []
         for names, found in groups.items():
             kinds = ways_to_join(setting, found, self.references, self.starts)
-            ways = (nearest(self.coarse, kind) for kind in kinds)
+            best = [way for kind in kinds if (way := nearest(self.coarse, kind)) is not None]
+            # Kinds often agree on the best one.
+            ways = {tuple(way.values.items()): way for way in best}.values()
             count = limits.EVALUATIONS_OF_EACH
-            near = [from_afar(self.coarse, way, count, fits=1) for way in ways if way is not None]
+            near = [from_afar(self.coarse, way, count, fits=1) for way in ways]
             promises = [(self.promise(way), way) for way in near]
             tried += [(*max(promises, key=lambda one: one[0]), names)] if promises else []
         tried.sort(key=lambda one: -one[0])
