@@ -22,8 +22,7 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import gammainc, log_ndtr
 
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import Column
-from rulec.mismatch.evidence.evidence import Evidence
+from rulec.mismatch.evidence.evidence import Column, Evidence
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search

@@ -15,15 +15,14 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import Column, id_of
-from rulec.mismatch.evidence.evidence import Evidence, Random
+from rulec.mismatch.evidence.evidence import Column, Evidence, Random, id_of
 from rulec.mismatch.inference import limits
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.result import Detectability, SelfProof
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.posterior import Posterior, titled_with_module
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.unnamed_terms import places_of
+from rulec.mismatch.search.scan import places_of
 
 # Replays of a recording by the plant's own model.
 #

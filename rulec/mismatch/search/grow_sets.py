@@ -11,15 +11,13 @@ from rulec_runtime.report.text import counted
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import Column, Names, id_of
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.evidence import Evidence
+from rulec.mismatch.evidence.evidence import Column, Evidence, Names, id_of
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.posterior import Posterior, posterior
 from rulec.mismatch.search.refit import Model, refitted
-from rulec.mismatch.search.scan import Alike, scan
-from rulec.mismatch.search.unnamed_terms import beside, holds, nameless
+from rulec.mismatch.search.scan import Alike, beside, holds, nameless, scan
 
 Progress = Callable[[str], None]
 

@@ -13,8 +13,8 @@ from rulec_runtime.report.text import listed
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import Names, id_of, name_of
 from rulec.mismatch.evidence.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.evidence import Names, id_of, name_of
 from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, settled
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states

@@ -16,8 +16,8 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.language.expression import Rejected
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import name_of
 from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.evidence import name_of
 from rulec.mismatch.evidence.prior import known_of
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
@@ -38,7 +38,7 @@ from rulec.mismatch.search.grow_sets import Progress, Search, grow, grow_terms, 
 from rulec.mismatch.search.intermittent_fault import with_refined_onset
 from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names, reported_setting
-from rulec.mismatch.search.scan import alike_faults, scan
+from rulec.mismatch.search.scan import alike_faults, holds, scan
 from rulec.mismatch.search.time_course import (
     coming_and_going,
     ends_of,
@@ -46,7 +46,6 @@ from rulec.mismatch.search.time_course import (
     refine_onsets,
     refit_switching_terms,
 )
-from rulec.mismatch.search.unnamed_terms import holds
 
 
 def explain(every: Rows, progress: Progress) -> Posterior:

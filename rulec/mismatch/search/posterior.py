@@ -10,15 +10,14 @@ import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import Names, id_of, name_of
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.evidence import Evidence
+from rulec.mismatch.evidence.evidence import Evidence, Names, id_of, name_of
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import Accepted
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.scan import coincide, holds, slopes_of
 from rulec.mismatch.search.tolerance import Tolerance
-from rulec.mismatch.search.unnamed_terms import coincide, holds, slopes_of
 
 
 @dataclass(frozen=True)

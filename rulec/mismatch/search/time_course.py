@@ -14,8 +14,8 @@ from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.column import Names, marked
 from rulec.mismatch.evidence.configuration import Configuration, Course
+from rulec.mismatch.evidence.evidence import Names, marked
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, fit_of, settled
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.operating_state_means import states_of

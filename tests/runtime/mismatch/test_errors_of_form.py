@@ -13,8 +13,7 @@ from rulec.mismatch import stores
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import climbed
-from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
-from rulec.mismatch.evidence.steady.random_columns import errors_of_effects
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, errors_of_effects
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.search.operating_states import explain

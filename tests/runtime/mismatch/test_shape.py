@@ -32,7 +32,7 @@ from rulec.mismatch.search.curve_at_points import gap_between
 from rulec.mismatch.search.curve_found import Branches
 from rulec.mismatch.search.operating_states import begun, with_term
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.unnamed_terms import beside, holds
+from rulec.mismatch.search.scan import beside, holds
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import alone, compared, recorded, rows_at, tour
 

@@ -21,9 +21,17 @@ from rulec_runtime.simulation.balances import TIME, RanAway
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.column import Column, Names, Proposal, amplitudes_of
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.evidence import Evidence, Noise, Point, climbed
+from rulec.mismatch.evidence.evidence import (
+    Column,
+    Evidence,
+    Names,
+    Noise,
+    Point,
+    Proposal,
+    amplitudes_of,
+    climbed,
+)
 from rulec.mismatch.evidence.prior import Prior, usual
 from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
 from rulec.mismatch.evidence.stores.fitted_curve import Place, place_over

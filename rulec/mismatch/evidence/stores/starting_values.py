@@ -16,8 +16,8 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.column import Proposal, amplitudes_of
 from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.evidence import Proposal, amplitudes_of
 from rulec.mismatch.evidence.prior import usual
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, no_drift
