@@ -44,8 +44,7 @@ ROOMS = (
     "rulec.curves", "rulec.study", "rulec.export", "rulec.separation", "rulec.fleet",
     "rulec.mismatch.limits", "rulec.mismatch.result", "rulec.mismatch.evidence",
     "rulec.mismatch.evidence.steady", "rulec.mismatch.evidence.stores",
-    "rulec.mismatch.structure", "rulec.mismatch.search",
-    "rulec.mismatch.search.settled", "rulec.mismatch.search.stores", "rulec.mismatch.experiment",
+    "rulec.mismatch.structure", "rulec.mismatch.search", "rulec.mismatch.experiment",
     "rulec.mismatch.inference", "rulec.mismatch.answer", "rulec.mismatch",
     "rulec.demo", "rulec.mtp", "rulec.commands", "rulec", "rulec.prove", "rulec.prove.real",
 )  # fmt: skip

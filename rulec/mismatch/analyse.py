@@ -33,9 +33,9 @@ from rulec.mismatch.answer.written_plant import (
     refusal,
     written,
 )
+from rulec.mismatch.evidence.configuration import ERROR
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
-from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.prove import confounded, heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
@@ -181,7 +181,7 @@ def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
     for fit in fits:
         error = max(fit.estimation.repaired, fit.heldout.repaired) * signals[fit.signal].factor
         noise = limits.FAR_OFF * fit.heldout.noise * signals[fit.signal].factor
-        if error > np.hypot(noise, found.allowed(fit.signal)):
+        if error > np.hypot(noise, found.allowed.get(fit.signal, np.inf)):
             size = float(np.sqrt(np.nanmean(found.recording.values[fit.signal] ** 2)))
             beyond.append((fit, error / size))
     return Doubt(found.nothing, tuple(beyond), strain)

@@ -189,3 +189,28 @@ LOST_TOLD = 3
 
 ACCURACY_STEPS = 3
 """Refits that estimate the accuracy of laws. Origin: numerical."""
+
+# The evidence and its search.
+
+FORM_KNOWN = 2.0
+"""Factor within which the accuracy of a law gives the size of its error of form. Origin:
+assumed."""
+
+MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
+"""Movements of sensor errors within their class during a recording to try, as shares of the
+standard uncertainty. Origin: numerical."""
+
+USUAL_MOVING = 0.2
+"""The usual one of these: most of a sensor's class is a constant error. Origin: assumed."""
+
+TERM_SIZES = (1.0, 3.0, 10.0, 30.0, 95.0, 300.0, 950.0, 3000.0)
+"""Sizes of terms without a name to try, in units of the noise of a point. Origin: numerical."""
+
+ONSETS = 23
+"""Onsets of a fault to try at first. Origin: numerical."""
+
+LARGEST_SET = 5
+"""Most explanations reported together. Origin: assumed."""
+
+SETS_REFITTED = 12
+"""Sets refitted per set that is grown. Origin: numerical."""

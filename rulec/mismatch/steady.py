@@ -26,9 +26,9 @@ from rulec.mismatch.answer.written_plant import (
     Refits,
     file_of,
 )
+from rulec.mismatch.evidence.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
 from rulec.mismatch.evidence.model import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.model import SteadyModel, evidence_of, model_of
 from rulec.mismatch.evidence.steady.prepare import prepare
@@ -48,14 +48,14 @@ from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, rms
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.intermittent_fault import in_periods
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
-from rulec.mismatch.search.settled.best_set import Search, search
-from rulec.mismatch.search.settled.later_refits import (
+from rulec.mismatch.search.later_refits import (
     ByRecording,
     as_written,
     by_recording,
     clear_states,
     possible_sets,
 )
+from rulec.mismatch.search.operating_states import Found, search
 from rulec.simulation.predict import predict
 
 SHOWN = 4
@@ -93,7 +93,7 @@ def explain(
     return _explained(recording, found, by)
 
 
-def _explained(recording: Recording, found: Search, by: ByRecording | None) -> Explanation:
+def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Explanation:
     fitted, accepted, posterior = found.fitted, found.accepted, found.posterior
     system = fitted.rows.system
     # Places with an unrecorded driver, in the order in which they were found.
@@ -180,12 +180,8 @@ class Explanation(Explained[Fitted]):
     fitted: Fitted
     latent: tuple[Reconstruction, ...]
 
-    def allowed(self, signal: str) -> float:
-        """The error that sensors and laws explain; infinite for a reading that is no output."""
-        return self._allowed.get(signal, np.inf)
-
     @cached_property
-    def _allowed(self) -> dict[str, float]:
+    def allowed(self) -> dict[str, float]:
         return self.posterior.tolerance.allowed
 
     @property

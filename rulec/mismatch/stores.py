@@ -11,7 +11,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.columns import thinned
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.report.text import counted, listed
 from rulec_runtime.simulation.balances import RanAway
 
@@ -23,12 +22,14 @@ from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
 from rulec.mismatch.evidence.stores.errors_of_form import allowed
+from rulec.mismatch.evidence.stores.evidence import StoresEvidence
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.model import StoresModel, model_of
 from rulec.mismatch.evidence.stores.noise import no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import (
     SimulationProblem,
     lacking,
+    noise_floor,
     record_of,
     stored_evidence,
     without_odd,
@@ -36,8 +37,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import (
 from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search.curve_found import Accepted
-from rulec.mismatch.search.stores.best_set import Found, curves_of, likeliest_curve, search
-from rulec.mismatch.search.stores.geometry import StoresGeometry
+from rulec.mismatch.search.simulated import Found, curves_of, likeliest_curve, search
 
 
 def explain(
@@ -74,7 +74,7 @@ def explain(
         dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, judged)
-    model = model_of(bench, best, judged, fixed_values(best))
+    model = model_of(bench, best, judged)
     nameless: tuple[Location, ...] = ()
     if found.nameless:
         tell("drawing what has no name")
@@ -135,21 +135,18 @@ class Explanation(Explained[Fitted]):
         return self.model.bench
 
     @cached_property
-    def _allowed(self) -> dict[str, float]:
+    def allowed(self) -> dict[str, float]:
+        """Errors that sensors and laws explain, with everything else refitted."""
         own, fitted = self.model, self.model.fitted
         judged = replace(own.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        return allowed(own.bench, fitted, own.kept, judged)
-
-    def allowed(self, signal: str) -> float:
-        """The error that sensors and laws explain, with everything else refitted."""
-        return self._allowed.get(signal, np.inf)
+        return allowed(own.bench, fitted, judged)
 
     def evidence_per_row(self) -> tuple[float, int]:
         """Log odds of the likeliest set per reading, nats, and the number of readings."""
         posterior = self.posterior
-        geometry = posterior.geometry
-        assert isinstance(geometry, StoresGeometry)
-        return posterior.odds[posterior.best] / geometry.count - geometry.log_scale, geometry.count
+        evidence = posterior.evidence
+        assert isinstance(evidence, StoresEvidence)
+        return posterior.odds[posterior.best] / evidence.count - evidence.log_scale, evidence.count
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""
@@ -302,11 +299,6 @@ def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
     return Proof(fit, Predicted(*(e + measured for e in errors)), known)
 
 
-def noise_floor(measured: Array) -> float:
-    """Scatter of a reading, shape (n,), by third differences, to which states contribute none."""
-    return white_noise(np.diff(measured, 3), 3)
-
-
 def _worse(proof: Proof) -> float:
     """The error before the repair, in units of noise."""
     errors = proof.fit.estimation
@@ -364,7 +356,7 @@ def _refitted(
 def _squares(fitted: Fitted, judged: Judged) -> float:
     """Squared errors in the same noise for all fits, plus the negative log prior."""
     errors = np.concatenate(list(fitted.errors.values()))
-    weighted = (errors / judged.weights())[judged.flags()]
+    weighted = (errors / judged.weights)[judged.flags]
     return 0.5 * float(weighted @ weighted) + fitted.negative_log_prior
 
 

@@ -15,8 +15,9 @@ from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.fit import Fitted, plain_end
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
-from rulec.mismatch.search.stores.grow_sets import begun, grow
+from rulec.mismatch.search.simulated import begun
 from tests.conftest import ROOT, recordings_folder
+from tests.runtime.mismatch.dynamic.benches import grow_by
 
 
 def recorded(name: str) -> Path:
@@ -33,7 +34,7 @@ def fitted(plant: str, file: str, *joined: str) -> tuple[SimulationProblem, Fitt
     assert record is not None
     bench = SimulationProblem(ruleset, builder, record)
     search = begun(bench)
-    grow(search, frozenset(), set(joined))
+    grow_by(search, *joined)
     ends, plain = plain_end(bench, search.models[frozenset()].setting.values)
     setting = search.models[frozenset(joined)].setting
     return bench, plain, ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)

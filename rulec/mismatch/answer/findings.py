@@ -15,8 +15,8 @@ from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.answer.shapes import shape_of
 from rulec.mismatch.answer.wording import quantity
+from rulec.mismatch.evidence.configuration import HIDDEN
 from rulec.mismatch.evidence.model import Model, Variable, periods_of, region_of
-from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.inference.prove import profile
 from rulec.mismatch.result import (
@@ -30,7 +30,7 @@ from rulec.mismatch.result import (
     Update,
 )
 from rulec.mismatch.search.curve_found import Accepted, CurveFound
-from rulec.mismatch.search.settled.later_refits import ByRecording
+from rulec.mismatch.search.later_refits import ByRecording
 
 MOVED = 3
 """Most explanations in the sentence on a further recording."""

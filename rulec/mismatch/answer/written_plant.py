@@ -28,8 +28,8 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.write_plant import trial
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import suffix
+from rulec.mismatch.evidence.configuration import HIDDEN
 from rulec.mismatch.evidence.model import Model, Samples, inside_of
-from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Predicted, Proof, course_of, rms
 from rulec.mismatch.result import (
     CandidateSet,
@@ -45,7 +45,7 @@ from rulec.mismatch.result import (
     Update,
 )
 from rulec.mismatch.search.curve_found import Accepted
-from rulec.mismatch.search.settled.grow_sets import Posterior
+from rulec.mismatch.search.posterior import Posterior
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.predict import predict
 
@@ -139,10 +139,11 @@ class Explained(ABC, Generic[F]):
     believed: Mapping[str, float] = field(default_factory=dict)
     curves: tuple[CurveTerm, ...] = ()
 
-    def allowed(self, signal: str) -> float:
-        """Error of a reading that sensors within their class and laws within their accuracy explain
-        in 95 % of recordings, SI; infinite if unknown."""
-        return float("inf")
+    @property
+    @abstractmethod
+    def allowed(self) -> Mapping[str, float]:
+        """Error of each output that sensors within their class and laws within their accuracy
+        explain in 95 % of recordings, SI."""
 
     def evidence_per_row(self) -> tuple[float, int]:
         """Log odds of the likeliest set per reading, nats, with readings in SI, and their number;

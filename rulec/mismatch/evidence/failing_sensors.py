@@ -23,6 +23,9 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.result import Finding, Location, Period
 
+OF_STUCK = ("stuck-reading", "Sensor that is stuck")
+"""Name and title of such a finding."""
+
 
 def coarse_step(values: Array, u: float) -> float:
     """The step of a display, if that is far beyond its uncertainty `u`; else 0."""
@@ -71,7 +74,7 @@ def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
     for name, members in found.items():
         text = f"{members[0].text}; these readings are left out"
         periods = tuple(Period(m.since, m.until, 1.0, 0.0) for m in members)
-        yield _stuck(ruleset.signal_by_id[name], text, periods)
+        yield _failed(ruleset.signal_by_id[name], *OF_STUCK, text, periods)
 
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
@@ -79,9 +82,11 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
     shown = ruleset.dynamics.outputs if ruleset.dynamics is not None else ()
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
-        if values is None or len(values) < limits.DROP_OUT_READINGS:
-            continue
-        if not np.isfinite(values).any():
+        if (
+            values is None
+            or len(values) < limits.DROP_OUT_READINGS
+            or not np.isfinite(values).any()
+        ):
             continue
         odd = glitches_in(values)
         if odd.sum() >= max(limits.DROP_OUT_READINGS, limits.DROP_OUT_SHARE * len(values)):
@@ -107,11 +112,7 @@ def _still(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int
         f"{signal.id} is stuck from {when}, first at {shown:.4g} {signal.unit}: even its noise "
         "is gone; these readings are left out"
     )
-    return _stuck(signal, text, periods)
-
-
-def _stuck(signal: SignalSpec, text: str, periods: tuple[Period, ...]) -> Finding:
-    return _failed(signal, "stuck-reading", "Sensor that is stuck", text, periods)
+    return _failed(signal, *OF_STUCK, text, periods)
 
 
 def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding:
@@ -145,9 +146,4 @@ def _failed(
 def failed_at(finding: Finding) -> Location:
     """The location and periods of a sensor that fails."""
     periods = tuple((p.since, p.until) for p in finding.periods)
-    return Location(
-        module=finding.module,
-        place=finding.place,
-        title="",
-        periods=periods,
-    )
+    return Location(module=finding.module, place=finding.place, title="", periods=periods)

@@ -252,3 +252,132 @@ points, not from its samples. Origin: assumed."""
 
 FIRST_INNOVATIONS = 64
 """Samples of a run before the filter has settled. Origin: numerical."""
+
+# Random columns: errors of form, and of sensors that move.
+
+FORM_RANK = 1e-2
+"""Share of the largest variance below which a smooth course is omitted. Origin: numerical."""
+
+MOVING_RANK = 1e-6
+"""The same for errors of sensors in time: these may be a thousand times the noise of a mean, so
+that an omitted course would show. Origin: numerical."""
+
+FORM_NOT_SEEN = 0.3
+"""Standard deviations of the noise below which an error of form is omitted. Origin: numerical."""
+
+MOVING_KNOWN = 3.0
+"""Factor to which the movement of sensor errors is known a priori. Origin: assumed."""
+
+# Noise: of settled points, and of simulations, which wanders.
+
+NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
+"""Sizes of the noise to try, relative to the expected one. Origin: numerical."""
+
+NOISE_KNOWN = 1.5
+"""Factor to which the size of the noise is known a priori. Origin: assumed."""
+
+NO_WANDER = 1e-3
+"""Size, in noise, of a wandering error that counts as none. Origin: numerical."""
+
+SMOOTHNESS = (1.0, 3.0)
+"""Smoothness of the wandering error of a simulation: twice the order of its Matern covariance.
+Origin: numerical."""
+
+AT_ONCE_GONE = 0.1
+"""Correlation time, in samples, of an error that is new in each sample. Origin: numerical."""
+
+BRIDGED_SAMPLES = 5
+"""Longest gap in samples over which errors of a simulation are interpolated. Origin: assumed."""
+
+OVERFLOWN = 1e15
+"""Slope of an error, in the noise of its reading, by a value in SI, at which a simulation runs
+away. Origin: numerical."""
+
+# Columns, and where the refits of plants that store begin and end.
+
+GROWING_ONSETS = 7
+"""Onsets of a growing fault to try at first: neighbours show almost the same. Origin:
+numerical."""
+
+DEEPEST = 3
+"""Most explanations: with enough of them any course is explained. Origin: assumed."""
+
+SHAPES = 16
+"""Most combinations of shapes from which the refit of a set may start. Origin: numerical."""
+
+ERROR_FROM_AFAR = 0.1
+"""Initial error of a model that is far off, as a share of the scatter of its reading. Origin:
+numerical."""
+
+EVALUATIONS = 25
+"""Most evaluations of a fit from afar. Origin: numerical."""
+
+EVALUATIONS_OF_EACH = 5
+"""The same for each starting point, of which the best is continued. Origin: numerical."""
+
+FITS_FROM_AFAR = 2
+"""Number of such fits, each with the errors that the last one left. Origin: numerical."""
+
+STORES_ENDED = 0.1
+"""Gain of a step, nats, below which a refit of a plant that stores ends: its evidence is not known
+better. Origin: numerical."""
+
+# Terms without a name.
+
+TERM_FUNCTIONS = 12
+"""Most smooth functions of a driver in a term without a name. Origin: numerical."""
+
+TERM_LENGTHS = (0.4, 0.1)
+"""Correlation lengths of a term without a name, as shares of the range of its driver or of time:
+over the whole range, or in a band of it. Origin: assumed."""
+
+FOLLOWED = 12
+"""Most readings and states that a term without a name may follow in a plant that stores. Origin:
+assumed."""
+
+HARDLY_MOVES = 1e-3
+"""Share of its size by which a driver must move for a curve over it. Origin: numerical."""
+
+SAME_FLOW = 0.3
+"""Relative difference up to which a reading counts as the flow of its module. Origin: assumed."""
+
+MOVED_SHARE = 0.02
+"""Smallest move of a driver that gives a direction, as a share of its range. Origin: assumed."""
+
+MOVED_NOISE = 6.0
+"""The same in units of its noise. Origin: distribution (normal, beyond chance for every point of a
+recording)."""
+
+# Curves fitted by simulation.
+
+CURVE_RARITY = 20.0
+"""Prior log odds against a curve without a name: it is chosen among thousands. Origin: assumed."""
+
+CURVE_PIECES = 40
+"""Pieces of a curve fitted by simulation: as fine as the functions are tabulated. Origin:
+numerical."""
+
+CURVE_ROUNDS = 12
+"""Most rounds to find the size and smoothness of such a curve and the noise. Origin: numerical."""
+
+REDRAWN = 4
+"""Most fits of a curve over a state, each over the range of the last. Origin: numerical."""
+
+AS_WIDE = 0.02
+"""Share of a range by which the ends of two equal ranges may differ. Origin: numerical."""
+
+NOISE_FALLS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
+"""Noise with a curve to try, as shares of that without it. Origin: numerical."""
+
+NOISE_STAYS = 0.03
+"""Relative change of the noise below which the rounds end. Origin: numerical."""
+
+CURVE_STEPS = 8
+"""Steps of a fit of such a curve. Origin: numerical."""
+
+STEP_SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Shares of a step of the linearised model to try: laws may bend so much that the whole step leads
+far away. Origin: numerical."""
+
+CURVE_CONVERGED = 0.01
+"""Gain in log likelihood per step below which a fit of such a curve ends. Origin: numerical."""

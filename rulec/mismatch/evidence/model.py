@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import Candidate, Unknown
@@ -257,8 +258,7 @@ def periods_of(time: Array, contribution: Array) -> tuple[tuple[float, float], .
     high = level > limits.PERIOD_LEVEL * float(np.quantile(level, limits.PERIOD_HIGHEST))
     if high.mean() > limits.PERIOD_TIME:
         return ()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(int)))
-    runs = edges.reshape(-1, 2).tolist()
+    runs = runs_where(high, 1)
     if (
         len(runs) > limits.PERIODS_MOST
         or sum(level[a:b].sum() for a, b in runs) < limits.PERIOD_SHARE * level.sum()

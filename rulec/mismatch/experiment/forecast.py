@@ -16,22 +16,22 @@ from rulec.knowledge.knowledge import SensorClass
 from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import (
+from rulec.mismatch.evidence.configuration import (
     CHANGE,
     ERROR,
     Configuration,
     reading_and_recording,
 )
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, fit_of
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.model import slope_by_onset
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.screen import spot_column
 from rulec.mismatch.evidence.steady.system import System, with_properties
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.evidence.steady.terms import driver_of
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.best_set import columns_of, size_of_term, solved
-from rulec.mismatch.search.settled.geometry import Geometry, driver_of
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,11 @@ class Forecast:
         return replace(self, less=less, spread=spread)
 
 
-def forecast(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Forecast:
+def forecast(
+    evidence: SteadyEvidence, models: Sequence[Model], true: int, places: Places
+) -> Forecast:
     """What would be read if one of some models were true."""
-    recorded = geometry.rows.system
+    recorded = evidence.system
     data = with_properties(recorded.builder, data_at(recorded.data, places))
     system = replace(recorded, data=data)
     model = models[true]
@@ -100,10 +102,10 @@ def forecast(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
         rows = rows_of(system, Configuration())
         system = replace(system, data=_moved(rows, _evaluated(rows, model)))
     rows = rows_of(system, Configuration())
-    there = Geometry(rows)
+    there = SteadyEvidence(rows)
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
-    off, covariance = zip(*(_residuals_by(geometry, there, m) for m in models), strict=True)
+    off, covariance = zip(*(_residuals_by(evidence, there, m) for m in models), strict=True)
     shares = tuple(min(own.scale, 1.0) ** 2 for own in models)
     return Forecast(
         readings=readings,
@@ -117,7 +119,7 @@ def forecast(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
     )
 
 
-def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:
+def _spread(rows: Rows, there: SteadyEvidence, covariance: Array) -> dict[str, Array]:
     """Standard deviation of each output, shape (n,), SI; NaN if it is not predicted."""
     number = np.cumsum(there.seen) - 1
     spread: dict[str, Array] = {}
@@ -210,18 +212,18 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
     return replace(data, points=replace(data.points, values=values))
 
 
-def known_with_onsets(geometry: Geometry, model: Model) -> Array:
+def known_with_onsets(evidence: SteadyEvidence, model: Model) -> Array:
     """Covariance of all numbers of a model and, behind them, of the onset of each growing fault, s,
     shape (numbers, numbers).
 
     A later onset needs faster growth: with a fixed onset, later readings would be predicted with
     too much certainty. A priori each time in the recording is equally probable.
     """
-    slopes = _slopes_by_onsets(model.fitted)[geometry.seen]
-    length = max(float(np.ptp(geometry.rows.system.data.time)), 1e-300)
+    slopes = _slopes_by_onsets(fit_of(model.point))[evidence.seen]
+    length = max(float(np.ptp(evidence.system.data.time)), 1e-300)
     before = 12.0 / length**2 * np.eye(slopes.shape[1])
     table, precision = np.hstack([model.table, slopes]), block_diag(model.precision, before)
-    return solved(replace(model, table=table, precision=precision))[1]
+    return replace(model, table=table, precision=precision).solved[1]
 
 
 def _slopes_by_onsets(fitted: Fitted) -> Array:
@@ -232,18 +234,20 @@ def _slopes_by_onsets(fitted: Fitted) -> Array:
     return np.stack(found, axis=1) if found else np.zeros((len(fitted.residual), 0))
 
 
-def _residuals_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, Array]:
-    """Residuals of readings by a model of `geometry`, shape (rows,), and their covariance, shape
+def _residuals_by(
+    evidence: SteadyEvidence, there: SteadyEvidence, model: Model
+) -> tuple[Array, Array]:
+    """Residuals of readings by a model of `evidence`, shape (rows,), and their covariance, shape
     (rows, rows), due to noise, values, onsets of growth, terms without a name, errors of form, and
     new errors of sensors."""
     fitted = _evaluated(there.rows, model)
-    solution, known = solved(model)[0], known_with_onsets(geometry, model)
+    solution, known = model.solved[0], known_with_onsets(evidence, model)
     off = fitted.residual[there.seen]
     kept, stay, added = _kept(model)
     by_value = fitted.jacobian[there.seen]
     table, numbers = [by_value * kept], list(range(len(model.at)))
     for term in model.terms:
-        own, columns = columns_of(model, term), _columns(there, model, fitted, term)
+        own, columns = model.columns_of(term), _columns(there, model, fitted, term)
         off = off + columns @ solution[own]
         table.append(columns)
         numbers += own.tolist()
@@ -257,13 +261,13 @@ def _residuals_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Ar
     return off, covariance
 
 
-def _columns(there: Geometry, model: Model, fitted: Fitted, term: Term) -> Array:
+def _columns(there: SteadyEvidence, model: Model, fitted: Fitted, term: Term) -> Array:
     """Residuals by the functions of a term, each of prior unit size, shape (rows, functions)."""
     slopes = spot_column(fitted, term.changed)
-    basis = term.basis.at(driver_of(there.rows.system, term.driver)[there.point])
+    basis = term.basis.at(driver_of(there.system, term.driver)[there.point])
     if slopes is None:
         return np.zeros_like(basis)
-    return np.asarray(size_of_term(model, term) * slopes[there.seen, None] * basis)
+    return np.asarray(model.size_of(term) * slopes[there.seen, None] * basis)
 
 
 # The cheapest sensor for explanations that no set points distinguish.
@@ -308,10 +312,10 @@ class Advised:
 
 
 def advised(
-    geometry: Geometry, models: Sequence[Model], pairs: Sequence[tuple[int, int]]
+    evidence: SteadyEvidence, models: Sequence[Model], pairs: Sequence[tuple[int, int]]
 ) -> tuple[Advised, ...]:
     """Sensors that distinguish pairs, the cheapest first for each pair."""
-    system = geometry.rows.system
+    system = evidence.system
     claims = {number: _claims(system, models[number]) for number in {n for p in pairs for n in p}}
     sensors, found = list(_sensors(system)), list[Advised]()
     for pair in pairs:
@@ -346,9 +350,9 @@ def _judged(
 
 
 def _claims(system: System, model: Model) -> Claims:
-    solution, known = solved(model)
+    solution, known = model.solved
     numbers = np.arange(len(model.at))
-    numbers = np.concatenate([numbers, *(columns_of(model, term) for term in model.terms)])
+    numbers = np.concatenate([numbers, *(model.columns_of(term) for term in model.terms)])
     at = np.concatenate([model.at, solution[numbers[len(model.at) :]]])
     covariance = known[np.ix_(numbers, numbers)]
     value = _claimed(system, model, at)
@@ -371,7 +375,7 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
     for term in model.terms:
         changed, size = term.changed, term.columns.shape[1]
         basis = term.basis.at(driver_of(system, term.driver)[: len(system.data)])
-        shift = size_of_term(model, term) * basis @ at[first : first + size]
+        shift = model.size_of(term) * basis @ at[first : first + size]
         first += size
         if changed.id in own_spots:
             spots.append(changed.id)

@@ -18,7 +18,7 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
@@ -26,7 +26,7 @@ from rulec.mismatch.experiment.forecast import Forecast, advised, forecast
 from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, places_in
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.result import CandidateSet, ExperimentRefused
-from rulec.mismatch.search.settled.later_refits import Again, refitted_again
+from rulec.mismatch.search.later_refits import Again, refitted_again
 from rulec.separation.allowed import Allowed, allowed_of
 
 # Which operating points discriminate between explanations, how long to hold them, which cover the
@@ -286,14 +286,14 @@ def planned(
     if most < 1:
         raise ExperimentRefused(f"--steps {most}: an experiment has one step at least")
     again, left_out = _refitted(recording, ruleset, builder, standing)
-    system = again.geometry.rows.system
+    system = again.evidence.rows.system
     sample = _sample(recording.time)
     allowed = None if given is None else allowed_of(ruleset, given)
     reach = input_ranges(system, recording, sample, allowed)
     if not reach.ranges:
         raise ExperimentRefused(NO_RANGES if given is None else NOTHING_LEFT)
     places = places_in(system, reach)
-    predicted = [forecast(again.geometry, again.models, i, places) for i in range(len(again.sets))]
+    predicted = [forecast(again.evidence, again.models, i, places) for i in range(len(again.sets))]
     limited = feasible(ruleset, places, reach, predicted)
     if not seconds >= limited.shortest:
         raise ExperimentRefused(
@@ -319,7 +319,7 @@ def planned(
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
         sample=sample,
-        sensors=advised(again.geometry, again.models, alike(best.choice.factors)),
+        sensors=advised(again.evidence, again.models, alike(best.choice.factors)),
     )
 
 

@@ -22,11 +22,11 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import gammainc, log_ndtr
 
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.evidence import Column, Evidence
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
-from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.scan import Column
 from rulec.mismatch.search.tolerance import Tolerance, least_beyond
 
 
@@ -50,7 +50,7 @@ class Judge:
     `candidates` is their number in the plant.
     """
 
-    geometry: Evidence
+    evidence: Evidence
     model: Model
     columns: Sequence[Column]
     terms: Sequence[Term]
@@ -62,12 +62,12 @@ class Judge:
         if not self.columns:
             return np.zeros((len(self.model.table), 0))
         every = np.stack([c.rows for c in self.columns], axis=1)
-        return self.geometry.whitened(every, self.model.noise)
+        return self.evidence.whitened(every, self.model.noise)
 
     @cached_property
     def _terms(self) -> list[Array]:
         """Functions of each term, whitened, shape (rows, functions)."""
-        return [self.geometry.whitened(t.columns, self.model.noise) for t in self.terms]
+        return [self.evidence.whitened(t.columns, self.model.noise) for t in self.terms]
 
     @cached_property
     def owner(self) -> NDArray[np.str_]:
@@ -77,10 +77,8 @@ class Judge:
     @cached_property
     def _solved(self) -> Array:
         """Maps residuals to the values fitted to them, shape (values, rows)."""
-        table, weights = self.model.table, self.model.weights
-        normal = table.T @ (table * weights[:, None]) + self.model.precision
-        unit = np.sqrt(np.diag(normal))
-        scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
+        table, weights, (normal, unit) = self.model.table, self.model.weights, self.model.normal
+        scaled = normal + 1e-12 * np.eye(len(unit))
         solution = np.linalg.solve(scaled, (table / unit * weights[:, None]).T)
         return np.asarray(-solution / unit[:, None])
 
@@ -128,18 +126,18 @@ class Judge:
         A column without start values is of an explanation as found in a refitted set: the same law
         as the columns from which its fit started, with its bend.
         """
-        ways = Counter(
-            (c.candidate.id, c.name, c.since is None, not c.values) for c in self.columns
-        )
-        found = []
-        for c in self.columns:
-            begins = c.since is not None or c.course is not None
-            count = float(ways[c.candidate.id, c.name, c.since is None, not c.values])
+        keys = [
+            (c.candidate.id, c.name, bool(c.course and c.values), not c.values)
+            for c in self.columns
+        ]
+        ways, found = Counter(keys), []
+        for c, (id_, name, tried, as_found) in zip(self.columns, keys, strict=True):
+            count, begins = float(ways[id_, name, tried, as_found]), c.course is not None
             # Onsets are columns of their own, each with the price of an onset.
-            count = count if c.since is None else max(count / of_search.ONSETS, 1.0)
-            if ways[c.candidate.id, c.name, c.since is None, bool(c.values)]:
+            count = max(count / common.ONSETS, 1.0) if tried else count
+            if ways[id_, name, tried, not as_found]:
                 count *= 2.0
-            price = float(np.log(count)) + begins * float(np.log(of_search.ONSETS))
+            price = float(np.log(count)) + begins * float(np.log(common.ONSETS))
             price += of_search.COMMON * bool(c.candidate.members)
             found.append(of_search.SORT_ODDS[c.candidate.sort] - price)
         return np.array(found) + of_search.MISSING_ODDS - float(np.log(max(self.candidates, 1)))
@@ -148,7 +146,7 @@ class Judge:
     def sizes(self) -> tuple[Array, Array, Array]:
         """The prior of each amplitude, SI, shape (columns,) each: a Student distribution about a
         usual size of either sign, with a width, and its degrees of freedom."""
-        every = [self.geometry.size(c.candidate, c.amplitude) for c in self.columns]
+        every = [self.evidence.size(c.candidate, c.amplitude) for c in self.columns]
         known = np.array([np.isfinite(size.width) for size in every], dtype=bool)
         usual = np.where(known, [size.usual for size in every], 0.0)
         width = np.where(known, [size.width for size in every], [size.scale for size in every])
@@ -186,13 +184,12 @@ class Judge:
     @cached_property
     def _least(self) -> Array:
         """The smallest size at which each column is significant, SI, shape (columns,)."""
-        off_by = Tolerance(self.geometry, self.model).off_by
+        off_by = Tolerance(self.evidence, self.model).off_by
         sorts = (
-            (self.geometry.of_reading(c.candidate), c.since is not None or c.course is not None)
-            for c in self.columns
+            (self.evidence.of_reading(c.candidate), c.course is not None) for c in self.columns
         )
         every = zip(self.columns, sorts, strict=True)
-        return np.array([least_beyond(self.geometry, c.rows, off_by[own]) for c, own in every])
+        return np.array([least_beyond(self.evidence, c.rows, off_by[own]) for c, own in every])
 
     def _scored(self, replays: Array) -> tuple[Array, Array]:
         """Replays with residuals replaced by their score, with nothing or, if more probable, the
@@ -229,7 +226,7 @@ class Judge:
         for _ in range(limits.SCORED):
             values = self._solved @ (clean + shift)
             off = replays + shift + model.table @ values
-            each, lost = self.geometry.scored(off, model.noise)
+            each, lost = self.evidence.scored(off, model.noise)
             clean = replays - off + off * each / model.weights[:, None]
             strained = np.sum(values * (model.precision @ values), axis=0)
             likely = -0.5 * (lost + strained)
@@ -269,7 +266,7 @@ class Judge:
             known, turned = np.linalg.eigh(columns.T @ free)
             shown.append(free @ turned)
             own.append(np.maximum(known, 0.0))
-            count = len(of_search.TERM_SIZES) * max(self.geometry.terms, 1)
+            count = len(common.TERM_SIZES) * max(self.evidence.places, 1)
             price = term.basis.price + float(np.log(count * ways[term.spot, term.driver]))
             odds.append([of_search.MISSING_ODDS + of_search.TERM_ODDS - price])
         first = np.cumsum([0, *(len(known) for known in own[:-1])])
@@ -281,7 +278,7 @@ class Judge:
             return np.zeros((0, replays.shape[1]))
         shown, own, first, odds = self._turned
         square, gains = (shown.T @ replays) ** 2, []
-        for size in of_search.TERM_SIZES:
+        for size in common.TERM_SIZES:
             each = square / (own + size**-2.0) - np.log1p(own * size**2)
             gains.append(0.5 * np.add.reduceat(each, first))
         return np.asarray(np.logaddexp.reduce(gains) + odds)

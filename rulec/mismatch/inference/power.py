@@ -15,19 +15,14 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.evidence import Column, Evidence, Random, id_of
 from rulec.mismatch.inference import limits
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.result import Detectability, SelfProof
 from rulec.mismatch.search import limits as of_search
-from rulec.mismatch.search.evidence import Evidence, Random
+from rulec.mismatch.search.posterior import Posterior, titled_with_module
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.best_set import titled_with_module
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.grow_sets import Posterior
-from rulec.mismatch.search.settled.nameless import places_of, terms
-from rulec.mismatch.search.settled.scan import Column, columns, id_of
-from rulec.mismatch.search.stores import grow_sets as of_stores
-from rulec.mismatch.search.stores.geometry import StoresGeometry
+from rulec.mismatch.search.scan import places_of
 
 # Replays of a recording by the plant's own model.
 #
@@ -35,7 +30,7 @@ from rulec.mismatch.search.stores.geometry import StoresGeometry
 # Its readings do not.
 
 
-def without_explanations(geometry: Evidence, model: Model) -> Model:
+def without_explanations(evidence: Evidence, model: Model) -> Model:
     """A model with its values and its sizes of errors, but without explanations.
 
     Replays use the values believed with the explanations: without those, the same model would need
@@ -44,10 +39,10 @@ def without_explanations(geometry: Evidence, model: Model) -> Model:
     setting = model.setting
     for candidate in setting.joined:
         setting = setting.leaving(candidate.id)
-    prior = geometry.prior(setting)
+    prior = evidence.prior(setting)
     at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
-    now = geometry.evaluated(setting, prior, at)
-    random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, ())
+    now = evidence.evaluated(setting, prior, at)
+    random = Random(evidence.forms, evidence.law, evidence.moving, evidence.held, ())
     sizes = replace(model.sizes, terms=())
     raw = np.concatenate([now.jacobian, random.columns * random.ratio(sizes)], axis=1)
     precision = np.eye(raw.shape[1])
@@ -60,12 +55,12 @@ def without_explanations(geometry: Evidence, model: Model) -> Model:
         at=at,
         terms=(),
         sizes=sizes,
-        table=geometry.whitened(raw, model.noise),
+        table=evidence.whitened(raw, model.noise),
         left=np.zeros(len(raw)),
         raw=raw,
         off=np.zeros(len(raw)),
         precision=precision,
-        weights=geometry.expected_weights(model.noise),
+        weights=evidence.expected_weights(model.noise),
     )
 
 
@@ -73,7 +68,7 @@ def without_explanations(geometry: Evidence, model: Model) -> Model:
 class Replayer:
     """Draws replays of the whitened rows by a model without explanations."""
 
-    geometry: Evidence
+    evidence: Evidence
     model: Model
 
     def drawn(self, count: int, shift: Array, seed: int = 0) -> Array:
@@ -88,7 +83,7 @@ class Replayer:
         lower = np.linalg.cholesky(model.precision / np.outer(unit, unit))
         normal = rng.standard_normal((len(unit), count))
         values = np.linalg.solve(lower.T, normal) / unit[:, None]
-        noise = self.geometry.drawn(model.noise, count, rng)
+        noise = self.evidence.drawn(model.noise, count, rng)
         return np.asarray(noise - model.table @ values - shift)
 
 
@@ -115,7 +110,7 @@ def asked_of(
     own = np.array(concealed)
     share = np.exp(judge.odds[own] - judge.odds[own].max())
     drawn = rng.choice(own, count, p=share / share.sum())
-    replays = Replayer(judge.geometry, judge.model).drawn(count, judge.rows[:, drawn] * size)
+    replays = Replayer(judge.evidence, judge.model).drawn(count, judge.rows[:, drawn] * size)
     verdicts = replay_verdicts(judge, judge.judged(replays))
     best, sure = verdicts.best, verdicts.sure
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
@@ -161,13 +156,13 @@ def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
     for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
         for candidate in posterior.models[names].setting.joined:
             if candidate.id not in found:
-                one = _as_found(posterior.geometry, posterior.models[names], candidate)
+                one = _as_found(posterior.evidence, posterior.models[names], candidate)
                 found |= {candidate.id: one} if one is not None else {}
     return found
 
 
 def _as_found(
-    geometry: Evidence, model: Model, candidate: Candidate
+    evidence: Evidence, model: Model, candidate: Candidate
 ) -> tuple[Column, float] | None:
     """The effect of an explanation in a model that has it, as one column of its first amplitude."""
     first, size = None, 0.0
@@ -179,8 +174,8 @@ def _as_found(
     if first is None or size == 0.0:
         return None
     setting = model.setting.leaving(candidate.id)
-    prior = geometry.prior(setting)
-    without = geometry.evaluated(setting, prior, prior.of(setting.values))
+    prior = evidence.prior(setting)
+    without = evidence.evaluated(setting, prior, prior.of(setting.values))
     shift = model.point.residual - without.residual
     if not (np.isfinite(shift).all() and shift.any()):
         return None
@@ -192,27 +187,21 @@ def _as_found(
         fixed={},
         rows=shift / size,
         course=course,
-        grows=course is not None and course.grows,
     )
     return column, size
 
 
 def judge_of(posterior: Posterior) -> Judge:
     """The judge of replays of a recording."""
-    geometry = posterior.geometry
-    model = without_explanations(geometry, posterior.models[posterior.told])
+    evidence = posterior.evidence
+    model = without_explanations(evidence, posterior.models[posterior.told])
     found = [column for column, _ in found_columns(posterior).values()]
-    if isinstance(geometry, StoresGeometry):
-        tried, free = of_stores.columns(geometry, model), of_stores.terms(geometry, model)
-    else:
-        assert isinstance(geometry, Geometry)
-        tried, free = columns(geometry, model, {}), terms(geometry, model)
     return Judge(
-        geometry=geometry,
+        evidence=evidence,
         model=model,
-        columns=[*found, *tried],
-        terms=free,
-        candidates=len({c.id for c in geometry.candidates}),
+        columns=[*found, *evidence.columns(model.point, evidence.candidates)],
+        terms=evidence.terms(model.point),
+        candidates=len({c.id for c in evidence.candidates}),
     )
 
 
@@ -231,7 +220,7 @@ def self_proof(
     possible = {id_of(name) for name, p in names.items() if p >= common.REPORTED}
     sizes = {id_: size for id_, (_, size) in found.items() if id_ in possible}
     none = np.zeros((len(judge.model.left), 1))
-    replays = Replayer(judge.geometry, judge.model).drawn(limits.REPLAYS, none)
+    replays = Replayer(judge.evidence, judge.model).drawn(limits.REPLAYS, none)
     titles = {c.id: titled_with_module(c) for c in every}
     return SelfProof(
         replays=limits.REPLAYS,
@@ -273,7 +262,7 @@ def _detectability(judge: Judge, id_: str, found: Mapping[str, float], title: st
 def _usual(judge: Judge, column: int, found: float | None) -> float:
     """The usual size of an amplitude, SI, with the sign found, else a possible one."""
     one, (low, high) = judge.columns[column], judge.ends
-    size = judge.geometry.size(one.candidate, one.amplitude)
+    size = judge.evidence.size(one.candidate, one.amplitude)
     most = size.usual or size.scale
     sign = found if found is not None else 1.0 if high[column] > 0.0 else -1.0
     return float(np.clip(np.copysign(most, sign), low[column], high[column]))

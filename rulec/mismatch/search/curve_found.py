@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME, Candidate, CurveTerm, DisturbanceLocation
+from rulec.effects.candidate import Candidate, CurveTerm, DisturbanceLocation
 from rulec.effects.free_form import curve_through
-from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.screen import spot_column, suspect_at
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Basis, Switching
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,25 +112,21 @@ class Accepted:
 # Source: Mayergoyz 2003 (a law with memory has branches).
 
 
-def enough_visits(
-    at: Array, side: Array, visit: NDArray[np.intp], used: NDArray[np.bool_]
-) -> tuple[int, int] | None:
-    """Count the visits from below and from above in the range reached from both; None if too few.
+def means_of_visits(
+    visit: NDArray[np.intp], known: np.ndarray, weight: Array, *courses: Array
+) -> Iterator[Array]:
+    """Weighted means of courses over each visit, shape (visits,), by the `known` samples.
 
-    `at` is the driver, `side` and `visit` are as in `ways_there`, `used` flags the samples that
-    count; all have shape (n,).
-    """
-    known = used & np.isfinite(at) & (side != 0)
-    if not known.any():
-        return None
+    The number of the `visit` of each, its weight and the courses have shape (n,)."""
     number = np.unique(visit[known], return_inverse=True)[1]
-    count = np.bincount(number)
-    mean, way = (np.bincount(number, v[known]) / count for v in (at, side))
-    return _counts(mean, way)
+    count = np.bincount(number, weight[known])
+    for course in courses:
+        yield np.bincount(number, course[known] * weight[known]) / count
 
 
-def _counts(at: Array, way: Array) -> tuple[int, int] | None:
-    """The same by the mean driver and the direction of each visit, shape (visits,)."""
+def counted_visits(at: Array, way: Array) -> tuple[int, int] | None:
+    """The number of visits from below and from above in the range reached from both, by the mean
+    driver and the direction of each visit, shape (visits,); None if these are too few."""
     up, down = at[way > 0], at[way < 0]
     if not (len(up) and len(down)):
         return None
@@ -141,85 +134,3 @@ def _counts(at: Array, way: Array) -> tuple[int, int] | None:
     low, high = max(up.min(), down.min()), min(up.max(), down.max())
     rising, falling = (int(((v >= low) & (v <= high)).sum()) for v in (up, down))
     return None if min(rising, falling) < limits.FEWEST_ON_A_BRANCH else (rising, falling)
-
-
-def ways_there(values: Array, noise: float) -> tuple[Array, NDArray[np.intp]]:
-    """Direction from which a driver reached each point, and the number of the visit; shape (n,).
-
-    The direction is 1 after a rise, -1 after a fall, 0 before the first move. A move exceeds both
-    the noise and a small share of the driver's range.
-    """
-    low, high = np.nanquantile(values, [0.02, 0.98])
-    least = max(limits.MOVED_SHARE * float(high - low), limits.MOVED_NOISE * noise)
-    side, visit = np.zeros(len(values)), np.zeros(len(values), dtype=np.intp)
-    last, way, number = np.nan, 0.0, 0
-    for i, value in enumerate(values.tolist()):
-        if not np.isfinite(last):
-            last = value
-        elif abs(value - last) > least:
-            way, last, number = float(np.sign(value - last)), value, number + 1
-        side[i], visit[i] = way, number
-    return side, visit
-
-
-def gap_between(left: Array, way: Array, shared: Array) -> tuple[float, float]:
-    """Gap between both branches beside a smooth course, and its standard uncertainty.
-
-    `left` and `way` have shape (visits,). `shared`, shape (visits, functions), are functions whose
-    amounts have a unit prior. The scatter of the visits is estimated along with them.
-
-    Source: Rasmussen and Williams 2006, 2.7 (a Gaussian process with explicit functions).
-    """
-    fixed = np.stack([way, np.ones(len(way))], axis=1)
-    usual = float(np.std(left)) or 1.0
-    best = (-np.inf, 0.0, np.inf)
-    for scatter in limits.SCATTERS:
-        covariance = shared @ shared.T + (scatter * usual) ** 2 * np.eye(len(left))
-        inverse = np.linalg.inv(covariance)
-        normal = fixed.T @ inverse @ fixed
-        doubt = np.linalg.pinv(normal)
-        solution = doubt @ (fixed.T @ inverse @ left)
-        rest = left - fixed @ solution
-        # Restricted likelihood: two values were fitted.
-        score = -0.5 * float(rest @ inverse @ rest + np.linalg.slogdet(covariance)[1])
-        score -= 0.5 * float(np.linalg.slogdet(normal)[1])
-        if score > best[0]:
-            best = (score, 2.0 * float(solution[0]), 2.0 * float(np.sqrt(doubt[0, 0])))
-    return best[1], best[2]
-
-
-def branches_of(
-    fitted: Fitted, candidate: Candidate, curve: CurveFound, basis: Basis | Switching, size: float
-) -> Branches | None:
-    """Gap between the branches of a place over a driver; None without a clock or enough visits.
-
-    Visits count, not samples, as all samples of a visit came the same way. The course that both
-    branches share is refitted beside the gap with the prior of `basis` and `size`: a curve found
-    without a gap has absorbed part of it. `candidate` is the curve in the fit to all points.
-    """
-    data, driver = fitted.rows.system.data, curve.driver
-    if not data.timed or driver == TIME:
-        return None
-    bare = fit(fitted.rows, fitted.setting.leaving(candidate.id), fitted.used, 0)
-    column = spot_column(bare, curve.place)
-    if column is None:
-        return None
-    suspect = suspect_at(bare, curve.place, column)
-    z = data.values[driver]
-    side, visit = ways_there(z, float(np.nanmedian(data.noise[driver])))
-    known = (suspect.weight > 0) & fitted.used & np.isfinite(z) & (side != 0)
-    if not known.any():
-        return None
-    # Where the place hardly shows (a pump behind an open relief valve), its course is meaningless.
-    known &= suspect.weight > limits.HARDLY_SHOWN * np.median(suspect.weight[known])
-    number = np.unique(visit[known], return_inverse=True)[1]
-    count = np.bincount(number, suspect.weight[known])
-    left, at, way = (
-        np.bincount(number, v[known] * suspect.weight[known]) / count
-        for v in (suspect.course, z, side)
-    )
-    counts = _counts(at, way)
-    if counts is None:
-        return None
-    gap, u = gap_between(left, way, size * basis.at(at))
-    return Branches(gap=gap, u=u, rising=counts[0], falling=counts[1])

@@ -16,7 +16,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust_statistics import white_noise
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.mismatch.evidence.steady.configuration import Course, Span
+from rulec.mismatch.evidence.configuration import Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, student_weights
 from rulec.mismatch.evidence.steady.model import onset_of
 from rulec.mismatch.evidence.steady.screen import (

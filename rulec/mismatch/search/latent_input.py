@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,37 +11,17 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust_statistics import spread_about
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
-from rulec.mismatch.evidence.steady.configuration import CHANGE, HIDDEN, Course, Span
+from rulec.mismatch.evidence.configuration import HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.screen import InitialCandidate, Suspect, spot_column, suspect_at
+from rulec.mismatch.evidence.steady.screen import (
+    InitialCandidate,
+    Suspect,
+    parameter_at,
+    spot_column,
+)
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.intermittent_fault import degree_course
-
-
-def varying_parameters(fitted: Fitted, spot: DisturbanceLocation) -> list[Suspect]:
-    """Parameters of the law at a place, each with its own course.
-
-    A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
-    """
-    rows, system = fitted.rows, fitted.rows.system
-    if spot.kind != "definition":
-        return []
-    parameters = system.builder.parameters
-    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
-    names = [parameters.ids[i] for i in own]
-    modules = system.reached(spot.observers)
-    slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
-    reached = {system.number[o] for o in spot.observers if o in system.number}
-    found = []
-    for i, name in zip(own, names, strict=True):
-        changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
-        if set(changed) != reached:
-            continue
-        shown = parameters.units[i], float(parameters.factors[i])
-        changing = _parameter_at(spot, f"parameter:{name}", name + CHANGE, *shown)
-        found.append(suspect_at(fitted, changing, rows.column(fitted.maps, changed)))
-    return found
 
 
 def spot_of(system: System, candidate: Candidate) -> DisturbanceLocation:
@@ -52,13 +32,7 @@ def spot_of(system: System, candidate: Candidate) -> DisturbanceLocation:
         return known
     here = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
     (unknown,) = candidate.unknowns
-    return _parameter_at(here, candidate.id, unknown.id, unknown.unit, unknown.factor)
-
-
-def _parameter_at(
-    spot: DisturbanceLocation, id_: str, unknown: str, unit: str, factor: float
-) -> DisturbanceLocation:
-    return replace(spot, id=id_, kind="parameter", unit=unit, factor=factor, unknown=unknown)
+    return parameter_at(here, candidate.id, unknown.id, unknown.unit, unknown.factor)
 
 
 def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
@@ -129,14 +103,7 @@ def _trial(spot: DisturbanceLocation, values: dict[str, float], course: Course) 
         title="error",
         unit=spot.unit,
         factor=spot.factor,
-        offset=0.0,
         null=0.0,
-        lowest=-np.inf,
-        highest=np.inf,
-        starts=(),
-        quantiles=(),
-        driver=None,
-        fixed=False,
     )
     candidate = Candidate(
         id=spot.id,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-# Fits to settled points.
+# Refits.
 
 HALF_STEPS = 50
 """Most steps of a refit that starts close to its optimum. Origin: numerical."""
 
-# Prices and gains: log likelihood and log odds.
+REFIT_STEPS = 25
+"""Most steps of a refit of a set. Origin: numerical."""
 
-CURVE_RARITY = 20.0
-"""Prior log odds against a curve without a name: it is chosen among thousands. Origin: assumed."""
+# Prices and gains: log likelihood and log odds.
 
 COMMON = 6.0
 """Additional gain required of a claim about several modules instead of one. Origin: assumed."""
@@ -82,31 +82,12 @@ resolve are taken. Origin: assumed."""
 BAND_WIDTH = 4.0
 """Smallest width of a piece of a curve, in the noise of the reading. Origin: assumed."""
 
-FOLLOWED = 12
-"""Most readings and states that a term without a name may follow in a plant that stores. Origin:
-assumed."""
-
 # Effort of the search in plants that store.
-
-DEEPEST = 3
-"""Most explanations: with enough of them any course is explained. Origin: assumed."""
-
-STEP_SHARES = (1.0, 0.3, 0.1, 0.03)
-"""Shares of a step of the linearised model to try: laws may bend so much that the whole step leads
-far away. Origin: numerical."""
 
 WEIGHED = 6
 """Other explanations that are fitted to convergence. Origin: assumed."""
 
-# Evidence: noise, errors of form, errors of sensors, terms.
-
-STUDENT = 4.0
-"""Degrees of freedom of errors of points and of stated calibrations. Origin: source (Lange, Little,
-Taylor 1989, as is usual)."""
-
-FORM_KNOWN = 2.0
-"""Factor within which the accuracy of a law gives the size of its error of form. Origin:
-assumed."""
+# Evidence and odds.
 
 INEXACT = 0.5
 """Probability that an error of laws or sensors is the cause where an explanation moves no reading
@@ -118,87 +99,16 @@ SIZES_STEPS = 6
 SIZES_GAIN = 0.05
 """Gain, nats, below which no further such step is taken. Origin: numerical."""
 
-FORM_RANK = 1e-2
-"""Share of the largest variance below which a smooth course is omitted. Origin: numerical."""
-
-MOVING_RANK = 1e-6
-"""The same for errors of sensors in time: these may be a thousand times the noise of a mean, so
-that an omitted course would show. Origin: numerical."""
-
-MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
-"""Movements of sensor errors within their class during a recording to try, as shares of the
-standard uncertainty. Origin: numerical."""
-
-USUAL_MOVING = 0.2
-"""The usual one of these: most of a sensor's class is a constant error. Origin: assumed."""
-
-MOVING_KNOWN = 3.0
-"""Factor to which it is known a priori. Origin: assumed."""
-
-FORM_NOT_SEEN = 0.3
-"""Standard deviations of the noise below which an error of form is omitted. Origin: numerical."""
-
-NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
-"""Sizes of the noise to try, relative to the expected one. Origin: numerical."""
-
-NOISE_KNOWN = 1.5
-"""Factor to which the size of the noise is known a priori. Origin: assumed."""
-
 EFFECT_FORM = 0.1
 """Usual error of form of an effect's own law, as a share of its change: straight lines and
 exponentials approximate a dependence on temperature over a wide range. Origin: assumed."""
-
-TERM_SIZES = (1.0, 3.0, 10.0, 30.0, 95.0, 300.0, 950.0, 3000.0)
-"""Sizes of terms without a name to try, in units of the noise of a point. Origin: numerical."""
-
-TERM_FUNCTIONS = 12
-"""Most smooth functions of a driver in a term without a name. Origin: numerical."""
-
-TERM_LENGTHS = (0.4, 0.1)
-"""Correlation lengths of a term without a name, as shares of the range of its driver or of time:
-over the whole range, or in a band of it. Origin: assumed."""
 
 TERM_ODDS = -3.0
 """Log odds of a term without a name against a law: the catalogue has nineteen of twenty effects.
 Origin: assumed."""
 
-CURVE_PIECES = 40
-"""Pieces of a curve fitted by simulation: as fine as the functions are tabulated. Origin:
-numerical."""
-
-CURVE_ROUNDS = 12
-"""Most rounds to find the size and smoothness of such a curve and the noise. Origin: numerical."""
-
-REDRAWN = 4
-"""Most fits of a curve over a state, each over the range of the last. Origin: numerical."""
-
-AS_WIDE = 0.02
-"""Share of a range by which the ends of two equal ranges may differ. Origin: numerical."""
-
-NOISE_FALLS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
-"""Noise with a curve to try, as shares of that without it. Origin: numerical."""
-
-NOISE_STAYS = 0.03
-"""Relative change of the noise below which the rounds end. Origin: numerical."""
-
-CURVE_STEPS = 8
-"""Steps of a fit of such a curve. Origin: numerical."""
-
-CURVE_CONVERGED = 0.01
-"""Gain in log likelihood per step below which a fit of such a curve ends. Origin: numerical."""
-
-HARDLY_MOVES = 1e-3
-"""Share of its size by which a driver must move for a curve over it. Origin: numerical."""
-
 CURVE_POINTS = 41
 """Points at which a term without a name is reported over its driver. Origin: numerical."""
-
-MOVED_SHARE = 0.02
-"""Smallest move of a driver that gives a direction, as a share of its range. Origin: assumed."""
-
-MOVED_NOISE = 6.0
-"""The same in units of its noise. Origin: distribution (normal, beyond chance for every point of a
-recording)."""
 
 FEWEST_ON_A_BRANCH = 5
 """Fewest visits on either branch for a comparison. Origin: assumed."""
@@ -219,13 +129,6 @@ lacks something. Origin: assumed."""
 
 SORT_ODDS = {"physics": 0.0, "ageing": -0.5, "fault": -1.0, "sensor": -2.0}
 """Prior log odds of each sort of explanation. Origin: assumed."""
-
-ONSETS = 23
-"""Onsets of a fault to try at first. Origin: numerical."""
-
-GROWING_ONSETS = 7
-"""Onsets of a growing fault to try at first: neighbours show almost the same. Origin:
-numerical."""
 
 WIDER = 3.0
 """Factor by which an amplitude may be larger beside others than alone, in a gain to first order.
@@ -249,12 +152,6 @@ SETS_GROWN = 2
 
 SEARCH_ROUNDS = 8
 """Rounds in which sets are grown. Origin: numerical."""
-
-LARGEST_SET = 5
-"""Most explanations reported together. Origin: assumed."""
-
-SETS_REFITTED = 12
-"""Sets refitted per set that is grown. Origin: numerical."""
 
 SETS_SWITCHED = 3
 """Best sets in which faults that come and go are compared with terms that follow set points.
@@ -287,45 +184,5 @@ WORTH_A_CUT = 20.0
 """Gain, nats, of a fault that comes and goes above which means are cut at its ends. Origin:
 numerical."""
 
-SAME_FLOW = 0.3
-"""Relative difference up to which a reading counts as the flow of its module. Origin: assumed."""
-
-NO_WANDER = 1e-3
-"""Size, in noise, of a wandering error that counts as none. Origin: numerical."""
-
-BRIDGED = 5
-"""Longest gap in samples over which errors of a simulation are interpolated. Origin: assumed."""
-
-RUNAWAY = 1e15
-"""Slope of an error, in the noise of its reading, by a value in SI, at which a simulation runs
-away. Origin: numerical."""
-
-SMOOTHNESS = (1.0, 3.0)
-"""Smoothness of the wandering error of a simulation: twice the order of its Matern covariance.
-Origin: numerical."""
-
-SHAPES = 16
-"""Most combinations of shapes from which the refit of a set may start. Origin: numerical."""
-
-AT_ONCE_GONE = 0.1
-"""Correlation time, in samples, of an error that is new in each sample. Origin: numerical."""
-
 SETS_AGAIN = 16
 """Likeliest sets to refit with the errors found about the best one. Origin: numerical."""
-
-FAR_OFF = 0.1
-"""Initial error of a model that is far off, as a share of the scatter of its reading. Origin:
-numerical."""
-
-EVALUATIONS = 25
-"""Most evaluations of a fit from afar. Origin: numerical."""
-
-EVALUATIONS_OF_EACH = 5
-"""The same for each starting point, of which the best is continued. Origin: numerical."""
-
-FITS_FROM_AFAR = 2
-"""Number of such fits, each with the errors that the last one left. Origin: numerical."""
-
-STORES_ENDED = 0.1
-"""Gain of a step, nats, below which a refit of a plant that stores ends: its evidence is not known
-better. Origin: numerical."""

@@ -9,10 +9,9 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +21,21 @@ from scipy.linalg.lapack import dpotri
 from scipy.special import erfcx
 
 from rulec.knowledge.parameter_belief import LocalBelief
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.fit import Fitted, Prior
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.evidence import (
+    USUAL,
+    Evidence,
+    Noise,
+    Place,
+    Point,
+    Random,
+    Sizes,
+    climbed,
+)
+from rulec.mismatch.evidence.prior import Prior
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import USUAL, Evidence, Noise, Point, Random, Sizes, Term
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,29 +65,32 @@ class Model:
     raw: Array
     off: Array
 
-    def under(self, geometry: Evidence, noise: Noise) -> Model:
+    def under(self, evidence: Evidence, noise: Noise) -> Model:
         """The same model at the same values under another noise, with all rows weighted alike."""
-        table, left = geometry.whitened(self.raw, noise), geometry.whitened(self.off, noise)
-        return replace(self, noise=noise, table=table, left=left, weights=geometry.alike(noise))
+        table, left = evidence.whitened(self.raw, noise), evidence.whitened(self.off, noise)
+        return replace(self, noise=noise, table=table, left=left, weights=evidence.alike(noise))
+
+    @cached_property
+    def normal(self) -> tuple[Array, Array]:
+        """The normal matrix of all unknowns, scaled to a unit diagonal, and the roots of that
+        diagonal, shape (unknowns,)."""
+        normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
+        unit = np.sqrt(np.diag(normal))
+        return normal / np.outer(unit, unit), unit
 
     def rest(self) -> Array:
         """The residual after a linear refit, shape (rows,)."""
-        weights, table = self.weights, self.table
-        normal = table.T @ (table * weights[:, None]) + self.precision
-        size = np.sqrt(np.diag(normal))
-        moment = table.T @ (weights * self.left) / size
-        found = np.linalg.solve(normal / np.outer(size, size), moment) / size
-        return np.asarray(self.off - self.raw @ found)
+        scaled, unit = self.normal
+        moment = self.table.T @ (self.weights * self.left) / unit
+        return np.asarray(self.off - self.raw @ (np.linalg.solve(scaled, moment) / unit))
 
     @cached_property
     def _imitating(self) -> tuple[Array, Array]:
         """Map from whitened rows to what all unknowns imitate of them, shape (unknowns, rows), and
         that of the residual, shape (unknowns,)."""
-        weights, table = self.weights, self.table
-        normal = table.T @ (table * weights[:, None]) + self.precision
-        unit = np.sqrt(np.diag(normal))
-        factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
-        imitating = solve_triangular(factor, (table / unit).T * weights, lower=True)
+        scaled, unit = self.normal
+        factor = np.linalg.cholesky(scaled + 1e-12 * np.eye(len(unit)))
+        imitating = solve_triangular(factor, (self.table / unit).T * self.weights, lower=True)
         return imitating, imitating @ self.left
 
     def beside(self, rows: Array) -> tuple[Array, Array]:
@@ -94,13 +107,6 @@ class Model:
         return self.point.setting
 
     @property
-    def fitted(self) -> Fitted:
-        """The fit to settled points."""
-        fitted = getattr(self.point, "fitted", None)
-        assert isinstance(fitted, Fitted)
-        return fitted
-
-    @property
     def scale(self) -> float:
         """Size of the noise relative to the expected one."""
         return self.noise[0]
@@ -108,11 +114,28 @@ class Model:
     @cached_property
     def inverse(self) -> Array:
         """Covariance of the values, in coordinates, and of the amounts of random columns."""
-        normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
-        size = np.sqrt(np.diag(normal))
-        inverse: Array = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-        inverse /= np.outer(size, size)
-        return inverse
+        scaled, unit = self.normal
+        return np.asarray(np.linalg.pinv(scaled, hermitian=True) / np.outer(unit, unit))
+
+    @cached_property
+    def solved(self) -> tuple[Array, Array]:
+        """All unknowns less their prior means, shape (unknowns,), and their covariance, shape
+        (unknowns, unknowns)."""
+        scaled, unit = self.normal
+        inverse = np.linalg.inv(scaled) / np.outer(unit, unit)
+        return -inverse @ (self.table.T @ (self.left * self.weights)), inverse
+
+    def columns_of(self, term: Term) -> NDArray[np.intp]:
+        """Indices of a term's functions among the unknowns: behind values and errors of form and of
+        sensors, in the order of `Random`."""
+        before = len(self.at) + len(self.forms)
+        for other in self.terms[self.terms.index(term) :]:
+            before -= other.columns.shape[1]
+        return np.arange(before, before + term.columns.shape[1])
+
+    def size_of(self, term: Term) -> float:
+        """Size of the functions of a term, SI of its place."""
+        return self.sizes.terms[self.terms.index(term)] / term.norm
 
     @cached_property
     def covariance(self) -> Array:
@@ -153,11 +176,10 @@ class _Weighted:
 
 
 def refitted(
-    geometry: Evidence,
+    evidence: Evidence,
     setting: Configuration,
     near: Model | None = None,
     terms: tuple[Term, ...] = (),
-    steps: int = 25,
     without_error: Collection[str] = (),
 ) -> Model:
     """Refit all values and errors of form, starting from `near`, a similar model.
@@ -166,40 +188,36 @@ def refitted(
 
     Raises `numpy.linalg.LinAlgError` where the model has no finite slopes at the start.
     """
-    prior = geometry.prior(setting)
+    prior = evidence.prior(setting)
     held = np.isin(prior.names, [ERROR + name for name in without_error])
     low, high = (np.where(held, 0.0, end) for end in (prior.lowest, prior.highest))
     prior = replace(prior, lowest=low, highest=high)
     n = len(prior.names)
     at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
-    random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, terms)
-    forms = np.zeros(random.count)
+    random = Random(evidence.forms, evidence.law, evidence.moving, evidence.held, terms)
+    forms, sizes, noise, own = np.zeros(random.count), USUAL, evidence.usual_noise, {}
     if near is not None:
         kept = min(len(forms), len(near.forms))
         forms[:kept] = near.forms[:kept]
-    sizes, noise, own = USUAL, geometry.usual_noise, dict[str, float]()
-    if near is not None:
         sizes, noise = near.sizes, near.noise
         own = {t.name: size for t, size in zip(near.terms, sizes.terms, strict=True)}
     sizes = replace(sizes, terms=tuple(own.get(t.name, 1.0) for t in terms))
     fresh = [len(noise) + 1 + i for i, t in enumerate(terms) if t.name not in own]
     fresh += [0] if near is None else []
-    no_more = np.zeros((geometry.count, 0))
-    pressed = np.zeros(n, dtype=bool)
-    now = geometry.evaluated(setting, prior, at)
+    problem, pressed = _Problem(evidence, prior, random), np.zeros(n, dtype=bool)
+    now = evidence.evaluated(setting, prior, at)
     if not (np.isfinite(now.residual).all() and np.isfinite(now.jacobian).all()):
         raise np.linalg.LinAlgError("the model has no finite slopes where the refit begins")
     damping, cost = 1e-3, np.inf
-    for step in range(steps):
+    for step in range(limits.REFIT_STEPS):
         if step in (0, 4):
-            begin = at, forms, sizes, noise
-            found = _choose(geometry, prior, random, now, begin, no_more, fresh, held, anew=True)
+            found = problem.chosen(now, (at, forms, sizes, noise), held, fresh=fresh, anew=True)
             sizes, noise, forms, fresh = found.sizes, found.noise, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
-            cost = _cost(geometry, prior, now, at, forms, loads, noise)
-        residual = geometry.whitened(now.residual + loads @ forms, noise)
-        table = geometry.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
-        weights = geometry.weights(residual, noise)
+            cost = problem.cost(now, at, forms, loads, noise)
+        residual = evidence.whitened(now.residual + loads @ forms, noise)
+        table = evidence.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
+        weights = evidence.weights(residual, noise)
         known, precision = prior.near(at), np.eye(table.shape[1])
         precision[:n, :n] = known.precision
         normal = table.T @ (table * weights[:, None]) + precision
@@ -219,121 +237,155 @@ def refitted(
             change[free] = -np.linalg.solve(damped, slope[free] / size) / size
             there = np.clip(at + change[:n], prior.lowest, prior.highest)
             moved = forms + change[n:]
-            trial = geometry.evaluated(setting, prior, there)
-            after = _cost(geometry, prior, trial, there, moved, loads, noise)
+            trial = evidence.evaluated(setting, prior, there)
+            after = problem.cost(trial, there, moved, loads, noise)
             gain = cost - after if np.isfinite(after) else -1.0
             if gain >= -1e-9:
                 at, forms, now, cost = there, moved, trial, after
                 damping = max(damping / 8.0, 1e-9)
                 break
             damping = max(damping, 1e-6) * 8.0
-        if gain < geometry.ended:
+        if gain < evidence.ended:
             break
-    return _weighed(geometry, prior, random, now, (at, forms, sizes, noise), pressed)
-
-
-def _cost(
-    geometry: Evidence,
-    prior: Prior,
-    now: Point,
-    at: Array,
-    forms: Array,
-    loads: Array,
-    noise: Noise,
-) -> float:
-    residual = geometry.whitened(now.residual + loads @ forms, noise)
-    likelihood = geometry.likelihood(residual, noise)
-    return -likelihood - prior.near(at).density + 0.5 * float(forms @ forms)
+    return problem.weighed(now, (at, forms, sizes, noise), pressed)
 
 
 Begin = tuple[Array, Array, Sizes, Noise]
 """Values, amounts of random columns, their sizes, and the noise to start from."""
 
-Place = tuple[int, ...]
-"""Indices of the parameters of the noise, and of all sizes, on a grid."""
 
+@dataclass(frozen=True)
+class _Problem:
+    """The refit of one model: its prior, and its random columns."""
 
-def _choose(
-    geometry: Evidence,
-    prior: Prior,
-    random: Random,
-    now: Point,
-    begin: Begin,
-    more: Array,
-    fresh: Collection[int],
-    pressed: NDArray[np.bool_],
-    *,
-    anew: bool = False,
-) -> _Chosen:
-    """Sizes of random columns and noise under which the recording is most probable.
+    evidence: Evidence
+    prior: Prior
+    random: Random
 
-    The search climbs from the given noise or, `anew`, from one that the residual makes likely, if
-    that is likelier. `more` are columns of errors of form of effects. `fresh` are axes whose sizes
-    are not known from a similar model: all their values are tried, the other axes are climbed.
-    Values that are `pressed` against an end of their range stay there.
-    """
-    at, forms, sizes, noise = begin
-    n = len(at)
-    known = prior.near(at)
-    jacobian, off = now.jacobian * ~pressed, (at - known.mean) * ~pressed
-    left = now.residual - jacobian @ off
-    table = np.concatenate([jacobian, random.columns, more], axis=1)
-    precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
-    start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
-    moves = random.moving.shape[1] > 0
-    axes: list[tuple[float, ...]] = [*geometry.noises]
-    axes += [limits.MOVING_SHARES if moves else (limits.USUAL_MOVING,)]
-    axes += [limits.TERM_SIZES] * len(sizes.terms)
+    def cost(self, now: Point, at: Array, forms: Array, loads: Array, noise: Noise) -> float:
+        """Negative log density at some values and amounts of random columns, nats."""
+        residual = self.evidence.whitened(now.residual + loads @ forms, noise)
+        likelihood = self.evidence.likelihood(residual, noise)
+        return -likelihood - self.prior.near(at).density + 0.5 * float(forms @ forms)
 
-    whole_of, left_of = geometry.whitener(table), geometry.whitener(left)
+    def chosen(
+        self,
+        now: Point,
+        begin: Begin,
+        pressed: NDArray[np.bool_],
+        effects: Array | None = None,
+        fresh: Collection[int] = (),
+        *,
+        anew: bool = False,
+    ) -> _Chosen:
+        """Sizes of random columns and noise under which the recording is most probable.
 
-    def solved(sizes: Sizes, noise: Noise, weighted: _Weighted) -> _Chosen:
-        ratio = np.ones(len(precision))
-        ratio[n : n + random.count] = random.ratio(sizes)
-        ratio[n + random.count :] = limits.EFFECT_FORM
-        whole = ratio[:, None] * weighted.normal * ratio + precision
-        size = np.sqrt(np.diag(whole))
-        whole /= size[:, None] * size
-        whole[np.diag_indices(len(size))] += 1e-13
-        factor = cho_factor(whole, lower=True, overwrite_a=True, check_finite=False)
-        moment = weighted.moment * ratio / size
-        solution = -cho_solve(factor, moment, check_finite=False) / size
-        residual = weighted.left + weighted.table @ (ratio * solution)
-        score = geometry.likelihood(residual, noise) - 0.5 * float(solution @ precision @ solution)
-        score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
-        score += sizes.odds + geometry.noise_odds(noise)
-        return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
+        The search climbs from the given noise or, `anew`, from one that the residual makes likely,
+        if that is likelier. `effects` are columns of errors of form of effects. `fresh` are axes
+        whose sizes are not known from a similar model: all their values are tried, the other axes
+        are climbed. Values that are `pressed` against an end of their range stay there.
+        """
+        evidence, prior, random = self.evidence, self.prior, self.random
+        at, forms, sizes, noise = begin
+        more = np.zeros((evidence.count, 0)) if effects is None else effects
+        n = len(at)
+        known = prior.near(at)
+        jacobian, off = now.jacobian * ~pressed, (at - known.mean) * ~pressed
+        left = now.residual - jacobian @ off
+        table = np.concatenate([jacobian, random.columns, more], axis=1)
+        precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
+        start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
+        moves = random.moving.shape[1] > 0
+        axes: list[tuple[float, ...]] = [*evidence.noises]
+        axes += [common.MOVING_SHARES if moves else (common.USUAL_MOVING,)]
+        axes += [common.TERM_SIZES] * len(sizes.terms)
+        whole_of, left_of = evidence.whitener(table), evidence.whitener(left)
 
-    @cache
-    def weighted_at(noise: Noise) -> _Weighted:
-        whole, rest = whole_of(noise), left_of(noise)
-        return _Weighted(whole, rest, geometry.weights(rest + whole @ start, noise))
+        def solved(sizes: Sizes, noise: Noise, weighted: _Weighted) -> _Chosen:
+            ratio = np.ones(len(precision))
+            ratio[n : n + random.count] = random.ratio(sizes)
+            ratio[n + random.count :] = limits.EFFECT_FORM
+            whole = ratio[:, None] * weighted.normal * ratio + precision
+            size = np.sqrt(np.diag(whole))
+            whole /= size[:, None] * size
+            whole[np.diag_indices(len(size))] += 1e-13
+            factor = cho_factor(whole, lower=True, overwrite_a=True, check_finite=False)
+            moment = weighted.moment * ratio / size
+            solution = -cho_solve(factor, moment, check_finite=False) / size
+            residual = weighted.left + weighted.table @ (ratio * solution)
+            score = evidence.likelihood(residual, noise) - 0.5 * float(
+                solution @ precision @ solution
+            )
+            score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
+            score += sizes.odds + evidence.noise_odds(noise)
+            return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
 
-    @cache
-    def at_place(place: Place) -> _Chosen:
-        values = [axis[i] for axis, i in zip(axes, place, strict=True)]
-        own = tuple(values[: len(noise)])
-        moving, *of_terms = values[len(noise) :]
-        return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
+        @cache
+        def weighted_at(noise: Noise) -> _Weighted:
+            whole, rest = whole_of(noise), left_of(noise)
+            return _Weighted(whole, rest, evidence.weights(rest + whole @ start, noise))
 
-    rest = left + table @ start
-    likely = (noise, *(geometry.likely_noises(rest) if anew else ()))
-    ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
-    first = max((tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score)
-    place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
-    best = at_place(place)
-    for _ in range(limits.SIZES_STEPS):
-        own = best.weighted
-        residual = own.left + own.table @ (best.ratio * best.solution)
-        own = _Weighted(own.table, own.left, geometry.weights(residual, best.noise))
-        law = _by_law(best, random.law, n)
-        again = solved(replace(best.sizes, laws=law), best.noise, own)
-        if again.score <= best.score:
-            break
-        gain, best = again.score - best.score, again
-        if gain < limits.SIZES_GAIN:
-            break
-    return best
+        @cache
+        def at_place(place: Place) -> _Chosen:
+            values = [axis[i] for axis, i in zip(axes, place, strict=True)]
+            own = tuple(values[: len(noise)])
+            moving, *of_terms = values[len(noise) :]
+            return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
+
+        rest = left + table @ start
+        likely = (noise, *(evidence.likely_noises(rest) if anew else ()))
+        ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
+        first = max(
+            (tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score
+        )
+        place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
+        best = at_place(place)
+        for _ in range(limits.SIZES_STEPS):
+            own = best.weighted
+            residual = own.left + own.table @ (best.ratio * best.solution)
+            own = _Weighted(own.table, own.left, evidence.weights(residual, best.noise))
+            law = _by_law(best, random.law, n)
+            again = solved(replace(best.sizes, laws=law), best.noise, own)
+            if again.score <= best.score:
+                break
+            gain, best = again.score - best.score, again
+            if gain < limits.SIZES_GAIN:
+                break
+        return best
+
+    def weighed(self, now: Point, begin: Begin, pressed: NDArray[np.bool_]) -> Model:
+        """The model at some values, of which some are `pressed` against an end of their range."""
+        evidence, prior, random = self.evidence, self.prior, self.random
+        at = begin[0]
+        more = evidence.effect_forms(now)
+        found = self.chosen(now, begin, pressed, more)
+        known = prior.near(at)
+        off = (at - known.mean) * ~pressed
+        left = now.residual - now.jacobian @ off
+        # Replace the normal density of the linear solution by that of the Student distribution.
+        log_evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
+        log_evidence -= len(random.terms) * float(np.log(len(common.TERM_SIZES)))
+        ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
+        if len(ends):
+            log_evidence += _at_ends(evidence, found, now.jacobian[:, ends], known, at, ends)
+        return Model(
+            point=now,
+            prior=prior,
+            mean=known.mean,
+            at=at,
+            forms=begin[1],
+            terms=random.terms,
+            sizes=found.sizes,
+            noise=found.noise,
+            evidence=log_evidence,
+            table=found.weighted.table * found.ratio,
+            left=evidence.whitened(left, found.noise),
+            raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1)
+            * found.ratio,
+            off=left,
+            precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
+            weights=found.weighted.weights,
+        )
 
 
 def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
@@ -348,7 +400,7 @@ def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
     columns: dict[str, list[int]] = {}
     for i, name in enumerate(law, first):
         columns.setdefault(name, []).append(i)
-    most = float(np.log(limits.FORM_KNOWN))
+    most = float(np.log(common.FORM_KNOWN))
     known, times = most**-2, {}
     for name, at in columns.items():
         determined = len(at) - float(doubt[at].sum())
@@ -366,69 +418,8 @@ def _nearest(axis: Sequence[float], value: float) -> int:
     return int(np.argmin(np.abs(np.log(np.array(axis) / value))))
 
 
-def climbed(
-    score: Callable[[Place], float], begin: Place, lengths: Sequence[int], fresh: Collection[int]
-) -> Place:
-    """The best place of a grid that steps along one axis at a time reach from another one.
-
-    All combinations of the axes in `fresh` are tried first.
-    """
-    ways = [range(n) if i in fresh else (begin[i],) for i, n in enumerate(lengths)]
-    best = max(product(*ways), key=score)
-    while True:
-        beside = [
-            (*best[:i], best[i] + step, *best[i + 1 :])
-            for i, n in enumerate(lengths)
-            for step in (-1, 1)
-            if 0 <= best[i] + step < n
-        ]
-        next_ = max(beside, key=score)
-        if not score(next_) > score(best):
-            return best
-        best = next_
-
-
-def _weighed(
-    geometry: Evidence,
-    prior: Prior,
-    random: Random,
-    now: Point,
-    begin: Begin,
-    pressed: NDArray[np.bool_],
-) -> Model:
-    at = begin[0]
-    more = geometry.effect_forms(now)
-    found = _choose(geometry, prior, random, now, begin, more, (), pressed)
-    known = prior.near(at)
-    off = (at - known.mean) * ~pressed
-    left = now.residual - now.jacobian @ off
-    # Replace the normal density of the linear solution by that of the Student distribution.
-    evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
-    evidence -= len(random.terms) * float(np.log(len(limits.TERM_SIZES)))
-    ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
-    if len(ends):
-        evidence += _at_ends(geometry, found, now.jacobian[:, ends], known, at, ends)
-    return Model(
-        point=now,
-        prior=prior,
-        mean=known.mean,
-        at=at,
-        forms=begin[1],
-        terms=random.terms,
-        sizes=found.sizes,
-        noise=found.noise,
-        evidence=evidence,
-        table=found.weighted.table * found.ratio,
-        left=geometry.whitened(left, found.noise),
-        raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1) * found.ratio,
-        off=left,
-        precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
-        weights=found.weighted.weights,
-    )
-
-
 def _at_ends(
-    geometry: Evidence,
+    evidence: Evidence,
     found: _Chosen,
     slopes: Array,
     known: LocalBelief,
@@ -437,7 +428,7 @@ def _at_ends(
 ) -> float:
     """Gain in evidence, nats, because values at an end of their range can only move inwards, where
     the likelihood falls. `slopes`, shape (rows, ends), are those by the values at `ends`."""
-    shown, own = geometry.whitened(slopes, found.noise), found.weighted
+    shown, own = evidence.whitened(slopes, found.noise), found.weighted
     table, (lower, size) = own.table * found.ratio, found.spread
     residual = own.left + table @ found.solution
     pull = shown.T * own.weights

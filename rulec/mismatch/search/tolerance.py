@@ -16,8 +16,9 @@ from scipy.special import ndtr
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.steady.configuration import ERROR
-from rulec.mismatch.search.evidence import Evidence, Term
+from rulec.mismatch.evidence.configuration import ERROR
+from rulec.mismatch.evidence.evidence import Evidence
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search.refit import Model
 
 
@@ -25,7 +26,7 @@ from rulec.mismatch.search.refit import Model
 class Tolerance:
     """How far readings may be off under a complete model, and which explanations exceed that."""
 
-    geometry: Evidence
+    evidence: Evidence
     model: Model
 
     @cached_property
@@ -33,11 +34,11 @@ class Tolerance:
         """Probability that each explanation, by id, moves some output by more than `off_by`."""
         setting = self.model.setting
         begun = {setting.candidate_of(course).id for course in setting.courses}
-        readings = {c.id for c in setting.joined if self.geometry.of_reading(c)}
+        readings = {c.id for c in setting.joined if self.evidence.of_reading(c)}
         found: dict[str, float] = {}
         for i, id_, start in self._amplitudes:
             own = self.off_by[id_ in readings, id_ in begun]
-            least = least_beyond(self.geometry, self._moved_by(i, start), own)
+            least = least_beyond(self.evidence, self._moved_by(i, start), own)
             found[id_] = max(found.get(id_, 0.0), self._beyond(i, start, least))
         return found
 
@@ -46,7 +47,7 @@ class Tolerance:
         """Terms without a name, but for those over time, that exceed in no row what sensors within
         their class and laws within their accuracy allow: they are errors of form of the declared
         size."""
-        every = np.concatenate([self.geometry.forms, *self._of_sensors], axis=1)
+        every = np.concatenate([self.evidence.forms, *self._of_sensors], axis=1)
         allowed = common.NORMAL_95 * np.sqrt(np.sum(every**2, axis=1))
         return frozenset(
             term.name
@@ -58,10 +59,9 @@ class Tolerance:
     def _moved_by_terms(self) -> Iterator[tuple[Term, Array]]:
         """Terms without a name, and their effect on the rows, shape (rows,)."""
         model = self.model
-        last = len(model.forms) - sum(t.columns.shape[1] for t in model.terms)
         for term, size in zip(model.terms, model.sizes.terms, strict=True):
-            first, last = last, last + term.columns.shape[1]
-            yield term, term.columns @ (size * model.forms[first:last])
+            own = model.columns_of(term) - len(model.at)
+            yield term, term.columns @ (size * model.forms[own])
 
     def _moved_by(self, i: int, start: float) -> Array:
         """Change of the residuals from the null to a value, per unit of it, shape (rows,): at the
@@ -69,7 +69,7 @@ class Tolerance:
         model = self.model
         if model.at[i] != start:
             without = np.where(np.arange(len(model.at)) == i, start, model.at)
-            rest = self.geometry.evaluated(model.setting, model.prior, without).residual
+            rest = self.evidence.evaluated(model.setting, model.prior, without).residual
             slopes: Array = (model.point.residual - rest) / (model.at[i] - start)
             if np.isfinite(slopes).all():
                 return slopes
@@ -83,7 +83,7 @@ class Tolerance:
             return 1.0
         slopes = model.point.jacobian * model.table[:, : len(model.at)].any(axis=0)
         shown = (
-            self._beyond(i, start, least_beyond(self.geometry, slopes[:, i], allowed))
+            self._beyond(i, start, least_beyond(self.evidence, slopes[:, i], allowed))
             for i, _, start in self._amplitudes
         )
         return max(shown, default=0.0)
@@ -112,16 +112,16 @@ class Tolerance:
         a sensor within its class another error of that sensor. A term without a name at a law is an
         error of that law, too.
         """
-        geometry, model = self.geometry, self.model
-        first, count = len(model.at), geometry.forms.shape[1]
+        evidence, model = self.evidence, self.model
+        first, count = len(model.at), evidence.forms.shape[1]
         own, errors = slice(first, first + count), model.forms[:count]
         spread = model.inverse[own, own] + np.outer(errors, errors) + 1e-12 * np.eye(count)
-        laws = geometry.forms * model.sizes.of(geometry.law) @ np.linalg.cholesky(spread)
-        terms = [m for t, m in self._moved_by_terms if not geometry.of_reading(t.changed)]
+        laws = evidence.forms * model.sizes.of(evidence.law) @ np.linalg.cholesky(spread)
+        terms = [m for t, m in self._moved_by_terms if not evidence.of_reading(t.changed)]
         laws, sensors = np.column_stack([laws, *terms]), self._of_sensors
         return {
             (of_sensor, begun): _allowed(
-                geometry, *([] if begun else [laws]), *(sensors if of_sensor else ())
+                evidence, *([] if begun else [laws]), *(sensors if of_sensor else ())
             )
             for of_sensor, begun in product((False, True), repeat=2)
         }
@@ -130,26 +130,26 @@ class Tolerance:
     def _of_sensors(self) -> tuple[Array, ...]:
         """Rows of sensor errors within their class, shape (rows, errors) each."""
         errors = [i for i, name in enumerate(self.model.prior.names) if name.startswith(ERROR)]
-        return self.model.point.jacobian[:, errors], *self.geometry.of_class
+        return self.model.point.jacobian[:, errors], *self.evidence.of_class
 
     @property
     def allowed(self) -> dict[str, float]:
         """Error of each output that sensors within their class and laws within their accuracy
         explain in 19 of 20 recordings, SI."""
-        return _allowed(self.geometry, self.geometry.forms, *self._of_sensors)
+        return _allowed(self.evidence, self.evidence.forms, *self._of_sensors)
 
 
-def _allowed(geometry: Evidence, *errors: Array) -> dict[str, float]:
+def _allowed(evidence: Evidence, *errors: Array) -> dict[str, float]:
     """Largest error of each output in 19 of 20 recordings, SI, by errors of unit size, shape (rows,
     errors) each."""
-    every = np.concatenate([np.zeros((geometry.count, 0)), *errors], axis=1)
-    return {n: common.NORMAL_95 * u for n, u in geometry.shown(every).items()}
+    every = np.concatenate([np.zeros((evidence.count, 0)), *errors], axis=1)
+    return {n: common.NORMAL_95 * u for n, u in evidence.shown(every).items()}
 
 
-def least_beyond(geometry: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:
+def least_beyond(evidence: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:
     """Smallest size that moves some output by more than is `allowed`, SI by output; `slopes`, shape
     (rows,), are those by the size."""
-    moved = geometry.shown(slopes[:, None]) if slopes.any() else {}
+    moved = evidence.shown(slopes[:, None]) if slopes.any() else {}
     return min(
         (allowed.get(name, 0.0) / most for name, most in moved.items() if most > 0.0),
         default=np.inf,

@@ -25,8 +25,8 @@ from rulec_runtime.report.text import listed
 from scipy.special import expit
 
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.model import ESTIMATION
-from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System

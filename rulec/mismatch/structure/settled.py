@@ -18,7 +18,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.operating_state_means import states_of
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
@@ -154,7 +154,7 @@ class Settled:
         own = [c for c in fitted.rows.system.candidates if set(c.modules) & set(modules)]
         result = []
         for trial in screen(fitted, own)[: limits.STRUCTURE_REFITTED]:
-            setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed)
+            setting = trial.joined_to(fitted.setting)
             there = fit(fitted.rows, setting, data.open, limits.STRUCTURE_RIVAL_STEPS)
             result.append((self._agreement(data, there), len(trial.values)))
         return result

@@ -16,12 +16,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import white_noise
-from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.failing_sensors import median_u
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, drift_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
@@ -176,11 +175,8 @@ def _comparison(
 ) -> tuple[float, float, float]:
     """Means of the log likelihood of an error, the log of its size, and whether it is gross."""
     measured = problem.record.measured[name]
-    finite = measured[np.isfinite(measured)]
-    u = systematic_u(ruleset.signal_by_id[name], finite)
-    of_class = float(np.median(np.broadcast_to(u, finite.shape)))
-    noise = max(white_noise(np.diff(finite, 3), 3), problem.record.resolution[name])
-    off = np.abs(error[problem.known[name]]) / np.hypot(noise, of_class)
+    of_class = median_u(ruleset.signal_by_id[name], measured[np.isfinite(measured)])
+    off = np.abs(error[problem.known[name]]) / np.hypot(problem.floors[name], of_class)
     off = np.where(np.isfinite(off), off, limits.UNREAD)
     excess = np.log(np.maximum(off, 1.0))
     return -float(excess.mean()), float(excess.mean()), float((off > limits.GROSSLY_OFF).mean())

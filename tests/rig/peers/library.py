@@ -19,15 +19,16 @@ from rulec_runtime.recordings.stationary import noise_at_work
 
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.limits import STATISTICAL_SHARE
 from rulec.mismatch.evidence.model import ESTIMATION, HELDOUT
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.prior import size_of
+from rulec.mismatch.evidence.steady.evidence import share_of
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.repaired_model import Predictor, predictor_of
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, starts
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.limits import SAME_PATTERN
-from rulec.mismatch.search.evidence import share_of, size_of
 from rulec.prove.real.score import Cause
 from tests.rig.peers import limits
 from tests.rig.peers.case import Case

@@ -24,7 +24,7 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, BaseParameters
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
@@ -201,8 +201,7 @@ def fitted(
 
 def joined(fitted: Fitted, trial: InitialCandidate) -> Fitted:
     """A model refitted with a candidate, as a screen found it."""
-    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    return fit(fitted.rows, setting, fitted.used)
+    return fit(fitted.rows, trial.joined_to(fitted.setting), fitted.used)
 
 
 def changed(recording: Recording, values: Mapping[str, Array]) -> Recording:

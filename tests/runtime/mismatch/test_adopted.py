@@ -14,8 +14,8 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.model import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.repaired_model import predictors_for
 from rulec.mismatch.evidence.steady.system import System
 from rulec.passes.pipeline import compile_plant

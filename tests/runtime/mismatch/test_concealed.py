@@ -10,7 +10,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.search.settled.best_set import search
+from rulec.mismatch.search.operating_states import search
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.runtime.mismatch.made import rows_at
 

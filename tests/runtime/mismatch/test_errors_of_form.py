@@ -11,13 +11,14 @@ import pytest
 
 from rulec.mismatch import stores
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.evidence import climbed
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, errors_of_effects
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import screen
-from rulec.mismatch.search.refit import climbed, refitted
-from rulec.mismatch.search.settled.best_set import reported_names
-from rulec.mismatch.search.settled.geometry import Geometry, forms_of_effects
-from rulec.mismatch.search.settled.grow_sets import explain
+from rulec.mismatch.search.operating_states import explain
+from rulec.mismatch.search.posterior import reported_names
+from rulec.mismatch.search.refit import refitted
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 from tests.runtime.mismatch.made import alone, changed, fitted, joined, rows_at, warmed
 
@@ -38,21 +39,21 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
     clean = fitted(alone(), warmed({name: {"k": 0.05, "dp0": 1.5e5, "P0": 150.0}}))
     (trial,) = screen(clean, [c for c in alone()[1].candidates if c.id == name])
     there = joined(clean, trial)
-    geometry, data = Geometry(there.rows), there.rows.system.data
-    columns = forms_of_effects(there.rows, geometry.seen, there)
+    evidence, data = SteadyEvidence(there.rows), there.rows.system.data
+    columns = errors_of_effects(there, evidence.seen)
     assert np.abs(columns).max() > 1.0
     noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(len(data))
     values = {**data.values, **{n: data.values[n] * noise for n in ("A.dp", "A.P_el")}}
     noisy = replace(data, points=replace(data.points, values=values))
     rows = replace(there.rows, system=replace(there.rows.system, data=noisy))
-    again = forms_of_effects(rows, geometry.seen, there)
+    again = errors_of_effects(replace(there, rows=rows), evidence.seen)
     np.testing.assert_allclose(again, columns, rtol=1e-9, atol=1e-12 * np.abs(columns).max())
 
 
 def test_one_law_may_be_off_by_more_than_the_others() -> None:
     """A bend in the power law is an error of that law, not of all."""
-    geometry = Geometry(rippled("A.P_el", 0.06, 1.0))
-    laws = refitted(geometry, Configuration()).sizes.laws
+    evidence = SteadyEvidence(rippled("A.P_el", 0.06, 1.0))
+    laws = refitted(evidence, Configuration()).sizes.laws
     assert laws["definition:A.P_law"] > 1.5 * max(laws[n] for n in laws if "P_law" not in n)
 
 
@@ -78,9 +79,9 @@ def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatc
     """Those who try sets leave it out, and go on with the others."""
     start = fitted(alone(), warmed({}, 120))
     steep = SimpleNamespace(residual=start.residual, jacobian=np.full_like(start.jacobian, np.inf))
-    monkeypatch.setattr(Geometry, "evaluated", lambda *_: steep)
+    monkeypatch.setattr(SteadyEvidence, "evaluated", lambda *_: steep)
     with pytest.raises(np.linalg.LinAlgError, match="no finite slopes"):
-        refitted(Geometry(start.rows), start.setting)
+        refitted(SteadyEvidence(start.rows), start.setting)
 
 
 def test_a_plant_that_runs_away_cannot_be_judged(monkeypatch: pytest.MonkeyPatch) -> None:

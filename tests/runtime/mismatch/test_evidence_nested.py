@@ -24,15 +24,16 @@ from scipy.special import stdtrit
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.parameter_belief import peak_of
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.evidence import Evidence
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.screen import references
+from rulec.mismatch.evidence.stores.evidence import StoresEvidence
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
-from rulec.mismatch.search.evidence import Evidence
+from rulec.mismatch.evidence.stores.starting_values import from_afar
 from rulec.mismatch.search.refit import Model, refitted
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.stores.geometry import StoresGeometry
-from rulec.mismatch.search.stores.grow_sets import begun, from_afar
+from rulec.mismatch.search.simulated import begun
 from tests.runtime.mismatch.dynamic import benches
 from tests.runtime.mismatch.made import SLIP, USUAL, Sure, alone, recorded, rows_at, tour, warming
 
@@ -49,12 +50,12 @@ class Integral:
     """The integral of a model's density over its values and, where they are `drawn`, the numbers of
     its random columns."""
 
-    geometry: Evidence
+    evidence: Evidence
     model: Model
 
     @property
     def drawn(self) -> bool:
-        return isinstance(self.geometry, Geometry)
+        return isinstance(self.evidence, SteadyEvidence)
 
     @cached_property
     def free(self) -> Array:
@@ -75,7 +76,7 @@ class Integral:
     def about(self) -> tuple[Array, Array]:
         """Middle, and lower factor of the scales, of the distribution from which is drawn."""
         model, n = self.model, len(self.model.at)
-        slopes = self.geometry.whitened(model.point.jacobian[:, self.free], model.noise)
+        slopes = self.evidence.whitened(model.point.jacobian[:, self.free], model.noise)
         table = np.concatenate([slopes, self.columns], axis=1)
         kept = np.concatenate([self.free, np.arange(n, len(model.precision))])
         precision = model.precision[np.ix_(kept, kept)]
@@ -92,28 +93,28 @@ class Integral:
 
     def density(self, at: Array, numbers: Array) -> float:
         """Log density of values and numbers, without the constants of normal distributions."""
-        geometry, model = self.geometry, self.model
+        evidence, model = self.evidence, self.model
         if np.any(at < model.prior.lowest) or np.any(at > model.prior.highest):
             return IMPOSSIBLE
         residual = self._residual(at)
         if not np.isfinite(residual).all():
             return IMPOSSIBLE
         known = model.prior.near(at).density - 0.5 * float(numbers @ numbers)
-        white = geometry.whitened(residual, model.noise)
+        white = evidence.whitened(residual, model.noise)
         if self.drawn:
-            return known + geometry.likelihood(white + self.columns @ numbers, model.noise)
+            return known + evidence.likelihood(white + self.columns @ numbers, model.noise)
         gone = np.linalg.solve(self._inner, self.columns.T @ white)
         size = float(np.sum(np.log(np.diag(self._inner))))
-        return known + geometry.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
+        return known + evidence.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
 
     def _residual(self, at: Array) -> Array:
         """Rows of the model at some coordinates, without the slopes of `Evidence.evaluated`."""
-        setting, geometry = self.model.setting, self.geometry
+        setting, evidence = self.model.setting, self.evidence
         there = replace(setting, values={**setting.values, **self.model.prior.values(at)})
-        if isinstance(geometry, StoresGeometry):
-            return geometry.simulated(there)[0]
-        assert isinstance(geometry, Geometry)
-        return geometry.rows.errors(geometry.rows.system.flows(there))[0][geometry.seen]
+        if isinstance(evidence, StoresEvidence):
+            return evidence.simulated(there)[0]
+        assert isinstance(evidence, SteadyEvidence)
+        return evidence.rows.errors(evidence.rows.system.flows(there))[0][evidence.seen]
 
     def weight(self, share: Array) -> float:
         """Log density at a place of the unit cube, over that with which it is drawn:
@@ -143,7 +144,7 @@ class Integral:
         )
         sampler.run_nested(dlogz=0.1, maxcall=10000, print_progress=False)
         found, model = sampler.results, self.model
-        odds = model.sizes.odds + self.geometry.noise_odds(model.noise)
+        odds = model.sizes.odds + self.evidence.noise_odds(model.noise)
         return float(found.logz[-1]) + odds, float(found.logzerr[-1])
 
 
@@ -194,8 +195,8 @@ def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) 
     for name, values in with_values(begin).items():
         candidate = next(c for c in builder.candidates if c.id == name)
         setting = setting.joining(candidate, values, references(rows.system, candidate))
-    geometry = Geometry(rows, exact=True)
-    return Integral(geometry, refitted(geometry, setting, without_error=without_error))
+    evidence = SteadyEvidence(rows, exact=True)
+    return Integral(evidence, refitted(evidence, setting, without_error=without_error))
 
 
 def stores(begin: Values, built: Values) -> Integral:
@@ -208,15 +209,15 @@ def stores(begin: Values, built: Values) -> Integral:
     there = cast(ModelBuilder, knowing(builder, *unknown, values=benches.TRUE))
     bench = SimulationProblem(rules, there, record)
     search = begun(bench)
-    geometry, plain = search.geometry, search.models[frozenset()]
-    assert isinstance(geometry, StoresGeometry)
+    evidence, plain = search.evidence, search.models[frozenset()]
+    assert isinstance(evidence, StoresEvidence)
     if not begin:
-        return Integral(geometry, plain)
+        return Integral(evidence, plain)
     setting = plain.setting
     for name, values in with_values(begin).items():
         candidate = bench.candidate(name)
-        setting = setting.joining(candidate, values, geometry.references(setting, candidate))
-    return Integral(geometry, refitted(geometry, from_afar(geometry.bench, setting), plain))
+        setting = setting.joining(candidate, values, evidence.references(setting, candidate))
+    return Integral(evidence, refitted(evidence, from_afar(evidence.bench, setting), plain))
 
 
 PROBLEMS: Mapping[str, Callable[[], Integral]] = {

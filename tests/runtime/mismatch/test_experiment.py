@@ -26,8 +26,8 @@ from rulec.mismatch.experiment.points import (
     surroundings,
 )
 from rulec.mismatch.experiment.recipe import experiment_page
-from rulec.mismatch.search.settled.best_set import solved
-from rulec.mismatch.search.settled.grow_sets import Posterior, explain
+from rulec.mismatch.search.operating_states import explain
+from rulec.mismatch.search.posterior import Posterior
 from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import compiled
 from tests.runtime.mismatch.experiments import made_by_hand
@@ -255,7 +255,7 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Worn:
 def soon_and_late(worn: Worn) -> tuple[Places, Places]:
     """The same operating points next, and ten times as long as the recording later."""
     recording, found = worn
-    system = found.geometry.rows.system
+    system = found.evidence.rows.system
     soon = places_in(system, input_ranges(system, recording, 1.0))
     return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
 
@@ -264,8 +264,8 @@ def soon_and_late(worn: Worn) -> tuple[Places, Places]:
 def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
     """Where one reading is missing throughout, points are as near to recorded ones as with it."""
     recording, found = worn
-    system = found.geometry.rows.system
-    data, gone = system.data, found.geometry.rows.cells[0].outputs[0]
+    system = found.evidence.rows.system
+    data, gone = system.data, found.evidence.rows.cells[0].outputs[0]
     values = {**data.points.values, gone: np.full(len(data), np.nan)}
     without = replace(system, data=replace(data, points=replace(data.points, values=values)))
     reach = input_ranges(system, recording, 1.0)
@@ -278,22 +278,22 @@ def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
     follows time goes on while the experiment runs; what grows has grown further in a later reading,
     and is predicted the less surely."""
     found = worn[1]
-    geometry, plain = found.geometry, found.models[frozenset()]
+    evidence, plain = found.evidence, found.models[frozenset()]
     drift = next(n for n in found.models if any(".wear-slip@" in name for name in n))
     soon, late = (
-        forecast(geometry, [found.models[drift], plain], 0, places)
+        forecast(evidence, [found.models[drift], plain], 0, places)
         for places in soon_and_late(worn)
     )
     assert max(np.abs(there.off[0]).max() for there in (soon, late)) < 1e-6
     assert np.abs(late.off[1]).max() > 2.0 * np.abs(soon.off[1]).max()
     growing = {n: m for n, m in found.models.items() if any(c.grows for c in m.setting.courses)}
     model = growing[max(growing, key=lambda names: found.odds[names])]
-    held, open_ = np.diag(solved(model)[1]), np.diag(known_with_onsets(geometry, model))
+    held, open_ = np.diag(model.solved[1]), np.diag(known_with_onsets(evidence, model))
     assert (open_[: len(held)] >= held * (1.0 - 1e-6)).all()
     u_onsets = np.sqrt(open_[len(held) :])
-    length = float(np.ptp(geometry.rows.system.data.time))
+    length = float(np.ptp(evidence.rows.system.data.time))
     assert ((u_onsets > 0.0) & (u_onsets <= length)).all()
-    soon, late = (forecast(geometry, [model, plain], 0, places) for places in soon_and_late(worn))
+    soon, late = (forecast(evidence, [model, plain], 0, places) for places in soon_and_late(worn))
     assert np.abs(late.off[1]).max() > 2.0 * np.abs(soon.off[1]).max()
     assert max(late.covariance[0].diagonal()) > max(soon.covariance[0].diagonal())
 

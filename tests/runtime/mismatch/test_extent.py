@@ -10,8 +10,7 @@ import pytest
 from scipy.stats import t
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.search.evidence import span
-from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, span
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import recorded, rows_at
 
@@ -63,5 +62,5 @@ def test_a_temperature_spans_its_range(tmp_path: Path, zero: float) -> None:
     (unknown,) = candidate.unknowns
     assert unknown.usual is not None
     assert unknown.usual.of_place
-    size = Geometry(rows).size(candidate, unknown)
+    size = SteadyEvidence(rows).size(candidate, unknown)
     assert size.scale * t.ppf(0.75, size.freedom) == pytest.approx(0.05 * 150.0)

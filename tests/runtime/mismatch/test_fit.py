@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.model import model_of
 from rulec.mismatch.evidence.steady.screen import (
@@ -22,7 +22,7 @@ from rulec.mismatch.evidence.steady.screen import (
     with_open_references,
 )
 from rulec.mismatch.inference.prove import profile
-from rulec.mismatch.search.settled.best_set import confirmed
+from rulec.mismatch.search.operating_states import confirmed
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -31,7 +31,6 @@ from tests.runtime.mismatch.made import (
     alone,
     changed,
     fitted,
-    joined,
     recorded,
     rows_at,
     tour,
@@ -200,9 +199,10 @@ def test_a_calibration_at_another_temperature_bends_no_law() -> None:
     sure = Sure(builder, replace(known, covariance=known.covariance * 1e-4))
     begun = fitted((rules, sure), warmed(TRUE))  # type: ignore[arg-type]
     (trial,) = (t for t in screen(begun, builder.candidates) if t.candidate.id == SLIP)
-    elsewhere = with_open_references(begun.rows.system, trial)
+    setting = begun.setting.joining(trial.candidate, trial.values, trial.fixed)
+    elsewhere = with_open_references(begun.rows.system, setting, [trial.candidate])
     assert elsewhere is not None
-    found = joined(begun, elsewhere)
+    found = fit(begun.rows, elsewhere, begun.used)
     for name, true in (("b", 0.03), ("T0", USUAL)):
         own = f"{SLIP}.{name}"
         assert abs(found.setting.values[own] - true) < 3.0 * found.u(own)

@@ -14,7 +14,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen

@@ -11,9 +11,8 @@ import pytest
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.story import finding_facts
 from rulec.mismatch.answer.terminal_and_page import report
-from rulec.mismatch.evidence.steady.configuration import Configuration, lasting
+from rulec.mismatch.evidence.configuration import Configuration, lasting
 from rulec.mismatch.result import Finding, Mismatch
-from rulec.mismatch.search.settled.scan import at_points
 from tests.runtime.mismatch.made import USUAL, alone, compared, recorded, tour
 from tests.runtime.pages import subject
 
@@ -90,7 +89,7 @@ def test_a_course_that_grows_reaches_its_degree_at_the_end() -> None:
     np.testing.assert_allclose(course.since(2.0, time).share(0), [0.0, 0.0, 0.0, 0.5, 1.0])
     np.testing.assert_allclose(step.since(2.0, time).share(0), [0, 0, 1, 1, 1])
     means = lasting("x", 1.0, np.array([1.0, 3.0, 5.0]), grows=True)
-    there = at_points(Configuration(values={"x#0": 0.8}, courses=(means,)), np.arange(8.0))
+    there = Configuration(values={"x#0": 0.8}, courses=(means,)).at_points(np.arange(8.0))
     degrees = there.courses[0].degrees(there.values)
     np.testing.assert_allclose(degrees[[1, 3, 5]], means.degrees({"x#0": 0.8}))
     assert there.courses[0].periods[0].until == 7.0

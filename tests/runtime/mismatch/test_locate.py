@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.model import Variable, periods_of, region_of
-from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.repaired_model import predictors_for
 from rulec.mismatch.search.latent_input import described, reconstruct
-from rulec.mismatch.search.settled.best_set import search
+from rulec.mismatch.search.operating_states import search
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from rulec.cli import main
+from rulec.mismatch.evidence.steady.evidence import settled
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.inference.power import Replayer, asked_of, called_missing, judge_of, self_proof
-from rulec.mismatch.search.settled.grow_sets import Posterior, _join, begun
-from rulec.mismatch.search.settled.scan import columns, scan
-from rulec.mismatch.search.stores import grow_sets as of_stores
+from rulec.mismatch.search.grow_sets import join_columns
+from rulec.mismatch.search.operating_states import begun
+from rulec.mismatch.search.posterior import Posterior
+from rulec.mismatch.search.simulated import begun as begun_with_stores
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
 from tests.runtime.mismatch.made import SLIP, USUAL, Built, alone, rows_at, warmed
@@ -28,9 +30,8 @@ def warm(built: Built | None = None) -> Posterior:
     """A pump whose liquid warms up, with the plain model and the slip weighed."""
     search = begun(rows_at(alone(), warmed(built, 200)))
     plain = search.models[frozenset()]
-    every = columns(search.settled, plain, search.alike) if built else []
-    for found in scan(search.settled, plain, every, search.alike, 8, {SLIP}):
-        _join(search, frozenset(), found)
+    slip = [c for c in search.evidence.candidates if c.id == SLIP and built]
+    join_columns(search, frozenset(), search.evidence.columns(plain.point, slip))
     return search.posterior()
 
 
@@ -48,7 +49,7 @@ def columns_of(judge: Judge, candidate: str) -> list[int]:
 def test_replays_scatter_as_the_model_says(judge: Judge) -> None:
     """The same each time: noise, and all that may be off; nothing missing is hardly ever called
     missing."""
-    replayer, none = Replayer(judge.geometry, judge.model), np.zeros((len(judge.model.left), 1))
+    replayer, none = Replayer(judge.evidence, judge.model), np.zeros((len(judge.model.left), 1))
     first = replayer.drawn(2000, none)
     assert np.array_equal(first, replayer.drawn(2000, none))
     assert called_missing(judge, first) < 100
@@ -69,7 +70,7 @@ def test_coinciding_explanations_are_told_as_one(judge: Judge) -> None:
     assert told > 190
     assert other.total() < 10
     shift = judge.rows[:, own[:1]] * size
-    judged = judge.judged(Replayer(judge.geometry, judge.model).drawn(REPLAYS, shift))
+    judged = judge.judged(Replayer(judge.evidence, judge.model).drawn(REPLAYS, shift))
     for name in (LEAK, LATE):
         share = judged.columns[judge.owner == name].sum(axis=0)
         assert 0.1 < np.median(share) < 0.9
@@ -87,7 +88,7 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
     own, missing = np.maximum(drawn, 0), drawn >= 0
     sizes = np.array([_size(judge, i, rng) for i in own]) * missing
     shift = judge.rows[:, own] * sizes
-    judged = judge.judged(Replayer(judge.geometry, judge.model).drawn(count, shift, seed=3))
+    judged = judge.judged(Replayer(judge.evidence, judge.model).drawn(count, shift, seed=3))
     told = replay_verdicts(judge, judged)
     best = np.minimum(told.best, len(judge.columns) - 1)
     right = missing & (best == told.best)
@@ -114,7 +115,7 @@ def _size(judge: Judge, column: int, rng: np.random.Generator) -> float:
 def test_what_was_found_is_concealed_at_its_size() -> None:
     """As the set that has it says; what has no column in the recording is never told."""
     found = warm({SLIP: {"b": 0.1, "T0": USUAL}})
-    every = found.settled.rows.system.builder.candidates
+    every = settled(found.evidence).system.builder.candidates
     (seen,) = self_proof(found, every).effects
     assert (SLIP, "1/K", True) == (seen.id, seen.unit, seen.found)
     values = found.models[frozenset({SLIP})].setting.values
@@ -162,7 +163,7 @@ def test_ids_that_nothing_has_are_refused(capsys: pytest.CaptureFixture[str]) ->
 def test_plants_that_store_are_replayed_too() -> None:
     """A strong overflow is told, and nothing is called missing where nothing is."""
     place = bench(made())
-    proof = self_proof(of_stores.begun(place).posterior(), place.candidates, [OVERFLOW])
+    proof = self_proof(begun_with_stores(place).posterior(), place.candidates, [OVERFLOW])
     (seen,) = proof.effects
     assert proof.called_missing < 10
     assert seen.told > 100

@@ -7,7 +7,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.simulation.equations import equations_of
 from rulec.simulation.simulate import simulate_with

@@ -24,15 +24,15 @@ from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.shapes import answer_of
 from rulec.mismatch.answer.terminal_and_page import pictures_of
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.curve_found import Branches, gap_between, ways_there
-from rulec.mismatch.search.evidence import Basis, Term, basis_over
+from rulec.mismatch.evidence.term import Basis, Term, basis_over, ways_there
+from rulec.mismatch.search.curve_at_points import gap_between
+from rulec.mismatch.search.curve_found import Branches
+from rulec.mismatch.search.operating_states import begun, with_term
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.best_set import with_term
-from rulec.mismatch.search.settled.grow_sets import begun
-from rulec.mismatch.search.settled.nameless import beside, holds, terms
+from rulec.mismatch.search.scan import beside, holds
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import alone, compared, recorded, rows_at, tour
 
@@ -132,7 +132,7 @@ def test_a_curve_has_fewer_pieces_where_its_equation_is_too_long(
         return rows_at(opened, read_recording(plant / "examples" / "shaking_B.csv", opened[0]))
 
     start = begun(begin())
-    every = terms(start.geometry, start.models[frozenset()])
+    every = start.evidence.terms(start.models[frozenset()].point)
     term = next(t for t in every if t.name == "definition:B.P_law~B.n")
     pieces = []
     for longest in (MAX_EQUATION_LENGTH, MAX_EQUATION_LENGTH * 3 // 4, 10):

@@ -13,11 +13,12 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.evidence import Switching
-from rulec.mismatch.search.settled.grow_sets import Posterior, begun, explain, join_terms
-from rulec.mismatch.search.settled.later_refits import possible_sets, refitted_again
-from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.switching_term import price
+from rulec.mismatch.evidence.term import Switching
+from rulec.mismatch.search.grow_sets import join_terms
+from rulec.mismatch.search.later_refits import possible_sets, refitted_again
+from rulec.mismatch.search.operating_states import begun, explain
+from rulec.mismatch.search.posterior import Posterior
+from rulec.mismatch.search.time_course import price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
 from tests.runtime.mismatches import UNNAMED
@@ -34,7 +35,7 @@ def with_terms(rows: Rows, place: str) -> Posterior:
     """Terms without a name at a place alone."""
     search = begun(rows)
     spots = {s.id for s in rows.system.builder.spots if f"{s.module}.{s.place}" == place}
-    every = terms(search.settled, search.models[frozenset()])
+    every = search.evidence.terms(search.models[frozenset()].point)
     join_terms(search, frozenset(), [t for t in every if t.spot in spots])
     return search.posterior()
 

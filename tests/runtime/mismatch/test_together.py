@@ -10,16 +10,16 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.findings import of_recordings, update_sentence, updates_of
+from rulec.mismatch.evidence.configuration import ERROR, Configuration, own_error
 from rulec.mismatch.evidence.model import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration, own_error
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.operating_state_means import averaged
 from rulec.mismatch.evidence.steady.repaired_model import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import Likely, Moved
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.grow_sets import explain
-from rulec.mismatch.search.settled.later_refits import ByRecording, SingleRecording, by_recording
+from rulec.mismatch.search.later_refits import ByRecording, SingleRecording, by_recording
+from rulec.mismatch.search.operating_states import explain
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -107,11 +107,11 @@ def test_an_error_that_a_recording_has_as_its_own_shows_there_alone(rows: Rows) 
     variance = {n: 1.0 / prior.known[i] for i, n in enumerate(prior.names) if ERROR in n}
     for name in system.shared:
         assert abs(variance[ERROR + name] + variance[own_error(name, 1)] - 1.0) < 1e-12
-    geometry = Geometry(rows)
-    source = system.data.source[geometry.point]
-    ranks = [np.linalg.matrix_rank(geometry.moving[source == number]) for number in (0, 1)]
+    evidence = SteadyEvidence(rows)
+    source = system.data.source[evidence.point]
+    ranks = [np.linalg.matrix_rank(evidence.moving[source == number]) for number in (0, 1)]
     assert min(ranks) > 0
-    assert np.linalg.matrix_rank(geometry.moving) == sum(ranks)
+    assert np.linalg.matrix_rank(evidence.moving) == sum(ranks)
     signal = next(iter(system.shared))
     names = [ERROR + signal, own_error(signal, 0), own_error(signal, 1)]
     by = system.flows(Configuration(), names).by_value

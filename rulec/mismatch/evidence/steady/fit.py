@@ -16,68 +16,13 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.knowledge.parameter_belief import Belief, Coordinates, LocalBelief, peak_of
+from rulec.knowledge.parameter_belief import LocalBelief
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.steady.configuration import (
-    ERROR,
-    Configuration,
-    reading_and_recording,
-)
+from rulec.mismatch.evidence.configuration import ERROR, Configuration, reading_and_recording
+from rulec.mismatch.evidence.prior import Prior, prior_with
 from rulec.mismatch.evidence.steady.rows import Maps, Rows
 from rulec.mismatch.evidence.steady.system import System
-
-
-@dataclass(frozen=True, kw_only=True)
-class Prior:
-    """Prior of the free values; arrays have shape (values,).
-
-    Values are fitted in `coordinates`, the logarithms of positive parameters. The first ones are
-    parameters of the plant with the prior `belief`. The others have a `mean` and a precision
-    (`known`, 1/u^2; 0: no prior), and are Student distributed where `freedom` is finite. `lowest`
-    and `highest` bound them; `size` is a typical step. `odds` normalise the prior within the
-    bounds.
-    """
-
-    names: tuple[str, ...]
-    coordinates: Coordinates
-    belief: Belief
-    mean: Array
-    known: Array
-    freedom: Array
-    lowest: Array
-    highest: Array
-    size: Array
-    odds: float = 0.0
-
-    def of(self, values: Mapping[str, float]) -> Array:
-        """Coordinates of values, SI, by name; those without a value are at their mean."""
-        means = self.coordinates.values(self.mean)
-        own = np.array([values.get(n, m) for n, m in zip(self.names, means, strict=True)])
-        return self.coordinates.of(own)
-
-    def values(self, at: Array) -> dict[str, float]:
-        """Values, SI, at coordinates."""
-        return dict(zip(self.names, self.coordinates.values(at).tolist(), strict=True))
-
-    def near(self, at: Array) -> LocalBelief:
-        """The prior near some coordinates."""
-        k = len(self.belief.names)
-        plant = self.belief.near(at[:k])
-        mean, precision = self.mean.copy(), np.diag(self.known + 1e-12 / self.size**2)
-        mean[:k] = plant.mean
-        precision[:k, :k] += plant.precision
-        stated = np.flatnonzero(self.known)
-        known, freedom = self.known[stated], self.freedom[stated]
-        square = known * (at - mean)[stated] ** 2
-        wide = np.isfinite(freedom)
-        tails = np.where(wide, peak_of(np.where(wide, freedom, 1.0)), 0.0) - 0.5 * square
-        free = freedom[wide]
-        tails[wide] += 0.5 * square[wide] - 0.5 * (free + 1.0) * np.log1p(square[wide] / free)
-        at_wide = stated[wide]
-        precision[at_wide, at_wide] *= (free + 1.0) / (free + square[wide])
-        density = plant.density + self.odds + float(np.sum(tails + 0.5 * np.log(known)))
-        return LocalBelief(density, mean, precision)
 
 
 def prior_of(system: System, setting: Configuration) -> Prior:
@@ -92,47 +37,6 @@ def prior_of(system: System, setting: Configuration) -> Prior:
         share = common.OWN_ERROR if own else 1.0 - common.OWN_ERROR if several else 1.0
         errors[name] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
     return prior_with(system.belief, errors, setting.limits(), setting)
-
-
-def prior_with(
-    belief: Belief,
-    errors: Mapping[str, float],
-    bounds: Mapping[str, tuple[float, float]],
-    setting: Configuration,
-) -> Prior:
-    """The prior of parameters of the plant, of errors of sensors by their precision, and of
-    unknowns by their range."""
-    k = len(belief.names)
-    first = k + len(errors)
-    size = first + len(bounds)
-    mean, known, scale = np.zeros(size), np.zeros(size), np.ones(size)
-    freedom = np.full(size, np.inf)
-    lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
-    if k:
-        mean[:k] = belief.mean
-        scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
-        far = np.where(belief.coordinates.positive, limits.FARTHEST, np.inf)
-        lowest[:k], highest[:k] = mean[:k] - far, mean[:k] + far
-    known[k:first] = list(errors.values())
-    for i, (name, ends) in enumerate(bounds.items(), start=first):
-        lowest[i], highest[i] = ends
-        width = highest[i] - lowest[i]
-        scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
-        if name in setting.known:
-            mean[i], width, freedom[i] = setting.known[name]
-            known[i] = width**-2
-    rest = np.zeros(size - k, dtype=bool)
-    return Prior(
-        names=(*belief.names, *errors, *bounds),
-        coordinates=Coordinates(np.concatenate([belief.coordinates.positive, rest])),
-        belief=belief,
-        mean=mean,
-        known=known,
-        freedom=freedom,
-        lowest=lowest,
-        highest=highest,
-        size=scale,
-    )
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
+from rulec.mismatch.evidence.configuration import Course
 from rulec.mismatch.evidence.model import (
     HELD_OUT,
     HELDOUT,
@@ -25,11 +26,10 @@ from rulec.mismatch.evidence.model import (
     unit_of_size,
     unread,
 )
-from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import SPARED, Data
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.screen import variables_of
+from rulec.mismatch.evidence.steady.screen import change_by, variables_of
 from rulec.mismatch.result import Estimate, Evidence, Growth, Period
 
 UNSETTLED = "not settled"
@@ -218,12 +218,7 @@ class SteadyModel(Model):
     def term(self, candidate: Candidate) -> Array:
         """Squared change of the residuals by a candidate, summed per point, shape (n,)."""
         fitted, system = self.fitted, self.fitted.rows.system
-        without = fitted.setting.leaving(candidate.id)
-        modules, at = system.reached(candidate.observers), fitted.predicted
-        with_it = system.flows(fitted.setting, modules=modules, at=at).values
-        change_of = with_it - system.flows(without, modules=modules, at=at).values
-        change = {i: np.nan_to_num(c) for i, c in enumerate(change_of) if np.isfinite(c).any()}
-        rows = fitted.rows.column(fitted.maps, change)
+        rows = fitted.rows.column(fitted.maps, change_by(fitted, candidate))
         squares = np.bincount(fitted.rows.point, rows**2, len(system.data)).astype(float)
         return np.where(fitted.used, squares, np.nan)
 

@@ -18,7 +18,7 @@ from rulec_runtime.recordings.stationary import Stretches
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import Flows, System

@@ -13,7 +13,7 @@ from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.fluid import reading_of
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.result import Changed, Repair

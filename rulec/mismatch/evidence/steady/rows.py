@@ -18,7 +18,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of, patterns_of, residual_basis
 
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.system import Flows, Slopes, System
 
 # Solve many small systems of equations at once, one per point, with one unknown per output.

@@ -10,7 +10,7 @@ Source: score test (Rao 1948); the gain is that of a likelihood with free scale.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec.effects.candidate import MEDIAN, TIME, Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.steady.configuration import Course
+from rulec.mismatch.evidence.configuration import CHANGE, Configuration, Course
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
@@ -123,6 +123,55 @@ def spot_column(fitted: Fitted, spot: DisturbanceLocation) -> Array | None:
     return column if np.any(column) else None
 
 
+Changing = tuple[DisturbanceLocation, Array]
+"""A place, or a parameter of the law there, and the slopes of all rows by it, shape (rows,)."""
+
+
+def ways_at(fitted: Fitted, spot: DisturbanceLocation) -> list[Changing]:
+    """A place, and the parameters of the law there; none where the place does not show.
+
+    A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
+    """
+    column = spot_column(fitted, spot)
+    found = [] if column is None else [(spot, column)]
+    if column is None or spot.kind != "definition":
+        return found
+    rows, system = fitted.rows, fitted.rows.system
+    parameters = system.builder.parameters
+    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
+    names = [parameters.ids[i] for i in own]
+    modules = system.reached(spot.observers)
+    slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
+    reached = {system.number[o] for o in spot.observers if o in system.number}
+    for i, name in zip(own, names, strict=True):
+        changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
+        if set(changed) == reached:
+            shown = parameters.units[i], float(parameters.factors[i])
+            way = parameter_at(spot, f"parameter:{name}", name + CHANGE, *shown)
+            found.append((way, rows.column(fitted.maps, changed)))
+    return found
+
+
+def parameter_at(
+    spot: DisturbanceLocation, id_: str, unknown: str, unit: str, factor: float
+) -> DisturbanceLocation:
+    """A parameter of the law at a place, as a place."""
+    return replace(spot, id=id_, kind="parameter", unit=unit, factor=factor, unknown=unknown)
+
+
+def change_by(fitted: Fitted, candidate: Candidate) -> dict[int, Array]:
+    """Change of each estimate by a joined candidate, shape (n,), m3/s, by number of the observer;
+    without those that it does not change."""
+    system, setting = fitted.rows.system, fitted.setting
+    modules = system.reached(candidate.observers)
+    there, plain = (
+        system.flows(s, modules=modules, at=fitted.predicted).values
+        for s in (setting, setting.leaving(candidate.id))
+    )
+    changes = enumerate(np.nan_to_num(there - plain))
+    return {i: change for i, change in changes if np.any(change)}
+
+
 def alike(first: Suspect, second: Suspect) -> bool:
     """Do errors at two places have the same signature?"""
     cosine = np.abs(first.column @ second.column)
@@ -149,6 +198,10 @@ class InitialCandidate:
     fixed: Mapping[str, float]
     gain: float
     course: Course | None = None
+
+    def joined_to(self, setting: Configuration) -> Configuration:
+        """A setting with the candidate joined."""
+        return setting.joining(self.candidate, self.values, self.fixed, self.course)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -336,23 +389,25 @@ def references(system: System, candidate: Candidate) -> dict[str, float]:
     return found
 
 
-def with_open_references(system: System, trial: InitialCandidate) -> InitialCandidate | None:
-    """A trial with free reference conditions of its law; None where it has none.
+def with_open_references(
+    system: System, setting: Configuration, new: Iterable[Candidate]
+) -> Configuration | None:
+    """A setting in which laws of `new` have free reference conditions; None where none has any.
 
     A calibration on an earlier run may have had other conditions than this recording.
     """
-    candidate = trial.candidate
-    opened = {u.id: _opened(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
-    if not opened:
-        return None
-    return replace(
-        trial,
-        candidate=replace(
-            candidate, unknowns=tuple(opened.get(u.id, u) for u in candidate.unknowns)
-        ),
-        values={**trial.values, **{n: v for n, v in trial.fixed.items() if n in opened}},
-        fixed={n: v for n, v in trial.fixed.items() if n not in opened},
-    )
+    there = None
+    for candidate in new:
+        opened = {u.id: _opened(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
+        if not opened or setting.in_periods & {u.id for u in candidate.unknowns}:
+            continue
+        unknowns = tuple(opened.get(u.id, u) for u in candidate.unknowns)
+        values = {u.id: setting.values[u.id] for u in unknowns if u.id in setting.values}
+        values |= {n: v for n, v in setting.fixed.items() if n in opened}
+        fixed = {n: v for n, v in setting.fixed.items() if n not in opened}
+        bare = (there or setting).leaving(candidate.id)
+        there = bare.joining(replace(candidate, unknowns=unknowns), values, fixed)
+    return there
 
 
 def _opened(system: System, unknown: Unknown) -> Unknown:

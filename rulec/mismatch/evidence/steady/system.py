@@ -15,7 +15,7 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.parameter_belief import Belief, belief_in
-from rulec.mismatch.evidence.steady.configuration import (
+from rulec.mismatch.evidence.configuration import (
     CHANGE,
     ERROR,
     Configuration,

@@ -10,9 +10,10 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Simulated, SimulationProblem
+from rulec.mismatch.evidence.term import bends
 
 # The change by a candidate in a plant that stores, and errors of form of that change: no effect
 # obeys its formula exactly.
@@ -85,32 +86,20 @@ def forms_of_effects(
             continue
 
 
-def bends(driver: Array) -> tuple[Array, ...]:
-    """A parabola and a cubic over the range of a driver, of unit size."""
-    low, high = np.quantile(driver, [0.02, 0.98])
-    if high <= low:
-        return ()
-    z = np.clip(2.0 * (driver - low) / (high - low) - 1.0, -1.2, 1.2)
-    return np.sqrt(5.0) * (3.0 * z**2 - 1.0) / 4.0, np.sqrt(7.0) * (5.0 * z**3 - 3.0 * z) / 4.0
-
-
 # Allowed errors of readings under a complete model, with sensors within their class, laws within
 # their accuracy, and everything else refitted.
 
 
-def allowed(
-    bench: SimulationProblem, fitted: Fitted, kept: Mapping[str, float], judged: Judged
-) -> dict[str, float]:
-    """Largest error of each measured signal in 19 of 20 recordings, SI; `kept` are fixed values, SI
-    by id."""
-    fitter = Fitter(bench, fitted.joined, kept)
-    _, slopes = fitter.residual(fitter.vector(fitted.values), judged, judged.basis())
-    flags = judged.flags()
+def allowed(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> dict[str, float]:
+    """Largest error of each measured signal in 19 of 20 recordings, SI."""
+    fitter = Fitter(bench, fitted.joined, fixed_values(fitted))
+    _, slopes = fitter.residual(fitter.vector(fitted.values), judged)
+    flags = judged.flags
     squares: Array = np.sum(judged.drift.moved**2, axis=1)
     for _, moved in errors_of_form(bench, fitted.ids, fitted.values):
         rows = fitter.as_rows(moved, judged)
         left = rows - slopes @ np.linalg.lstsq(slopes, rows, rcond=None)[0]
-        own = left[: int(flags.sum())] * judged.weights()[flags, None]
+        own = left[: int(flags.sum())] * judged.weights[flags, None]
         squares[flags] += np.sum(own**2, axis=1)
     parts = np.split(np.where(flags, squares, np.nan), len(bench.signals))
     means = (float(np.nanmean(square)) for square in parts)

@@ -9,16 +9,18 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust_statistics import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
-from rulec.effects.candidate import Candidate, Unknown
-from rulec.knowledge.parameter_belief import Coordinates
+from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
+from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.prior import step_of
 from rulec.mismatch.evidence.stores.noise import (
     Drift,
     Noise,
@@ -80,22 +82,25 @@ class Judged:
     drift: Drift
     slow: Array
 
+    @cached_property
     def flags(self) -> Flags:
         """Flags of samples that count, all signals stacked."""
         return np.concatenate(list(self.known.values()))
 
+    @cached_property
     def weights(self) -> Array:
         """Divisors of errors, shape (signals * samples,), stacked alike."""
         return np.concatenate(
             [np.full(len(k), self.noise[n].weight) for n, k in self.known.items()]
         )
 
+    @cached_property
     def basis(self) -> Array:
         """Orthonormal columns that span slow errors and their priors, shape (samples that count +
         errors, errors)."""
         if not self.drift.count:
-            return np.zeros((int(self.flags().sum()), 0))
-        moved = (self.drift.moved / self.weights()[:, None])[self.flags()]
+            return np.zeros((int(self.flags.sum()), 0))
+        moved = (self.drift.moved / self.weights[:, None])[self.flags]
         basis, _ = np.linalg.qr(np.vstack([moved, np.eye(self.drift.count)]))
         return np.asarray(basis)
 
@@ -104,8 +109,8 @@ class Fitter:
     """Fits models with some candidates joined.
 
     A point `at`, shape (free,), has the coordinates of the free parameters: logarithms of positive
-    ones of the plant, values, SI, of all others. `basis` is that of `Judged.basis`; `scale`, shape
-    (free,), has a typical step of each coordinate.
+    ones of the plant, values, SI, of all others. `scale`, shape (free,), has a typical step of each
+    coordinate.
     """
 
     def __init__(
@@ -113,26 +118,20 @@ class Fitter:
     ) -> None:
         self.bench, self.joined, self.fixed = bench, joined, dict(fixed)
         self.ids = tuple(c.id for c in joined)
-        self.free = bench.free(joined)
-        known = set(bench.base.ids)
-        self._count = sum(n in known for n in self.free)
-        self._belief = bench.belief(self.free[: self._count])
-        self._mean = mean = self._belief.mean
-        self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
-        positive = self._belief.coordinates.positive
-        natural = np.zeros(len(self._unknowns), dtype=bool)
-        self._coordinates = Coordinates(np.concatenate([positive, natural]))
-        u, duration = np.diag(self._belief.near(mean).precision), float(bench.time[-1])
-        steps = [_size(one, duration) for one in self._unknowns]
-        self.scale = np.concatenate([1.0 / np.sqrt(u), steps])
-        ends = [bench.ends(one) for one in self._unknowns]
-        far = np.where(positive, limits.FARTHEST, np.inf)
-        self._low = np.concatenate([mean - far, [end[0] for end in ends]])
-        self._high = np.concatenate([mean + far, [end[1] for end in ends]])
+        unknowns = unknowns_of(joined)
+        nowhere = Configuration(joined=joined, values=dict.fromkeys(unknowns, 0.0))
+        self._prior = prior = bench.prior(nowhere)
+        self.free, self._belief = prior.names, prior.belief
+        self._count = len(prior.belief.names)
+        self._unknowns = [unknowns[n] for n in self.free[self._count :]]
+        edge = limits.EDGE * float(bench.time[-1])
+        steps = [edge if one.driver == TIME else step_of(one) for one in self._unknowns]
+        self.scale = np.concatenate([prior.size[: self._count], steps])
+        self._low, self._high = prior.lowest, prior.highest
 
     def slopes(self, at: Array) -> Array:
         """Slopes of the values, SI, by the coordinates at a point, shape (free,)."""
-        return self._coordinates.slopes(at)
+        return self._prior.coordinates.slopes(at)
 
     def within(self, at: Array) -> Array:
         """The nearest point within bounds."""
@@ -140,18 +139,14 @@ class Fitter:
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """The point with values, SI, by id, within bounds; plain values where none are given."""
-        plain = dict(zip(self.free, self._belief.coordinates.values(self._mean), strict=False))
-        at = np.array([values.get(n, plain.get(n, 0.0)) for n in self.free])
-        return self.within(self._coordinates.of(at))
+        return self.within(self._prior.of(values))
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Bounds of an unknown of a candidate, SI."""
         i = self.free.index(name)
         return float(self._low[i]), float(self._high[i])
 
-    def fall(
-        self, at: Array, i: int, step: float, along: Array, judged: Judged, basis: Array
-    ) -> float:
+    def fall(self, at: Array, i: int, step: float, along: Array, judged: Judged) -> float:
         """The least cost with one parameter held a step away; `along` has the linear response of
         the others.
 
@@ -161,13 +156,14 @@ class Fitter:
         value = at[i] + step
         with self._held({i: value}):
             starts = (self.within(at + step * a) for a in (0.0, along))
-            near = [self.descend(start, judged, basis, limits.HELD_EVALUATIONS) for start in starts]
-            return min(self.cost(point, judged, basis) for point in near)
+            near = [self.descend(start, judged, limits.HELD_EVALUATIONS) for start in starts]
+            return min(self.cost(point, judged) for point in near)
 
     @contextlib.contextmanager
     def _held(self, values: Mapping[int, float]) -> Iterator[None]:
         """Hold some free values, by number."""
-        low, high = self._low.copy(), self._high.copy()
+        low, high = self._low, self._high
+        self._low, self._high = low.copy(), high.copy()
         for i, value in values.items():
             margin = 1e-7 * self.scale[i]
             self._low[i], self._high[i] = value - margin, value + margin
@@ -178,8 +174,7 @@ class Fitter:
 
     def values(self, at: Array) -> dict[str, float]:
         """Free and fixed values, SI, by id."""
-        found = self._coordinates.values(at)
-        return {**self.fixed, **dict(zip(self.free, found.tolist(), strict=True))}
+        return {**self.fixed, **self._prior.values(at)}
 
     def simulate(self, at: Array, judged: Judged, slopes: bool = True) -> Simulated:
         """Simulate the model at a point."""
@@ -195,14 +190,14 @@ class Fitter:
         measured = self.bench.record.measured
         return np.concatenate([model.shown[n] - v for n, v in measured.items()])
 
-    def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
+    def residual(self, at: Array, judged: Judged) -> tuple[Array, Array]:
         """Weighted errors and strains of the priors, and their slopes per scaled parameter."""
         model = self.simulate(at, judged)
-        flags, weights = judged.flags(), judged.weights()
+        flags, weights = judged.flags, judged.weights
         step = self.scale * self.slopes(at)
         slopes = [model.slopes[n] * step for n in self.bench.signals]
         columns = np.column_stack([self._errors_of(model), np.concatenate(slopes)])
-        columns = _projected((columns / weights[:, None])[flags], basis, judged.slow)
+        columns = _projected((columns / weights[:, None])[flags], judged.basis, judged.slow)
         strains, by_coordinates = self._strains(at)
         of_prior = np.zeros((len(strains), len(self.free)))
         of_prior[:, : self._count] = by_coordinates * self.scale[: self._count]
@@ -214,22 +209,22 @@ class Fitter:
     def as_rows(self, moved: Array, judged: Judged) -> Array:
         """Changes of readings, shape (signals * samples, columns), SI, as further columns of the
         slopes in `residual`."""
-        columns = (moved / judged.weights()[:, None])[judged.flags()]
-        columns = _projected(columns, judged.basis(), np.zeros(judged.drift.count))
+        columns = (moved / judged.weights[:, None])[judged.flags]
+        columns = _projected(columns, judged.basis, np.zeros(judged.drift.count))
         return np.concatenate([columns, np.zeros((self._belief.rows, columns.shape[1]))])
 
-    def cost(self, at: Array, judged: Judged, basis: Array) -> float:
+    def cost(self, at: Array, judged: Judged) -> float:
         """Half the sum of squares; infinite where the model runs away."""
         try:
             errors = self._errors_of(self.simulate(at, judged, slopes=False))
         except RanAway:
             return float("inf")
-        column = (errors / judged.weights())[judged.flags(), None]
-        total = np.sum(_projected(column, basis, judged.slow) ** 2)
+        column = (errors / judged.weights)[judged.flags, None]
+        total = np.sum(_projected(column, judged.basis, judged.slow) ** 2)
         total += np.sum(self._strains(at)[0] ** 2)
         return 0.5 * float(total)
 
-    def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
+    def descend(self, at: Array, judged: Judged, evaluations: int) -> Array:
         """A local optimum near a point."""
         from scipy.optimize import least_squares
 
@@ -240,7 +235,7 @@ class Fitter:
             if key not in kept:
                 kept.clear()
                 try:
-                    kept[key] = _compressed(*self.residual(z * self.scale, judged, basis))
+                    kept[key] = _compressed(*self.residual(z * self.scale, judged))
                 except RanAway:
                     count = len(z) + 1
                     kept[key] = (np.full(count, limits.RUNAWAY), np.zeros((count, len(z))))
@@ -268,7 +263,7 @@ class Fitter:
         NaN where nothing was measured; and those sensor errors."""
         whole, slow = self._errors_of(self.simulate(at, judged, slopes=False)), judged.slow
         if judged.drift.count:
-            weights, flags = judged.weights(), judged.flags()
+            weights, flags = judged.weights, judged.flags
             moved = judged.drift.moved / weights[:, None]
             left = (whole / weights)[flags]
             normal = moved[flags].T @ moved[flags] + np.eye(len(slow))
@@ -282,13 +277,12 @@ class Fitter:
 
         Errors have a kink where an onset passes a sample, at which steps of all values end.
         """
-        basis = judged.basis()
-        at = self.descend(at, judged, basis, evaluations)
+        at = self.descend(at, judged, evaluations)
         times = [i for i, u in enumerate(self._unknowns, self._count) if u.driver == TIME]
         if not times:
             return at
         with self._held({i: float(at[i]) for i in times}):
-            return self.descend(at, judged, basis, evaluations)
+            return self.descend(at, judged, evaluations)
 
     def finish(self, at: Array, judged: Judged, evaluations: int = 40, rounds: int = 2) -> Fitted:
         """Fit and estimate the noise in turn."""
@@ -326,7 +320,7 @@ class Fitter:
         """Add the covariance of the parameters."""
         judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         at = self.vector(fitted.values)
-        _, slopes = self.residual(at, judged, judged.basis())
+        _, slopes = self.residual(at, judged)
         # A value that the data do not determine is uniform between its bounds.
         span = np.minimum(self._high - self._low, limits.SPREAD_OUT * self.scale) / self.scale
         scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
@@ -355,16 +349,6 @@ def _projected(columns: Array, basis: Array, slow: Array) -> Array:
     padded = np.vstack([columns, np.zeros((extra, columns.shape[1]))])
     padded[-extra:, 0] = slow
     return np.asarray(padded - basis @ (basis.T @ padded))
-
-
-def _size(unknown: Unknown, duration: float) -> float:
-    """A typical step of an unknown."""
-    if unknown.driver == TIME:
-        return limits.EDGE * duration
-    null = unknown.null or 0.0
-    sizes = [abs(s - null) for s in unknown.starts if s != null]
-    span = unknown.highest - unknown.lowest
-    return min(sizes, default=0.1 * span if np.isfinite(span) else unknown.factor)
 
 
 # Fits of plants that store to convergence, with sensor errors linearised again and the memory of

@@ -14,7 +14,8 @@ from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.errors_of_form import changes
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate, Period
 
@@ -41,8 +42,7 @@ def response(
         if moved <= 1e-12 * scatter:
             return None
         size *= scatter / moved
-        ends = np.linspace(bench.time[0], bench.time[-1], max(knots, 2))
-        shapes = [np.interp(bench.time, ends, row) for row in np.eye(len(ends))[:knots]]
+        shapes = hats(bench.time, knots)
         step = 0.02 * size
         columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
     except RanAway:
@@ -52,28 +52,28 @@ def response(
 
 @dataclass(frozen=True, kw_only=True)
 class StoresModel(Model):
-    """Output error of a simulation; `kept` are fixed values, SI by id."""
+    """Output error of a simulation."""
 
     bench: SimulationProblem
     fitted: Fitted
     judged: Judged
-    kept: Mapping[str, float]
 
     def line(self, name: str) -> Line:
         """All other values refitted, from their current values and from their linear response."""
-        fitted, fitter = self.fitted, Fitter(self.bench, self.fitted.joined, self.kept)
+        fitted = self.fitted
+        fitter = Fitter(self.bench, fitted.joined, fixed_values(fitted))
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        basis, at, i = judged.basis(), fitter.vector(fitted.values), fitted.free.index(name)
+        at, i = fitter.vector(fitted.values), fitted.free.index(name)
         along = fitted.covariance[:, i] / fitted.covariance[i, i] / fitter.slopes(at)
         lowest, highest = fitter.bounds(name)
-        bottom = fitter.cost(at, judged, basis)
+        bottom = fitter.cost(at, judged)
         return Line(
             value=float(at[i]),
             u=fitted.u(name),
             least=0.0,
             lowest=lowest,
             highest=highest,
-            fall=lambda step: fitter.fall(at, i, step, along, judged, basis) - bottom,
+            fall=lambda step: fitter.fall(at, i, step, along, judged) - bottom,
             pace=Pace(*limits.STORES_PACE),
         )
 
@@ -131,10 +131,8 @@ class StoresModel(Model):
         return self._courses.get(name)
 
 
-def model_of(
-    bench: SimulationProblem, fitted: Fitted, judged: Judged, kept: Mapping[str, float]
-) -> StoresModel:
-    """The model of a fit; `kept` are fixed values, SI by id."""
+def model_of(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> StoresModel:
+    """The model of a fit."""
     return StoresModel(
         ruleset=bench.ruleset,
         builder=bench.builder,
@@ -145,7 +143,6 @@ def model_of(
         bench=bench,
         fitted=fitted,
         judged=judged,
-        kept=kept,
     )
 
 

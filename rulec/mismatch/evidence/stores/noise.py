@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -122,11 +122,17 @@ class Innovations:
 
     def logs(self, runs: Sequence[slice]) -> float:
         """Sum of the logarithms of the standard deviations."""
-        own, total = np.concatenate([[0.0], np.cumsum(np.log(np.diag(self.first)))]), 0.0
+        total = 0.0
         for rows in runs:
             m = min(len(self.first), rows.stop - rows.start)
-            total += (rows.stop - rows.start - m) * float(np.log(self.spread)) - float(own[m])
+            total += (rows.stop - rows.start - m) * float(np.log(self.spread)) - self._first_logs[m]
         return total
+
+    @cached_property
+    def _first_logs(self) -> list[float]:
+        """Sums of the negative logarithms of the first 0, 1, ... standard deviations."""
+        logs: list[float] = np.cumsum(np.log(np.diag(self.first))).tolist()
+        return [0.0, *logs]
 
 
 @lru_cache(maxsize=4096)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,17 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.columns import filled, glitches_in, resolution, thinned
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import Flags
+from rulec_runtime.recordings.robust_statistics import Flags, white_noise
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.report.text import counted, fixed
 from rulec_runtime.simulation.balances import TIME, Balances, Course
 
-from rulec.effects.candidate import BaseParameters, Candidate, Unknown
+from rulec.effects.candidate import BaseParameters, Candidate, DisturbanceLocation, Unknown
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.parameter_belief import Belief, belief_in
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.failing_sensors import coarse_step, median_u
 from rulec.mismatch.evidence.model import (
     ESTIMATION,
@@ -36,6 +38,7 @@ from rulec.mismatch.evidence.model import (
     inside_of,
     unread,
 )
+from rulec.mismatch.evidence.prior import Prior, prior_with
 from rulec.mismatch.result import Evidence
 
 
@@ -202,6 +205,11 @@ def _split_in_words(time: Array, part: NDArray[np.intp], heldout: Sequence[objec
     )
 
 
+def noise_floor(measured: Array) -> float:
+    """Scatter of a reading, shape (n,), by third differences, to which states contribute none."""
+    return white_noise(np.diff(measured, 3), 3)
+
+
 SHOWN = "shown:"
 
 Values = Mapping[str, float]
@@ -231,6 +239,7 @@ class SimulationProblem:
         self.ruleset, self.builder, self.record = ruleset, builder, record
         self.signals = tuple(record.measured)
         self._beliefs: dict[tuple[str, ...], Belief] = {}
+        self._last: tuple[Any, Mapping[str, Array], Course] | None = None
         # Inputs that are linear between samples.
         self._linear = frozenset(s.id for s in ruleset.signals if s.between == "line")
         self.time: Array = record.time - record.time[0]
@@ -244,20 +253,19 @@ class SimulationProblem:
         """Parameters of the plain plant."""
         return self.builder.parameters
 
-    def belief(self, names: tuple[str, ...]) -> Belief:
-        """The prior of some parameters of the plain plant."""
+    def prior(self, setting: Configuration) -> Prior:
+        """The prior of uncertain parameters that affect a measured reading, and of unknowns within
+        their ranges."""
+        base, reached = self.base, self._reached(setting.ids)
+        rows = [i for i, name in enumerate(base.ids) if name in reached]
+        names = tuple(base.ids[i] for i in rows)
         if names not in self._beliefs:
-            base = self.base
-            place = {n: i for i, n in enumerate(base.ids)}
-            rows = [place[n] for n in names]
-            self._beliefs[names] = belief_in(
-                names,
-                base.positive[rows],
-                base.values[rows],
-                base.covariance[np.ix_(rows, rows)],
-                base.sheet,
-            )
-        return self._beliefs[names]
+            covariance = base.covariance[np.ix_(rows, rows)]
+            own = base.positive[rows], base.values[rows], covariance
+            self._beliefs[names] = belief_in(names, *own, base.sheet)
+        unknowns = unknowns_of(setting.joined).values()
+        bounds = {u.id: self.ends(u) for u in unknowns if not u.fixed}
+        return prior_with(self._beliefs[names], {}, bounds, setting)
 
     def ends(self, unknown: Unknown) -> tuple[float, float]:
         """Range of an unknown. Near the ends of a recording, an onset cannot be distinguished from
@@ -270,12 +278,6 @@ class SimulationProblem:
     def balances(self, joined: tuple[str, ...]) -> Balances:
         """The balances with candidates built in."""
         return self.builder.balances(joined)
-
-    def free(self, joined: Sequence[Candidate]) -> tuple[str, ...]:
-        """Free parameters of a fit: uncertain ones that affect a measured reading, and unknowns."""
-        reached = self._reached(tuple(c.id for c in joined))
-        known = [n for n in self.base.ids if n in reached]
-        return (*known, *(u.id for c in joined for u in c.unknowns if not u.fixed))
 
     def _reached(self, joined: tuple[str, ...]) -> Collection[str]:
         """Plan inputs that affect a state or a measured reading."""
@@ -336,13 +338,39 @@ class SimulationProblem:
             return self.time
         if name in inputs:
             return np.asarray(inputs[name])
-        whole = self.balances(joined)
-        course = self.simulate(joined, values, inputs=inputs).course
+        whole, model = self.balances(joined), (joined, tuple(values.items()))
+        # Courses of one model are asked for in turn, as those of the drivers of all candidates.
+        if self._last is None or self._last[0] != model or self._last[1] is not inputs:
+            self._last = model, inputs, self.simulate(joined, values, inputs=inputs).course
+        course = self._last[2]
         if name in whole.states:
             return np.ascontiguousarray(course.states[:, whole.states.index(name)])
         module, _, end = name.partition(".")
         output = f"{SHOWN}{name}" if f"{SHOWN}{name}" in whole.outputs else f"{end}:{module}"
         return np.ascontiguousarray(course.shown[:, whole.outputs.index(output)])
+
+    @cached_property
+    def floors(self) -> dict[str, float]:
+        """Standard deviation of the noise of each reading, SI."""
+        record = self.record
+        return {
+            n: max(noise_floor(v[np.isfinite(v)]), record.resolution[n])
+            for n, v in record.measured.items()
+        }
+
+    @property
+    def places(self) -> list[DisturbanceLocation]:
+        """Places at which a law may have an error."""
+        kinds = ("balance", "definition", "reading")
+        return [spot for spot in self.builder.spots if spot.kind in kinds]
+
+    @property
+    def drivers(self) -> list[str]:
+        """What an error at a place may follow: states, inputs and time."""
+        assert self.ruleset.dynamics is not None
+        states = [s.id for s in self.ruleset.dynamics.states]
+        drivers = [*states, *self.balances(()).inputs][: limits.FOLLOWED]
+        return [*drivers, TIME] if self.record.timed else drivers
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:

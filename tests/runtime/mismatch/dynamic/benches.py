@@ -11,12 +11,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, fixed_values, plain_end
+from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
-from rulec.mismatch.search.settled.grow_sets import join_terms
-from rulec.mismatch.search.stores.best_set import Found
-from rulec.mismatch.search.stores.grow_sets import begun, grow, terms
+from rulec.mismatch.search.grow_sets import Search, grow_terms, join_columns
+from rulec.mismatch.search.simulated import Found, begun
 from rulec.mismatch.stores import Explanation, explanation
 from tests.conftest import ROOT
 
@@ -94,11 +93,18 @@ def joined_to(
     return ends, plain, ends.fitted((place.candidate(name),), {**plain.values, **values}, plain)
 
 
+def grow_by(search: Search, *names: str) -> None:
+    """Refit the plain model with some candidates, and with pairs of them."""
+    candidates = [c for c in search.evidence.candidates if c.id in names]
+    columns = search.evidence.columns(search.models[frozenset()].point, candidates)
+    join_columns(search, frozenset(), columns)
+
+
 def searched(place: SimulationProblem, *names: str) -> Found:
     """What a search finds that knows only some names, and terms without one."""
     search = begun(place)
-    grow(search, frozenset(), set(names))
-    join_terms(search, frozenset(), terms(search.geometry, search.models[frozenset()]))
+    grow_by(search, *names)
+    grow_terms(search, frozenset())
     ends, plain = plain_end(place, search.models[frozenset()].setting.values)
     return Found(ends, plain, plain, (), search.posterior())
 
@@ -112,5 +118,5 @@ def explained(
     recording: Recording, place: SimulationProblem, ends: FinalFits, plain: Fitted, best: Fitted
 ) -> Explanation:
     """What is told of that."""
-    model = model_of(place, best, ends.judged, fixed_values(best))
+    model = model_of(place, best, ends.judged)
     return explanation(recording, model, as_found(ends, plain, best))

@@ -12,8 +12,8 @@ import pytest
 from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
 from rulec.mismatch.evidence.stores.fit import Fitter, plain_end
-from rulec.mismatch.search.settled import grow_sets
-from rulec.mismatch.search.settled.grow_sets import posterior
+from rulec.mismatch.search import posterior as of_search
+from rulec.mismatch.search.posterior import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove
 from rulec.mismatch.structure.structure_search import Structure
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, explained, made
@@ -42,8 +42,8 @@ def test_a_sound_plant_gets_its_tick_and_none_where_more_is_left(plain: Explanat
     """Noise is left, as is what sensors within their class and laws within their accuracy do; what
     no law within its accuracy explains is missing, whether it has a name or not."""
     assert plain.nothing > 0.9
-    assert 5.0 * NOISE < plain.allowed("lower.y") < 0.5
-    said = [verdict(plain, share * plain.allowed("lower.y")) for share in (0.0, 0.8, 1.5)]
+    assert 5.0 * NOISE < plain.allowed["lower.y"] < 0.5
+    said = [verdict(plain, share * plain.allowed["lower.y"]) for share in (0.0, 0.8, 1.5)]
     assert ["none", "none", "unsure"] == said
 
 
@@ -56,10 +56,10 @@ def test_no_tick_where_an_explanation_gains(
     none, other = frozenset[str](), frozenset({"pump.x"})
     shown: Any = SimpleNamespace(terms=())
     monkeypatch.setattr(
-        grow_sets, "Tolerance", lambda geometry, model: SimpleNamespace(shows=1.0, within=none)
+        of_search, "Tolerance", lambda evidence, model: SimpleNamespace(shows=1.0, within=none)
     )
     odds = {none: was.odds[none], other: was.odds[none] + more}
-    now = posterior(was.geometry, {**was.models, other: shown}, odds)
+    now = posterior(was.evidence, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)
     assert expected == verdict(explanation(plain.recording, plain.model, found))
 

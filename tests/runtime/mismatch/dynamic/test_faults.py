@@ -12,14 +12,16 @@ from rulec.mismatch.answer.written_plant import written
 from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
-from rulec.mismatch.search.stores.best_set import search as searched
-from rulec.mismatch.search.stores.grow_sets import begun, grow, prune
+from rulec.mismatch.search.grow_sets import prune
+from rulec.mismatch.search.simulated import begun
+from rulec.mismatch.search.simulated import search as searched
 from rulec.mismatch.stores import until_of
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     TRUE,
     bench,
     explained,
+    grow_by,
     joined_to,
     made,
     tanks,
@@ -49,7 +51,7 @@ def test_onset_and_degree_are_found(fault: str) -> None:
     """From starts all over the recording, to within a few samples."""
     place = bench(made(n=512, seed=5, joined=(fault,), more=planted(fault)))
     search = begun(place)
-    grow(search, frozenset(), {fault, "upper.area-slope@h"})
+    grow_by(search, fault, "upper.area-slope@h")
     prune(search, search.likeliest)
     assert frozenset({fault}) == search.likeliest
     ends, plain = plain_end(place, search.models[frozenset()].setting.values)
@@ -116,7 +118,7 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     assert {fault, "pump.leakage", "pump.u.high"} <= told
     judged, best = found.ends.judged, found.best
     best = Fitter(place, best.joined, fixed_values(best)).with_covariance(best, judged)
-    model = model_of(place, best, judged, fixed_values(best))
+    model = model_of(place, best, judged)
     (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rulec.mismatch.search.stores.best_set import curves_of, likeliest_curve
+from rulec.mismatch.search.simulated import curves_of, likeliest_curve
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, voltage
 
 LOSS = "lower.store-loss@inflow"

@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from rulec.mismatch.search.settled.grow_sets import Search
-from rulec.mismatch.search.stores.best_set import Found, search
-from rulec.mismatch.search.stores.grow_sets import begun, grow
-from tests.runtime.mismatch.dynamic.benches import NOISE, OVERFLOW, RIM, bench, made
+from rulec.mismatch.search.grow_sets import Search
+from rulec.mismatch.search.simulated import Found, begun, search
+from tests.runtime.mismatch.dynamic.benches import NOISE, OVERFLOW, RIM, bench, grow_by, made
 from tests.runtime.mismatch.made import changed
 
 BAND, LAMINAR = "pump.pump-dead-band@u", "lower.line-laminar@outflow"
@@ -24,7 +23,7 @@ def whole(joined: tuple[str, ...], more: dict[str, float]) -> Found:
 def grown(joined: tuple[str, ...], more: dict[str, float], *of: str, seed: int = 1) -> Search:
     """What stands beside the plain model, of some candidates."""
     found = begun(bench(made(512, seed, joined=joined, more=more)))
-    grow(found, frozenset(), set(of))
+    grow_by(found, *of)
     return found
 
 

@@ -17,9 +17,10 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.evidence.stores.fit import plain_end
+from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
+from rulec.mismatch.search.curve_by_simulation import curve_of
 from rulec.mismatch.search.curve_found import CurveFound
-from rulec.mismatch.search.stores.best_set import curve_of, likeliest_curve
-from rulec.mismatch.search.stores.fitted_curve import FittedCurve, fitted_curve
+from rulec.mismatch.search.simulated import likeliest_curve
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, tanks
 
@@ -96,7 +97,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
     term = fitted_curve(ends, plain, spot, "lower.h")
     assert term is not None
-    curve = curve_of(place, term)
+    curve = curve_of(term)
     assert "lower.y" == curve.driver
     off = curve.value - left_out(curve, term)
     less = np.eye(len(off)) - 1.0 / len(off)

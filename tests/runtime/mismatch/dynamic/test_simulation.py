@@ -11,6 +11,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
+from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
@@ -60,7 +61,7 @@ def test_slopes_are_those_of_finite_differences(tau: float | None) -> None:
     """Also carried through the past, with a dead time off the kinks between samples."""
     joined: tuple[str, ...] = () if tau is None else (LATE,)
     values = {**plain().plain_values, **TRUE} | ({} if tau is None else {TAU: tau})
-    names = (*plain().free(()), *([] if tau is None else [TAU]))
+    names = (*plain().prior(Configuration()).names, *([] if tau is None else [TAU]))
     exact = plain().simulate(joined, values, names).slopes["lower.y"]
     for i, name in enumerate(names):
         step = 1e-4 * abs(values.get(name) or 1.0)
@@ -100,7 +101,7 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     assert found.noise["lower.y"].spread == pytest.approx(NOISE, rel=0.15)
     judged = replace(ends.judged, noise=found.noise)
     exact = Fitter(place, found.joined, fixed_values(found)).with_covariance(found, judged)
-    model = model_of(place, exact, judged, fixed_values(found))
+    model = model_of(place, exact, judged)
     width = {}
     for key in (f"{OVERFLOW}.l_o", f"{OVERFLOW}.f"):
         assert abs(found.values[key] - RIM[key]) < 4.0 * exact.u(key), key

@@ -173,6 +173,22 @@ class Configuration:
         ranges = {u.id: (u.lowest, u.highest) for c in self.joined for u in c.unknowns}
         return {name: ranges[name.partition("#")[0]] for name in self.free_unknowns()}
 
+    def at_points(self, time: Array) -> Configuration:
+        """The configuration at other points, shape (n,), s.
+
+        The value of a growing course is the degree at the last point.
+        """
+        values, courses = dict(self.values), []
+        for course in self.courses:
+            if course.grows:
+                ((own,), (name,)) = course.periods, course.names()
+                course = course.since(own.since, time)
+                values[name] *= (course.periods[0].until - own.since) / (own.until - own.since)
+            else:
+                course = course.at_times(time)
+            courses.append(course)
+        return replace(self, values=values, courses=tuple(courses))
+
     def joining(
         self,
         candidate: Candidate,

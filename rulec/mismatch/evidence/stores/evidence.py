@@ -1,4 +1,4 @@
-"""What all models of a plant that stores have in common: errors of a simulation, and their noise.
+"""A recording of a plant that stores as evidence: errors of a simulation, and their noise.
 
 A reading has white noise, estimated from its third differences, and a wandering error whose size
 and correlation time are estimated by likelihood. Models of plants that store are off for long
@@ -8,34 +8,38 @@ stretches, so rows are innovations.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust_statistics import white_noise
+from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
-from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import Prior, prior_with
-from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
-from rulec.mismatch.evidence.stores.noise import errors_of_sensors, innovations
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import (
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
+from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.evidence import (
+    Column,
     Evidence,
+    Names,
     Noise,
     Point,
-    Size,
-    prior_with_sizes,
-    range_over,
-    size_of,
+    Proposal,
+    amplitudes_of,
+    climbed,
 )
-from rulec.mismatch.search.refit import climbed
-from rulec.mismatch.search.stores.fitted_curve import drivers_of, spots_of
+from rulec.mismatch.evidence.prior import Prior, usual
+from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
+from rulec.mismatch.evidence.stores.fitted_curve import Place, place_over
+from rulec.mismatch.evidence.stores.noise import errors_of_sensors, innovations
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.starting_values import from_afar, nearest, ways_to_join
+from rulec.mismatch.evidence.term import Term, term_with
 
 
 @dataclass(frozen=True)
@@ -47,34 +51,43 @@ class StoredPoint:
     jacobian: Array
 
 
-class StoresGeometry(Evidence):
+class StoresEvidence(Evidence):
     """What all models of one recording of a plant that stores have in common.
 
     Errors of form and of sensors are linearised at the model `near`.
     """
 
     ended = limits.STORES_ENDED
+    most = limits.DEEPEST
+    # A term is linearised at the model without it: the residual may be its own curvature.
+    beside_terms = False
 
     def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
-        self.bench = bench
-        self._sizes: dict[str, Size] = {}
+        super().__init__()
+        self.bench, self.candidates = bench, bench.candidates
+        self.places = len(bench.places) * len(bench.drivers)
         self.readings = frozenset(s.id for s in bench.ruleset.signals)
+        self.count = int(sum(known.sum() for known in self._known.values()))
         near = near or Configuration()
         ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
         for spot, moved in errors_of_form(bench, ids, values):
-            own = _compressed(self._table(moved), limits.FORM_KNOWN)
+            own = _compressed(self._table(moved), common.FORM_KNOWN)
             forms.append(own)
             law += [spot.id] * own.shape[1]
         self.forms, self.law = np.concatenate(forms, axis=1), tuple(law)
         self.held = self._table(errors_of_sensors(bench, ids, values))
         self.of_class = (self.held,)
+        self.noises = tuple(self._noises())
         self.usual_noise = tuple(axis[len(axis) // 2] for axis in self.noises)
         self.moving = np.zeros((self.count, 0))
 
-    @property
-    def terms(self) -> int:
-        return len(spots_of(self.bench)) * len(drivers_of(self.bench))
+    def about(self, near: Configuration) -> StoresEvidence:
+        """The same, linearised at another model."""
+        there = StoresEvidence(self.bench, near)
+        # Sizes follow from the plain model.
+        there._sizes = self._sizes
+        return there
 
     def _table(self, moved: Array) -> Array:
         """Changes of readings, shape (signals * samples, columns), SI, as rows in their noise."""
@@ -101,32 +114,19 @@ class StoresGeometry(Evidence):
     @cached_property
     def white(self) -> dict[str, float]:
         """Standard deviation of the noise of each reading, SI."""
-        record, found = self.bench.record, {}
-        for name, values in record.measured.items():
-            known = values[np.isfinite(values)]
-            found[name] = max(white_noise(np.diff(known, 3), 3), record.resolution[name], 1e-12)
-        return found
+        return {name: max(floor, 1e-12) for name, floor in self.bench.floors.items()}
 
     @cached_property
     def _runs(self) -> list[list[slice]]:
         """Rows without a gap between them, for each signal."""
         found, first = [], 0
         for known in self._known.values():
-            ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
             own = []
-            for a, b in ends.reshape(-1, 2).tolist():
+            for a, b in runs_where(known, 1):
                 own.append(slice(first, first + b - a))
                 first += b - a
             found.append(own)
         return found
-
-    @property
-    def candidates(self) -> Sequence[Candidate]:
-        return self.bench.candidates
-
-    @cached_property
-    def count(self) -> int:
-        return int(sum(known.sum() for known in self._known.values()))
 
     @property
     def log_scale(self) -> float:
@@ -134,19 +134,16 @@ class StoresGeometry(Evidence):
         sizes = zip(self.white.values(), self._known.values(), strict=True)
         return float(sum(known.sum() * np.log(white) for white, known in sizes)) / self.count
 
-    @cached_property
-    def noises(self) -> tuple[tuple[float, ...], ...]:
-        """Size of the wandering error, in white noise, its correlation time in samples, and its
+    def _noises(self) -> Iterator[tuple[float, ...]]:
+        """Sizes of the wandering error to try, in white noise, correlation times in samples, and
         smoothness, for each signal."""
-        n = len(self.bench.time)
-        axes = []
         for name, known in self._known.items():
             span = float(np.std(self._measured[name][known])) / self.white[name]
             steps = int(np.ceil(np.log2(12.0 * max(span, 1.0))))
-            sizes = [limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()]
-            lasts = (2.0 ** np.arange(int(np.log2(n / 2.0)) + 1)).tolist()
-            axes += [tuple(sizes), tuple(lasts), limits.SMOOTHNESS]
-        return tuple(axes)
+            yield limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()
+            longest = int(np.log2(len(self.bench.time) / 2.0))
+            yield tuple((2.0 ** np.arange(longest + 1)).tolist())
+            yield limits.SMOOTHNESS
 
     def likely_noises(self, residual: Array) -> list[Noise]:
         """The likeliest noise by a residual, shape (rows,), with each smoothness for all signals,
@@ -241,24 +238,13 @@ class StoresGeometry(Evidence):
         """Weights of innovations, all 1 as outliers were removed before, and their squares."""
         return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
-    def prior(self, setting: Configuration) -> Prior:
-        bench, unknowns = self.bench, {u.id: u for c in setting.joined for u in c.unknowns}
-        names = bench.free(setting.joined)
-        belief = bench.belief(tuple(n for n in names if n not in unknowns))
-        bounds = {n: bench.ends(unknowns[n]) for n in names if n in unknowns}
-        plain = prior_with(belief, {}, bounds, setting)
-        return prior_with_sizes(plain, setting, self.size, self._range)
+    def plain_prior(self, setting: Configuration) -> Prior:
+        return self.bench.prior(setting)
 
-    def _range(self, unknown: Unknown, start: float) -> tuple[float, float]:
-        driver = None if unknown.driver is None else self.course(Configuration(), unknown.driver)
-        return range_over(unknown, start, driver)
+    def driven_by(self, driver: str) -> Array:
+        return self.course(Configuration(), driver)
 
-    def size(self, candidate: Candidate, unknown: Unknown) -> Size:
-        if unknown.id not in self._sizes:
-            self._sizes[unknown.id] = size_of(unknown, lambda: self._share(candidate, unknown))
-        return self._sizes[unknown.id]
-
-    def _share(self, candidate: Candidate, unknown: Unknown) -> float:
+    def share(self, candidate: Candidate, unknown: Unknown) -> float:
         """Largest relative change of flows or readings per amplitude, over all shapes."""
         fixed, shares = self.references(Configuration(), candidate), []
         plain = unknown.null or 0.0
@@ -290,6 +276,102 @@ class StoresGeometry(Evidence):
         residual, slopes = self.simulated(there, prior.names)
         return StoredPoint(there, residual, slopes * prior.coordinates.slopes(at))
 
+    def columns(self, point: Point, candidates: Iterable[Candidate]) -> list[Column]:
+        """Columns of slopes near the null and, as laws bend, of secants to each usual strength."""
+        setting, found = point.setting, list[Column]()
+        taken = {(c.name, c.place, m) for c in setting.joined for m in c.modules}
+        plain, _ = self.simulated(setting)
+        for candidate in candidates:
+            if taken & {(candidate.name, candidate.place, m) for m in candidate.modules}:
+                continue
+            amplitudes = amplitudes_of(candidate)
+            null = {u.id: n for u, n in amplitudes.items()}
+            near = {u.id: n + common.GENTLE * (usual(u) - n) for u, n in amplitudes.items()}
+            fixed = self.references(setting, candidate)
+            for shape in self.starts(setting, candidate):
+                start = {**null, **shape}
+                there = setting.joining(candidate, {**near, **shape}, fixed)
+                _, slopes = self.simulated(there, [u.id for u in amplitudes])
+                changes = list(zip(amplitudes, slopes.T, strict=True))
+                for unknown, n in amplitudes.items():
+                    for strength in (s for s in unknown.starts if s != n):
+                        values = {**start, unknown.id: strength}
+                        there = setting.joining(candidate, values, fixed)
+                        change = self.simulated(there)[0] - plain
+                        changes.append((unknown, change / (strength - n)))
+                found += [
+                    Column(candidate=candidate, amplitude=u, values=start, fixed=fixed, rows=rows)
+                    for u, rows in changes
+                    if np.isfinite(rows).all() and rows.any()
+                ]
+        return found
+
+    def terms(self, point: Point) -> list[Term]:
+        bench, found = self.bench, list[Term]()
+        for driver in bench.drivers:
+            course = self.course(point.setting, driver)[bench.record.open]
+            for spot in bench.places:
+                place = place_over(spot, driver, course)
+                if place is not None:
+                    found += self._terms_over(point.setting, place)
+        return found
+
+    def _terms_over(self, setting: Configuration, place: Place) -> Iterator[Term]:
+        parts, knots = place.parts(self.bench.builder)
+        for part in parts:
+            own = {u.id: knots[u.id] for u in part.unknowns if u.fixed}
+            nothing = {u.id: 0.0 for u in part.unknowns if not u.fixed}
+            setting = setting.joining(part, nothing, own)
+        coefficients = [u.id for part in parts for u in part.unknowns if not u.fixed]
+        slopes = self.simulated(setting, coefficients)[1] @ place.bends
+        for basis in place.bases():
+            columns, spot = slopes @ basis.at(place.knots), place.spot
+            term = term_with(columns, spot.id, spot, place.driver, basis, np.zeros(0))
+            if term is not None:
+                yield term
+
+    def starting_points(
+        self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]
+    ) -> Iterator[tuple[Names, Configuration]]:
+        """The most promising beginning of each set, by least squares from several ones, of the most
+        promising sets.
+
+        Of all sets the better half goes on: a law with a bend shows late how well it fits.
+
+        Source: successive halving (Karnin, Koren and Somekh 2013).
+        """
+        promise, groups = itemgetter(0), dict[Names, list[Proposal]]()
+        for one in proposals:
+            groups.setdefault(one.names, []).append(one)
+        # Far from a model slopes hardly predict the gain of a large effect.
+        for column in () if setting.joined else every:
+            alone = Proposal(0.0, ((column, usual(column.amplitude)),))
+            groups.setdefault(alone.names, [alone])
+        tried = []
+        for names, found in groups.items():
+            kinds = ways_to_join(setting, found, self.references, self.starts)
+            best = [way for kind in kinds if (way := nearest(self.bench, kind)) is not None]
+            # Kinds often agree on the best one.
+            ways = {tuple(way.values.items()): way for way in best}.values()
+            near = [self._tried(names, way, limits.EVALUATIONS_OF_EACH, fits=1) for way in ways]
+            tried += [max(near, key=promise)] if near else []
+        # Larger sets have improved more by now, so both kinds are kept apart.
+        few, more = ([t for t in tried if (len(t[1]) > 1) is pair] for pair in (False, True))
+        for kind, most in ((few, common.SETS_REFITTED), (more, common.SETS_REFITTED // 2)):
+            half = sorted(kind, key=promise, reverse=True)[: max(most, len(kind) // 2)]
+            ends = [max(t, self._tried(*t[1:]), key=promise) for t in half]
+            for _, names, way in sorted(ends, key=promise, reverse=True)[:most]:
+                yield names, way
+
+    def _tried(
+        self, names: Names, way: Configuration, *count: int, **fits: int
+    ) -> tuple[float, Names, Configuration]:
+        try:
+            there = from_afar(self.bench, way, *count, **fits)
+        except np.linalg.LinAlgError:
+            return -np.inf, names, way
+        return self.promise(there), names, there
+
     def simulated(self, setting: Configuration, names: Sequence[str] = ()) -> tuple[Array, Array]:
         """Errors of a model in the noise of readings, shape (rows,), and their slopes by the named
         values, SI, shape (rows, names)."""
@@ -306,7 +388,7 @@ class StoresGeometry(Evidence):
             slopes.append(model.slopes[name][known] / self.white[name])
         whole = np.concatenate(slopes)
         # Where a tank runs empty slopes overflow: such a sample is useless to first order.
-        whole[~np.all(np.abs(whole) < limits.RUNAWAY, axis=1)] = 0.0
+        whole[~np.all(np.abs(whole) < limits.OVERFLOWN, axis=1)] = 0.0
         return np.concatenate(residual), whole
 
     def effect_forms(self, now: Point) -> Array:
@@ -347,21 +429,10 @@ def _of_signals(noise: Noise) -> list[tuple[float, float, float]]:
     return list(zip(noise[::3], noise[1::3], noise[2::3], strict=True))
 
 
-def usual(unknown: Unknown, sign: float = 0.0) -> float:
-    """The smallest starting amplitude of an entry, SI, of the given sign if that is not 0."""
-    null = unknown.null or 0.0
-    starts = [s for s in unknown.starts if s != null and (not sign or np.sign(s - null) == sign)]
-    span = unknown.highest - unknown.lowest
-    step = 0.1 * span if np.isfinite(span) else unknown.factor
-    other = min((abs(s - null) for s in unknown.starts if s != null), default=step)
-    nearest = min(starts, key=lambda s: abs(s - null), default=null + (sign or 1.0) * other)
-    return float(np.clip(nearest, unknown.lowest, unknown.highest))
-
-
 def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     at, found = np.flatnonzero(known), known.copy()
     for a, b in itertools.pairwise(at.tolist()):
-        if b - a <= limits.BRIDGED:
+        if b - a <= limits.BRIDGED_SAMPLES:
             found[a:b] = True
     return found
 

@@ -13,21 +13,21 @@ from rulec_runtime.report.text import listed
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.evidence import Names, id_of, name_of
 from rulec.mismatch.evidence.model import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, settled
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
+from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.result import CandidateSet, Likely, Moved, Presence
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.grow_sets import Progress
+from rulec.mismatch.search.operating_states import begun, explain
+from rulec.mismatch.search.posterior import Posterior, candidates_of, titled_with_module
 from rulec.mismatch.search.refit import Model, refitted
-from rulec.mismatch.search.settled.best_set import candidates_of, titled_with_module
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.grow_sets import Names, Posterior, Progress, begun, explain
-from rulec.mismatch.search.settled.nameless import terms
-from rulec.mismatch.search.settled.scan import id_of, name_of
 
 # The result of each of several recordings alone, and the change by each further one.
 #
@@ -107,9 +107,9 @@ def _result(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
     """The verdict by probabilities only, and the likely explanations, the likeliest first."""
     if found is None:
         return "cannot judge", ()
-    every, (titles, sorts) = _by_id(found), _titles(found)
-    kept = sorted((k for k, p in every.items() if p >= common.MENTIONED), key=lambda k: -every[k])
-    return _verdict(every, sorts), tuple(Likely(key, titles[key], every[key]) for key in kept)
+    every, sorts = _explanations(found)
+    kept = [one for one in every.values() if one.probability >= common.MENTIONED]
+    return _verdict(every, sorts), tuple(sorted(kept, key=lambda one: -one.probability))
 
 
 def _key(name: str) -> str:
@@ -118,21 +118,10 @@ def _key(name: str) -> str:
     return TERM + driver if mark else id_of(name)
 
 
-def _by_id(posterior: Posterior) -> dict[str, float]:
-    """Probability of each explanation, by its id; as in a finding, that errors of laws and sensors
+def _explanations(posterior: Posterior) -> tuple[dict[str, Likely], dict[str, str]]:
+    """All explanations and their sorts, by id; as in a finding, that errors of laws and sensors
     alone explain the misfit counts against those of the best set."""
-    found = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
-    for names, probability in posterior.sets.items():
-        for key in {_key(name) for name in names}:
-            found[key] = found.get(key, 0.0) + probability
-    exact = posterior.tolerance.stand_out
-    return {k: p * (1.0 - limits.INEXACT * (1.0 - exact.get(k, 1.0))) for k, p in found.items()}
-
-
-def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
-    """Titles and sorts of all explanations by their ids."""
-    titles = {NOTHING: "nothing left out"}
-    sorts = {NOTHING: "none"}
+    titles, sorts = {NOTHING: "nothing left out"}, {NOTHING: "none"}
     for names, model in posterior.models.items():
         for candidate in model.setting.joined:
             key, title = _key(name_of(model.setting, candidate)), titled_with_module(candidate)
@@ -142,31 +131,35 @@ def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
             driver = key.removeprefix(TERM)
             follows = "time" if driver == TIME else driver
             titles[key], sorts[key] = f"something without a name over {follows}", "free"
-    return titles, sorts
+    shares = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
+    for names, probability in posterior.sets.items():
+        for key in {_key(name) for name in names}:
+            shares[key] = shares.get(key, 0.0) + probability
+    exact = posterior.tolerance.stand_out
+    inexact = {k: limits.INEXACT * (1.0 - exact.get(k, 1.0)) for k in shares}
+    return {k: Likely(k, titles[k], p * (1.0 - inexact[k])) for k, p in shares.items()}, sorts
 
 
-def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
-    if found[NOTHING] >= limits.LIKELIER:
+def _verdict(found: Mapping[str, Likely], sorts: Mapping[str, str]) -> str:
+    if found[NOTHING].probability >= limits.LIKELIER:
         return "none"
-    best = max(found.keys() - {NOTHING}, key=lambda key: (found[key], key))
+    best = max(found.keys() - {NOTHING}, key=lambda key: (found[key].probability, key))
     sort = SORTED.get(sorts[best], "unnamed")
-    return "ambiguous" if sort != "unnamed" and found[best] < common.CERTAIN else sort
+    unsure = sort != "unnamed" and found[best].probability < common.CERTAIN
+    return "ambiguous" if unsure else sort
 
 
 def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ...]:
     """Probabilities before and after of explanations that are likely in either; None before the
     first recording that could be judged."""
-    titles: dict[str, str] = {}
-    shares: list[dict[str, float]] = []
-    for found in (before, after):
-        shares.append({} if found is None else _by_id(found))
-        titles |= {} if found is None else _titles(found)[0]
-    first, last = shares
-    every = {k: (first.get(k, 0.0 if first else None), last.get(k, 0.0)) for k in first | last}
-    largest = {key: max(old or 0.0, new) for key, (old, new) in every.items()}
-    kept = [key for key, share in largest.items() if share >= common.MENTIONED]
-    kept.sort(key=lambda key: (-largest[key], key))
-    return tuple(Moved(key, titles[key], *every[key]) for key in kept)
+    first, last = ({} if found is None else _explanations(found)[0] for found in (before, after))
+    found = []
+    for key, one in (first | last).items():
+        old = first[key].probability if key in first else 0.0 if first else None
+        new = last[key].probability if key in last else 0.0
+        if max(old or 0.0, new) >= common.MENTIONED:
+            found.append(Moved(key, one.title, old, new))
+    return tuple(sorted(found, key=lambda one: (-max(one.before or 0.0, one.after), one.id)))
 
 
 # Refit a set for a plant file: no errors of sensors and no errors of form.
@@ -188,7 +181,7 @@ def clear_states(system: System, clear: np.ndarray) -> Rows:
 
 def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
     """The likeliest refit from several starts."""
-    system, smooth, inexact = rows.system, Geometry(rows), 0.0
+    system, smooth, inexact = rows.system, SteadyEvidence(rows), 0.0
     squares = np.sum(smooth.forms**2, axis=0)
     # The effective number of independent errors of form.
     ways = float(squares.sum()) ** 2 / max(float(np.sum(squares**2)), 1e-300)
@@ -200,8 +193,8 @@ def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
         for name, error in errors.items():
             noise[name] = np.hypot(noise[name], share * error)
         noisier = replace(system, data=replace(system.data, noise=noise))
-        geometry = Geometry(rows_of(noisier, Configuration()), exact=True)
-        found = [refitted(geometry, start, without_error=system.shared) for start in starts]
+        evidence = SteadyEvidence(rows_of(noisier, Configuration()), exact=True)
+        found = [refitted(evidence, start, without_error=system.shared) for start in starts]
         best = max(found, key=lambda model: model.evidence)
         starts = [best.setting]
         off = rows.errors(system.flows(best.setting))[0][smooth.seen]
@@ -245,9 +238,9 @@ def _in_words(term: Term) -> str:
 
 @dataclass(frozen=True)
 class Again:
-    """Candidate sets and their refits to the means of operating states in `geometry`, in order."""
+    """Candidate sets and their refits to the means of operating states in `evidence`, in order."""
 
-    geometry: Geometry
+    evidence: SteadyEvidence
     sets: tuple[CandidateSet, ...]
     models: tuple[Model, ...]
 
@@ -259,25 +252,25 @@ def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
     Raises KeyError with the id of a candidate that the knowledge base does not have.
     """
     search = begun(every)
-    plain = search.models[frozenset()]
+    evidence, plain = settled(search.evidence), search.models[frozenset()]
     # Terms that switch have no name and length of their own.
-    smooth = [t for t in terms(search.settled, plain) if not t.basis.says]
+    smooth = [t for t in evidence.terms(plain.point) if not t.basis.says]
     named = {(t.name, t.basis.length): t for t in smooth}
     kept, models = [], []
     for one in sets:
         if any(not length for _, length in one.terms):
             continue
         own = tuple(named[name] for name in one.terms)
-        first = search.refit(_setting(search.settled, one), plain, own)
+        first = search.refit(_setting(evidence, one), plain, own)
         # The plain model has large errors where an effect is missing, and these would explain part
         # of that effect; the second refit starts from the errors of the set itself.
         models.append(search.refit(first.setting, first, own))
         kept.append(one)
-    return Again(search.settled, tuple(kept), tuple(models))
+    return Again(evidence, tuple(kept), tuple(models))
 
 
-def _setting(geometry: Geometry, one: CandidateSet) -> Configuration:
-    system = geometry.rows.system
+def _setting(evidence: SteadyEvidence, one: CandidateSet) -> Configuration:
+    system = evidence.system
     known = {candidate.id: candidate for candidate in system.builder.candidates}
     return Configuration(
         joined=tuple(known[id_] for id_ in one.joined),

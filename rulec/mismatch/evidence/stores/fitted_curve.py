@@ -19,11 +19,11 @@ from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Basis
+from rulec.mismatch.evidence.term import Basis
 
 
 @dataclass(frozen=True)
@@ -73,20 +73,6 @@ def place_over(spot: DisturbanceLocation, driver: str, course: Array) -> Place |
     return Place(spot, driver, low, high)
 
 
-def spots_of(bench: SimulationProblem) -> list[DisturbanceLocation]:
-    """Places at which a law may have an error."""
-    kinds = ("balance", "definition", "reading")
-    return [spot for spot in bench.builder.spots if spot.kind in kinds]
-
-
-def drivers_of(bench: SimulationProblem) -> list[str]:
-    """Possible drivers of a place."""
-    assert bench.ruleset.dynamics is not None
-    states = [s.id for s in bench.ruleset.dynamics.states]
-    drivers = [*states, *bench.balances(()).inputs][: limits.FOLLOWED]
-    return [*drivers, TIME] if bench.record.timed else drivers
-
-
 @dataclass(frozen=True)
 class Form:
     """Functions at the knots, times their size: shape (knots, functions), SI of the place."""
@@ -116,6 +102,26 @@ class FittedCurve:
     def at(self) -> Array:
         """The free values of `fitter`, shape (free,)."""
         return self.fitter.vector(self.fitted.values)
+
+    @cached_property
+    def rows(self) -> tuple[Array, Array]:
+        """Slopes by all values and their prior precision: see `rows_of`."""
+        return rows_of(system_at(self.fitter, self.at, self.place, self.judged), self.form)
+
+    @cached_property
+    def left(self) -> Array:
+        """The residual, shape (rows,)."""
+        return self.fitter.residual(self.at, self.judged)[0]
+
+    def course(self, name: str = "") -> Array:
+        """Course of the driver, or of a reading, in the model with the curve, shape (n,), SI."""
+        model, name = self.fitted, name or self.place.driver
+        return self.fitter.bench.trajectory(model.ids, model.values, name, model.inputs)
+
+    def functions_at(self, driver: Array) -> Array:
+        """Its functions at values of the driver, shape (n, functions), SI of its place."""
+        knots = self.place.knots
+        return np.stack([np.interp(driver, knots, own) for own in self.form.table.T], axis=1)
 
     def value(self, driver: Array) -> Array:
         """The curve over its driver, SI, shape of `driver`."""
@@ -196,7 +202,7 @@ def _fitted_over(
 
 def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System:
     """Linearise a model with a curve at a point."""
-    residual, slopes = fitter.residual(at, judged, judged.basis())
+    residual, slopes = fitter.residual(at, judged)
     count = slopes.shape[1] - len(place.bends)
     by_coefficient = slopes[:, count:] / fitter.scale[count:]
     own = by_coefficient @ place.bends
@@ -236,7 +242,7 @@ def _likeliest(system: System, place: Place, news: float) -> tuple[Form, float]:
         rows = (rows - q @ (q.T @ rows)) / norm
         own, ways = np.linalg.eigh(rows.T @ rows)
         square, own = (ways.T @ (rows.T @ left)) ** 2, np.maximum(own, 0.0)
-        for size in limits.TERM_SIZES:
+        for size in common.TERM_SIZES:
             for noise in limits.NOISE_FALLS:
                 rest = whole - float(np.sum(square * size**2 / (noise**2 + own * size**2)))
                 gained = 0.5 * (whole - rest / noise**2) - news * float(np.log(noise))
@@ -251,8 +257,7 @@ def _descended(
     fitter: Fitter, at: Array, amounts: Array, place: Place, form: Form, judged: Judged
 ) -> tuple[Array, Array]:
     """Gauss-Newton steps in all values and the curve."""
-    basis = judged.basis()
-    cost = fitter.cost(at, judged, basis) + 0.5 * float(amounts @ amounts)
+    cost = fitter.cost(at, judged) + 0.5 * float(amounts @ amounts)
     for _ in range(limits.CURVE_STEPS):
         system = system_at(fitter, at, place, judged)
         table, known = rows_of(system, form)
@@ -264,7 +269,7 @@ def _descended(
             point[:count] += share * found[:count] * fitter.scale[:count]
             point = fitter.within(point)
             point[count:] = place.bends @ form.table @ there
-            now = fitter.cost(point, judged, basis) + 0.5 * float(there @ there)
+            now = fitter.cost(point, judged) + 0.5 * float(there @ there)
             if now < cost:
                 break
         else:

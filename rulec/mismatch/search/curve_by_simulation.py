@@ -1,0 +1,166 @@
+"""The values of a curve over its driver in a plant that stores, and its two branches.
+
+Residuals are correlated in time, so uncertainties follow from their autocorrelation, not from the
+number of samples.
+
+Source: sandwich covariance (White 1982; with autocorrelation Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust_statistics import white_noise
+from rulec_runtime.simulation.balances import TIME, RanAway
+
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, inverse_of
+from rulec.mismatch.evidence.stores.model import response
+from rulec.mismatch.evidence.stores.noise import score_covariance
+from rulec.mismatch.evidence.term import basis_over, ways_there
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.curve_found import (
+    Branches,
+    CurveFound,
+    counted_visits,
+    means_of_visits,
+)
+
+
+def curve_of(drawn: FittedCurve) -> CurveFound:
+    """A curve with its covariance, all else in its model refitted beside it.
+
+    The axis of a state with a recorded reading is that reading: the scale of a level is often
+    hardly known, but its reading is.
+    """
+    place, count, open_ = drawn.place, len(drawn.amounts), drawn.fitter.bench.record.open
+    # The range of the driver in the final model, as far as the curve has knots there.
+    final = basis_over(drawn.course()[open_], drawn.form.basis.length)
+    low, high = max(place.low, final.low), min(place.high, final.high)
+    at = np.linspace(low, high, limits.CURVE_POINTS)
+    there = drawn.functions_at(at)
+    covariance = _covariance(drawn, *drawn.rows)[-count:, -count:]
+    means = _means(drawn)
+    axis = axis_of(drawn)
+    means[:, 0] = axis.over(means[:, 0])
+    return CurveFound(
+        place=place.spot,
+        driver=axis.name,
+        at=axis.over(at),
+        value=there @ drawn.amounts,
+        covariance=there @ covariance @ there.T,
+        means=means,
+        branches=_branches(drawn),
+    )
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The axis of a curve: `shown`, shape (k,), SI, at values `at` of its driver."""
+
+    name: str
+    at: Array
+    shown: Array
+
+    def over(self, driver: Array) -> Array:
+        """Values of the driver on this axis, SI, shape of `driver`."""
+        return np.asarray(np.interp(driver, self.at, self.shown))
+
+
+def axis_of(drawn: FittedCurve) -> Axis:
+    """The reading of a state, the time of the recording, or the driver itself."""
+    driver, bench = drawn.place.driver, drawn.fitter.bench
+    at, order = np.unique(drawn.course(), return_index=True)
+    if driver == TIME:
+        return Axis(driver, at, at + float(bench.record.time[0]))
+    for name in () if driver in bench.record.inputs else bench.signals:
+        shown = drawn.course(name)[order]
+        if (np.diff(shown) > 0.0).all():
+            return Axis(name, at, shown)
+    return Axis(driver, at, at)
+
+
+def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
+    """Covariance of all values, shape (values, values), with correlated errors and the prior of the
+    fit; `table` and `known` are as in `rows_of`."""
+    inverse = inverse_of(table, known)
+    judged, errors = drawn.judged, drawn.fitted.errors
+    of_readings = int(judged.flags.sum())
+    middle = np.diag(known) + table[of_readings:].T @ table[of_readings:]
+    first = 0
+    for name, flags in judged.known.items():
+        columns = np.zeros((len(flags), table.shape[1]))
+        columns[flags] = table[first : first + int(flags.sum())]
+        first += int(flags.sum())
+        per_variance = score_covariance(columns, errors[name], flags)
+        middle += per_variance / judged.noise[name].memory
+    return np.asarray(inverse @ middle @ inverse)
+
+
+def _means(drawn: FittedCurve) -> Array:
+    """Driver, value and uncertainty in stretches of time beside the curve, shape (stretches, 3).
+
+    The prior of each deviates from the curve by its height; only stretches that determine the value
+    much better are reported.
+    """
+    height = float(np.std(drawn.form.table @ drawn.amounts))
+    bench, (table, known) = drawn.fitter.bench, drawn.rows
+    found = response(bench, drawn.fitted, drawn.place.spot, common.COURSE_KNOTS)
+    if found is None or not height > 0.0:
+        return np.zeros((0, 3))
+    moved, shapes, size = found
+    columns = drawn.fitter.as_rows(moved * (height / size), drawn.judged)
+    whole = np.column_stack([table, columns])
+    prior = np.concatenate([known, np.ones(len(shapes))])
+    inverse = inverse_of(whole, prior)
+    off = -inverse @ (whole.T @ drawn.left)
+    course = drawn.course()
+    mean = np.stack(shapes) / np.sum(shapes, axis=1)[:, None]
+    ways = np.zeros((len(shapes), whole.shape[1]))
+    first, count = table.shape[1], len(drawn.amounts)
+    ways[:, first - count : first] = mean @ drawn.functions_at(course)
+    ways[:, first:] = height * np.eye(len(shapes))
+    off[first - count : first] = drawn.amounts
+    u = np.sqrt(np.einsum("ij,jk,ik->i", ways, inverse, ways))
+    determined = u**2 < 0.5 * height**2
+    return np.asarray(np.stack([mean @ course, ways @ off, u], axis=1)[determined])
+
+
+def _branches(drawn: FittedCurve) -> Branches | None:
+    """The gap between both branches, with the curve and everything else refitted beside it; None
+    without a clock or with too few visits on either branch."""
+    driver, bench = drawn.place.driver, drawn.fitter.bench
+    if driver == TIME or not bench.record.timed:
+        return None
+    course = drawn.course()
+    given = bench.record.inputs.get(driver)
+    # A simulated state has no noise.
+    noise = 0.0 if given is None else white_noise(np.diff(given, 3), 3)
+    side, visit = ways_there(course, noise)
+    there = bench.record.open & np.isfinite(course) & (side != 0)
+    if not there.any():
+        return None
+    counts = counted_visits(*means_of_visits(visit, there, np.ones(len(course)), course, side))
+    if counts is None:
+        return None
+    fitted, spot = drawn.fitted, drawn.place.spot
+    height = float(np.ptp(drawn.form.table @ drawn.amounts))
+    step = common.GENTLE * height
+    inputs = ({**fitted.inputs, spot.unknown: error * side} for error in (step, 0.0))
+    try:
+        moved, plain = (
+            bench.simulate(fitted.ids, fitted.values, inputs=own, spots=(spot.id,)).stacked
+            for own in inputs
+        )
+    except RanAway:
+        return None
+    column, (table, known) = (moved - plain)[:, None] / step, drawn.rows
+    column = drawn.fitter.as_rows(column, drawn.judged)
+    whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], known])
+    gradient = whole.T @ drawn.left
+    gradient[-len(drawn.amounts) :] += drawn.amounts
+    gap = -2.0 * float((inverse_of(whole, prior) @ gradient)[0])
+    u = 2.0 * float(np.sqrt(_covariance(drawn, whole, prior)[0, 0]))
+    return Branches(gap=gap, u=u, rising=counts[0], falling=counts[1])

@@ -1,0 +1,272 @@
+"""The gain beside a model, to first order: of candidates, of pairs of them, and of terms."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.evidence import Column, Evidence, Names, Proposal
+from rulec.mismatch.evidence.term import Term
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.refit import Model
+
+Alike = Mapping[str, frozenset[str]]
+"""Per fault those with the same or the opposite signature: only one of them may be joined."""
+
+
+def alike_faults(found: Sequence[Column]) -> Alike:
+    """Faults whose columns are parallel or antiparallel."""
+    lasting = (c for c in found if c.course is None or not c.course.periods[0].since)
+    faults = {c.candidate.id: c.rows for c in lasting if c.candidate.sort == "fault"}
+    alike: dict[str, frozenset[str]] = {}
+    for name, rows in faults.items():
+        cosines = {
+            other: abs(float(rows @ own)) / float(np.linalg.norm(rows) * np.linalg.norm(own))
+            for other, own in faults.items()
+        }
+        alike[name] = frozenset(o for o, cosine in cosines.items() if cosine > common.SAME_PATTERN)
+    return alike
+
+
+def scan(
+    evidence: Evidence,
+    model: Model,
+    every: Sequence[Column],
+    alike: Alike,
+    most: int,
+) -> list[Proposal]:
+    """The best single columns and pairs beside a model, by three views of the recording.
+
+    One has the weights of the model. One weights all rows alike, which shows large and rare errors.
+    One ignores all calibrations, as each may have been made with the effect present.
+    """
+    alone = not model.setting.joined and not model.terms
+    noises = evidence.levels(model.noise, model.rest, alone=alone)
+    levels = [model.under(evidence, noise) for noise in noises]
+    views = [(model, most), *((level, most // 2) for level in levels)]
+    views.append((_by_sheet(model), most // 2))
+    found = [f for view, count in views for f in _scanned(evidence, view, every, count)]
+    if alone:
+        # Far from the model slopes hardly predict the gain of a large effect: more are tried.
+        count = limits.FIRST_SETS if len(levels) == 1 else most
+        found += _scanned(evidence, levels[0], every, count, 0)
+        found += _scanned(evidence, _with_exact_laws(evidence, model), every, count, 0)
+    found = [f for f in found if not _has_alike_faults(f, alike)]
+    return sorted(found, key=lambda f: -f.gain)
+
+
+def _has_alike_faults(found: Proposal, alike: Alike) -> bool:
+    ids = [column.candidate.id for column, _ in found.starts]
+    return any(b in alike.get(a, ()) for a, b in combinations(ids, 2))
+
+
+def _with_exact_laws(evidence: Evidence, model: Model) -> Model:
+    """A model with smaller errors of laws and of sensors that move, and calibrations as firm as
+    stated: where a large effect is missing these replace it, so that no explanation would gain
+    anything beside them."""
+    table, n = model.table.copy(), len(model.at)
+    table[:, n : n + evidence.forms.shape[1] + evidence.moving.shape[1]] *= limits.STIFF
+    precision = model.precision.copy()
+    precision[:n, :n] = model.prior.near(model.mean).precision
+    return replace(model, table=table, precision=precision)
+
+
+def _by_sheet(model: Model) -> Model:
+    """A model with the prior of the data sheets, without calibrations."""
+    known, n = model.prior.belief.by_sheet, len(model.at)
+    k = len(known.mean)
+    precision, mean = model.precision.copy(), model.mean.copy()
+    precision[:k, :k], mean[:k] = known.precision, known.mean
+    left = model.left + model.table[:, :n] @ (mean - model.mean)
+    return replace(model, precision=precision, left=left)
+
+
+def _scanned(
+    evidence: Evidence,
+    model: Model,
+    every: Sequence[Column],
+    most: int,
+    paired: int = limits.PAIRED_COLUMNS,
+) -> list[Proposal]:
+    if not every:
+        return []
+    usual = [evidence.size(c.candidate, c.amplitude) for c in every]
+    scale = np.array([u.scale for u in usual])
+    rows = evidence.whitened(np.stack([c.rows for c in every], axis=1), model.noise) * scale
+    gram, moment = model.beside(rows)
+    # A Student distribution is a normal one of unknown width: where the recording needs more than
+    # the usual size, a wider one costs as much as the tail.
+    wide = limits.WIDER * np.abs(moment) / np.maximum(np.diag(gram), 1e-12)
+    wide = np.maximum(wide, 1.0)
+    odds = _odds(every) - np.array([u.freedom for u in usual]) * np.log(wide)
+    gram, moment, size = gram * np.outer(wide, wide), moment * wide, scale * wide
+    null = np.array([c.amplitude.null or 0.0 for c in every])
+    low = (np.array([c.amplitude.lowest for c in every]) - null) / size
+    high = (np.array([c.amplitude.highest for c in every]) - null) / size
+    own = 1.0 + np.maximum(np.diag(gram), 0.0)
+    alone = np.clip(-moment / own, low, high)
+    single = -(0.5 * own * alone**2 + moment * alone) - 0.5 * np.log(own) + odds
+    sets: list[tuple[float, tuple[int, ...]]] = [
+        (float(single[i]), (int(i),)) for i in np.argsort(-single)[: 4 * most]
+    ]
+    if paired:
+        sets += _pairs_of(every, single, gram, moment, own, odds, (low, high), 4 * most, paired)
+    result: dict[Names, Proposal] = {}
+    for score, members in sorted(sets, key=lambda s: -s[0]):
+        chosen = np.array(members)
+        inner = np.eye(len(chosen)) + gram[np.ix_(chosen, chosen)]
+        try:
+            amplitudes = np.clip(-np.linalg.solve(inner, moment[chosen]), low[chosen], high[chosen])
+        except np.linalg.LinAlgError:  # Columns that coincide are no pair.
+            continue
+        begins = tuple(
+            (every[i], float(null[i] + a * size[i]))
+            for i, a in zip(members, amplitudes, strict=True)
+        )
+        found = Proposal(score, begins)
+        if np.isfinite(score) and score > limits.WORTH_A_REFIT:
+            result.setdefault(found.names, found)
+    return list(result.values())[:most]
+
+
+def _pairs_of(
+    every: Sequence[Column],
+    single: Array,
+    gram: Array,
+    moment: Array,
+    own: Array,
+    odds: Array,
+    bounds: tuple[Array, Array],
+    most: int,
+    paired: int,
+) -> list[tuple[float, tuple[int, ...]]]:
+    """The best pairs of columns and their gain in log odds: of two candidates, or two amplitudes of
+    one, whose prior counts once."""
+    low, high = bounds
+    kept = np.argsort(-single)[:paired]
+    first, second = (kept[i] for i in np.triu_indices(len(kept), 1))
+    ids = np.array([c.candidate.id for c in every])
+    apart, whole = ids[first] != ids[second], np.zeros(len(first), dtype=bool)
+    for k in np.flatnonzero(~apart):
+        whole[k] = _is_one(every[first[k]], every[second[k]])
+    legal = apart | whole
+    first, second, whole = first[legal], second[legal], whole[legal]
+    both = gram[first, second]
+    determinant = np.maximum(own[first] * own[second] - both**2, 1e-12)
+    one = -(own[second] * moment[first] - both * moment[second]) / determinant
+    other = -(own[first] * moment[second] - both * moment[first]) / determinant
+    gain = -0.5 * (moment[first] * one + moment[second] * other) - 0.5 * np.log(determinant)
+    gain += odds[first] + odds[second] - np.where(whole, _odds(every)[second], 0.0)
+    legal = (one >= low[first]) & (one <= high[first])
+    legal &= (other >= low[second]) & (other <= high[second])
+    gain = np.where(legal, gain, -np.inf)
+    best = np.argsort(-gain)[:most]
+    return [(float(gain[i]), (int(first[i]), int(second[i]))) for i in best]
+
+
+def _is_one(a: Column, b: Column) -> bool:
+    """Are two columns different amplitudes of one permanent candidate of the same shape?"""
+    throughout = a.course is None and b.course is None
+    alike = a.candidate.id == b.candidate.id and a.amplitude.id != b.amplitude.id
+    return throughout and alike and a.values == b.values
+
+
+def _odds(every: Sequence[Column]) -> Array:
+    """Prior log odds of each column, by its sort and the number of alternatives."""
+    ways = Counter(c.candidate.id for c in every)
+    each = [limits.SORT_ODDS[c.candidate.sort] - 0.5 * np.log(ways[c.candidate.id]) for c in every]
+    return np.asarray(np.array(each) - np.log(len(ways)))
+
+
+# Terms without a name: which of them contain which law or term, and their gain.
+
+
+def holds(terms: Iterable[Term], slopes: Array) -> bool:
+    """Is a law, by its slopes, shape (open rows,), a special case of some term?
+
+    Differences within the error of form of the law do not count.
+    """
+    size = float(slopes @ slopes)
+    for term in terms:
+        left = slopes - term.columns @ np.linalg.lstsq(term.columns, slopes, rcond=None)[0]
+        if float(left @ left) < limits.EFFECT_FORM**2 * size:
+            return True
+    return False
+
+
+def beside(model: Model, every: Sequence[Term]) -> list[Term]:
+    """The terms that neither contain nor are contained in a law or a term of a model."""
+    laws = [slopes for candidate in model.setting.joined for slopes in slopes_of(model, candidate)]
+    return [
+        term
+        for term in every
+        if not any(holds([term], slopes) for slopes in laws)
+        and not any(_whole(term, own) or _whole(own, term) for own in model.terms)
+    ]
+
+
+def coincide(
+    evidence: Evidence, model: Model, candidate: Candidate, other: Model, rival: Candidate
+) -> bool:
+    """Does an explanation of a model show the same as one of another model, with all else refitted?
+
+    Differences within the errors of form of their laws do not count.
+    """
+    own = [i for u in candidate.unknowns for i in places_of(model, u.id)]
+    rest = np.delete(np.arange(model.table.shape[1]), own)
+    table, weights = model.table[:, rest], model.weights[:, None]
+    normal = table.T @ (table * weights) + model.precision[np.ix_(rest, rest)]
+    both = [*slopes_of(model, candidate), *slopes_of(other, rival)]
+    shown = evidence.whitened(np.stack(both, axis=1), model.noise)
+    with np.errstate(all="ignore"):
+        shown = shown - table @ np.linalg.solve(normal, table.T @ (shown * weights))
+    shown = shown * np.sqrt(weights)
+    count = len(slopes_of(model, candidate))
+    first, second = shown[:, :count], shown[:, count:]
+    left = second - first @ np.linalg.lstsq(first, second, rcond=None)[0]
+    size = np.sum(second**2, axis=0)
+    return bool(np.all(np.sum(left**2, axis=0) < limits.EFFECT_FORM**2 * size))
+
+
+def places_of(model: Model, unknown: str) -> list[int]:
+    """Columns of an unknown, with all its levels, in the table of a model."""
+    names = enumerate(model.prior.names)
+    return [i for i, name in names if name.partition("#")[0] == unknown]
+
+
+def _whole(term: Term, other: Term) -> bool:
+    """Does one term contain another, as at two places that show alike?"""
+    return all(holds([term], column) for column in other.columns.T)
+
+
+def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
+    """Slopes of the residuals by the amplitudes of a law, at its fitted values."""
+    strengths = [u.id for u in candidate.unknowns if u.null is not None]
+    columns = (model.raw[:, i] for name in strengths for i in places_of(model, name))
+    return [column for column in columns if np.any(column)]
+
+
+def nameless(
+    evidence: Evidence, model: Model, every: Sequence[Term], most: int
+) -> list[tuple[float, Term]]:
+    """The terms that gain most beside a model, with their gain in log odds to first order."""
+    found = []
+    for term in every:
+        gram, moment = model.beside(evidence.whitened(term.columns, model.noise))
+        own, ways = np.linalg.eigh(gram)
+        square, own = (ways.T @ moment) ** 2, np.maximum(own, 0.0)
+        gains = [
+            0.5 * float(np.sum(square / (own + s**-2.0)) - np.sum(np.log1p(own * s**2)))
+            for s in common.TERM_SIZES
+        ]
+        count = len(every) * len(common.TERM_SIZES)
+        odds = max(gains) + limits.TERM_ODDS - term.basis.price - float(np.log(count))
+        found.append((odds, term))
+    return sorted(found, key=lambda f: -f[0])[:most]

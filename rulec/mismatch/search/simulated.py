@@ -1,0 +1,173 @@
+"""The search by simulation in a plant that stores, and the most probable set fitted to the end."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import CurveTerm
+from rulec.effects.free_form import curve_through
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.configuration import Configuration
+from rulec.mismatch.evidence.model import where_most
+from rulec.mismatch.evidence.stores.evidence import StoresEvidence
+from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, plain_end
+from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.starting_values import from_afar
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.curve_by_simulation import axis_of, curve_of
+from rulec.mismatch.search.curve_found import Accepted, CurveFound, RejectedCandidate
+from rulec.mismatch.search.grow_sets import Progress, Search, grow, grow_terms, grown, prune
+from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_names, reported_setting
+from rulec.mismatch.search.refit import refitted
+
+
+def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
+    """Search for the sets of explanations of a recording."""
+    search = begun(bench)
+    grown(search, progress, (grow_terms, grow, prune), apart=True)
+    progress("refitting the likeliest sets, with errors as they are about the best one")
+    # A model that is far off has other errors of form and of sensors.
+    evidence = search.evidence
+    assert isinstance(evidence, StoresEvidence)
+    again = Search(evidence.about(search.models[search.likeliest].setting))
+    likely = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_AGAIN]
+    for names in dict.fromkeys((*likely, frozenset())):
+        model = search.models[names]
+        with contextlib.suppress(np.linalg.LinAlgError):
+            again.keep(names, again.refit(model.setting, model, model.terms))
+    return again.posterior()
+
+
+def begun(bench: SimulationProblem) -> Search:
+    """A search that has refitted the plain model, with errors linearised at that."""
+    first = StoresEvidence(bench)
+    near = refitted(first, from_afar(bench, Configuration()))
+    search = Search(first.about(near.setting))
+    search.keep(frozenset(), search.refit(near.setting, near))
+    return search
+
+
+@dataclass(frozen=True)
+class Found:
+    """The plain model and the one with explanations (possibly the same), both fitted by `ends`; the
+    explanations, and all sets that were compared."""
+
+    ends: FinalFits
+    plain: Fitted
+    best: Fitted
+    accepted: tuple[Accepted, ...]
+    posterior: Posterior
+
+    @property
+    def nameless(self) -> bool:
+        """Is a term without a name among the reported explanations?"""
+        posterior = self.posterior
+        terms = {term.name for term in posterior.models[posterior.told].terms}
+        return bool(terms & reported_names(posterior))
+
+    @property
+    def alone(self) -> Mapping[str, float]:
+        """Gain of each explanation alone, nats, by its id."""
+        odds = self.posterior.odds
+        own = {name: odds[names] for names in odds if len(names) == 1 for name in names}
+        return {name: gain - odds[frozenset()] for name, gain in own.items()}
+
+
+def search(bench: SimulationProblem, progress: Progress) -> Found:
+    """Find the sets of explanations that fit a recording, and fit the most probable one."""
+    posterior = explain(bench, progress)
+    progress("fitting the most probable explanation to the end")
+    ends, plain = plain_end(bench, posterior.models[frozenset()].setting.values)
+    setting, best = reported_setting(posterior), plain
+    if setting.joined:
+        best = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
+        best = ends.sharpened(best)
+    accepted = tuple(accepted_of(posterior, c.id, c) for c in setting.joined)
+    return Found(ends, plain, best, accepted, posterior)
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """A curve that no entry explains, and the share of the squared errors that it explains."""
+
+    curve: CurveFound
+    share: float
+
+
+def likeliest_curve(found: Found) -> Unnamed | None:
+    """The curve that gains most beside the plain model, of all terms that were refitted; None if
+    none is likelier than the plain model."""
+    posterior = found.posterior
+    with_terms = [names for names, model in posterior.models.items() if model.terms]
+    if max((posterior.odds[n] for n in with_terms), default=-np.inf) < posterior.odds[frozenset()]:
+        return None
+    # Terms are linearised at a model that may be far off: only curves show which one is best.
+    ways = {t.name: (t.changed, t.driver) for n in with_terms for t in posterior.models[n].terms}
+    curves = [fitted_curve(found.ends, found.plain, *way) for way in ways.values()]
+    every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
+    return _first_of(found, every) if every else None
+
+
+def curves_of(found: Found) -> tuple[CurveTerm, ...]:
+    """What the best set has without a name, as far as a module type may hold it: each term drawn
+    beside the names and the terms before it."""
+    model, curves = found.best, list[CurveTerm]()
+    for term in found.posterior.models[found.posterior.told].terms:
+        if not term.changed.may_follow(term.driver):
+            continue
+        curve = fitted_curve(found.ends, model, term.changed, term.driver)
+        if curve is not None and curve.gain > 0.0:
+            model, at = curve.fitted, curve.place.knots
+            curves.append(curve_through(term.changed.id, term.driver, at, curve.value(at)))
+    return tuple(curves)
+
+
+def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
+    """The first of some curves, with the places over its driver that fit as well, and the effects
+    that lost to it."""
+    first = every[0]
+    before, after = (_squares(found.ends, f) for f in (found.plain, first.fitted))
+    least = first.gain + float(np.log(common.MENTIONED))
+    driver, own = first.place.driver, first.place.spot
+    near = (c.place for c in every if c.gain > least)
+    places = (p.spot for p in near if p.driver == driver and p.spot is not own)
+    curve = replace(
+        curve_of(first),
+        elsewhere=tuple(f"{spot.module}.{spot.place}" for spot in places),
+        lost=_lost(found, first),
+    )
+    share = 1.0 - float(np.sum(after) / max(np.sum(before), 1e-300))
+    return Unnamed(curve, max(share, 0.0))
+
+
+def _squares(ends: FinalFits, fitted: Fitted) -> Array:
+    """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
+    total = np.zeros(len(ends.bench.time))
+    for name, known in ends.judged.known.items():
+        spread = float(np.nanstd(ends.bench.record.measured[name])) or 1.0
+        total += np.where(known, fitted.errors[name] / spread, 0.0) ** 2
+    return total
+
+
+def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
+    """Effects that were tried alone and gain less than a curve, by rising loss."""
+    ends = found.ends
+    driver = axis_of(first).over(first.course())
+    own, lost = _squares(ends, first.fitted), list[RejectedCandidate]()
+    models, alone = found.posterior.models, found.alone
+    every = (models[frozenset({n})].setting for n in sorted(alone, key=lambda n: -alone[n]))
+    for setting in [s for s in every if s.joined][: limits.WEIGHED]:
+        single = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, found.plain)
+        nats = float(first.gain - ends.gain(single, found.plain))
+        if nats > 0.0:
+            worse = np.maximum(_squares(ends, single) - own, 0.0)
+            lost.append(RejectedCandidate(single.joined[0], nats, *where_most(driver, worse)))
+    lost.sort(key=lambda one: one.nats)
+    nearest = {one.candidate.name: one for one in reversed(lost)}
+    return tuple(sorted(nearest.values(), key=lambda one: one.nats))

@@ -1,1 +1,0 @@
-"""The search for plants that store."""
