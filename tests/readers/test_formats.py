@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import sys
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
-from tests.conftest import ROOT
+from tests.readers.conftest import ABC
 from tests.readers.writers import WRITERS, readings_of
 from tests.runtime.sheets import example, write
 
@@ -56,24 +55,14 @@ def test_every_format_gives_the_same(name: str, dated: bool, tmp_path: Path, abc
     assert sorted(expected.notes) == sorted(n for n in notes if not (beside and beside in n))
 
 
-PLANT = str(ROOT / "plants" / "abc")
-EXAMPLE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
-
-
 @pytest.mark.parametrize("name", ["pyarrow.parquet", "openpyxl.xlsx", "asammdf4.mf4"])
 def test_binary_files_come_through_a_pipe(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Findings in JSON are those of the file, whatever stands on standard input."""
     file = tmp_path / f"x{Path(name).suffix}"
     WRITERS[name][0](file, READINGS, False)
-    found = []
-    for path in (EXAMPLE, file):
-        given = io.TextIOWrapper(io.BytesIO(path.read_bytes()))
-        monkeypatch.setattr(sys, "stdin", given)
-        assert 0 == main(["diagnose", PLANT, "-", "--json", "-"])
-        found.append(json.loads(capsys.readouterr().out)["findings"])
-    assert found[0] == found[1] != []
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(file.read_bytes())))
+    same(read_recording(file, abc), read_recording(Path("-"), abc))
 
 
 @pytest.mark.parametrize("name", ["openpyxl.xlsx", "h5py.h5"])
@@ -83,8 +72,9 @@ def test_simulated_recordings_are_written_as_csv(
     """With titles and units of the file, and dates as it holds them; a folder file by file."""
     folder = tmp_path / "runs"
     folder.mkdir()
-    WRITERS[name][0](folder / f"x{Path(name).suffix}", READINGS, True)
-    assert 0 == main(["simulate", PLANT, str(folder), "-o", str(tmp_path / "out")])
+    file = folder / f"x{Path(name).suffix}"
+    WRITERS[name][0](file, READINGS, True)
+    assert 0 == main(["simulate", str(ABC), str(folder), "-o", str(tmp_path / "out")])
     written = (tmp_path / "out" / "x.csv").read_text(encoding="utf-8").splitlines()
     assert {"A.n [rpm]", "A.dp [bar]", "C.dp [bar]"} <= set(written[0].split(","))
     assert 81 == len(written)
@@ -92,6 +82,6 @@ def test_simulated_recordings_are_written_as_csv(
     time = next(value for title, value in row.items() if title.startswith("time"))
     assert time.startswith("2025-03-31T14:05:00")
     assert READINGS.columns["A.n"][1][0] == float(row["A.n [rpm]"])
-    assert 2 == main(["simulate", PLANT, str(EXAMPLE), "-o", str(tmp_path / "out.parquet")])
+    assert 2 == main(["simulate", str(ABC), str(file), "-o", str(tmp_path / "out.parquet")])
     assert "recordings are written as CSV; name it .csv" in capsys.readouterr().err
     assert not (tmp_path / "out.parquet").exists()

@@ -39,7 +39,6 @@ def _what_was_there_before_is_no_garbage() -> None:
 
 
 def made(folder: Path, name: str) -> Path:
-    """The example in a format."""
     file = folder / f"x{Path(name).suffix}"
     WRITERS[name][0](file, READINGS, False)
     return file
@@ -56,7 +55,6 @@ def read_or_refused(file: Path, ruleset: Ruleset) -> Recording | str:
 
 
 def refusal(file: Path, ruleset: Ruleset) -> str:
-    """Why a file is not read."""
     found = read_or_refused(file, ruleset)
     assert isinstance(found, str)
     return found

@@ -42,7 +42,6 @@ def cell_by_cell(text: str, monkeypatch: pytest.MonkeyPatch) -> Table | str:
 
 
 def told(table: Table | str) -> object:
-    """All that a table says, to compare."""
     if isinstance(table, str):
         return table
     columns = [
