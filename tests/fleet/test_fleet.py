@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,11 @@ from rulec.fleet.ranking import ranked, verdict
 from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS
 from tests.conftest import ROOT, compiled
+from tests.fleet import deadly
 
 EXAMPLES = ROOT / "plants/abc/examples"
+
+FEW = "fleet/recordings/plant=east/day=2026-01-01/few.csv"
 
 RECORDED = {
     ("P1", "2026-01-01"): "healthy.csv",
@@ -35,7 +38,22 @@ RECORDED = {
     ("P2", "2026-01-01"): "leakage_A.parquet",
     ("P2", "2026-01-02"): "healthy.csv",
     ("P 3", "2026-01-01"): "healthy.csv",
+    ("P4", "2026-01-01"): FEW,
+    ("P4", "2026-01-02"): "",
 }
+
+
+def recorded(folder: Path, days: Mapping[tuple[str, str], str], more: str) -> Path:
+    """A fleet file and, per plant and day, an example; without a name, a file that is broken."""
+    for (plant, day), name in days.items():
+        place = folder / f"recordings/plant={plant.replace(' ', '%20')}/day={day}"
+        place.mkdir(parents=True)
+        if name:
+            shutil.copy(EXAMPLES / name, place)
+        else:
+            (place / "broken.parquet").write_bytes(b"PAR1 and no more")
+    (folder / "fleet.yaml").write_text(f"fleet: few\nrecordings: recordings\n{more}\n")
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -43,21 +61,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A fleet with good plant-days, one without columns that are needed, and a broken file."""
     folder = tmp_path_factory.mktemp("fleet")
     (folder / "abc.json").write_text(compiled("abc").to_json(), encoding="utf-8")
-    for (plant, day), name in RECORDED.items():
-        place = folder / "recordings" / f"plant={plant.replace(' ', '%20')}" / f"day={day}"
-        place.mkdir(parents=True)
-        shutil.copy(EXAMPLES / name, place)
-    lines = (EXAMPLES / "healthy.csv").read_text().splitlines()
-    few = folder / "recordings/plant=P4/day=2026-01-01"
-    few.mkdir(parents=True)
-    (few / "few.csv").write_text("".join(f"{','.join(x.split(',')[:2])}\n" for x in lines))
-    broken = folder / "recordings/plant=P4/day=2026-01-02"
-    broken.mkdir()
-    (broken / "broken.parquet").write_bytes(b"PAR1 and no more")
-    (folder / "fleet.yaml").write_text(
-        "fleet: few\nrecordings: recordings\njudged_by: abc.json\ntrace: true\n"
-    )
-    return folder
+    return recorded(folder, RECORDED, "judged_by: abc.json\ntrace: true")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +78,7 @@ def here(fleet: Fleet) -> dict[Task, Row]:
 def test_every_plant_day_has_a_row(here: dict[Task, Row]) -> None:
     """What cannot be judged says why, and stops nobody else."""
     told = {(row["plant"], row["day"]): row for row in here.values()}
-    assert {*RECORDED, ("P4", "2026-01-01"), ("P4", "2026-01-02")} == told.keys()
+    assert RECORDED.keys() == told.keys()
     leak = told["P2", "2026-01-01"]
     assert {"A.leakage"} == {f["fault"] for f in leak["findings"]}
     assert leak["status"] == "M"
@@ -126,15 +130,11 @@ def test_a_killed_worker_of_a_cluster_changes_nothing(fleet: Fleet, here: dict[T
 def test_a_plant_day_that_kills_its_process_is_given_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fleet_judged, "judge_day", _ends)
+    monkeypatch.setattr(fleet_judged, "judge_day", deadly.ends)
     (task, *_), rulesets = tasks_of(fleet), fleet.rulesets
     ((_, row),) = judged(Engine(), [task], rulesets)
     assert row["status"] == "unread"
     assert f"{WORKER_DEATHS} processes died" in row["reason"]
-
-
-def _ends(task: Task, ruleset: str) -> Row:
-    os._exit(1)
 
 
 def test_what_is_done_is_not_done_again(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from rulec.engines.call import Engine
 from rulec.fleet.fleet_file import read_fleet
 from rulec.fleet.plant_days import tasks_of
 from tests.conftest import ROOT
+from tests.fleet.test_fleet import FEW, recorded
 
 ABC = ROOT / "plants/abc"
 
@@ -40,21 +40,9 @@ FORM = {
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four plants: one of them has few columns, one a file that is none."""
-    folder = tmp_path_factory.mktemp("many")
-    files = {
-        "north": ABC / "examples/healthy.csv",
-        "south": ABC / "examples/warm_A.csv",
-        "west": ABC / "examples/fleet/recordings/plant=east/day=2026-01-01/few.csv",
-    }
-    for plant, file in files.items():
-        place = folder / f"recordings/plant={plant}/day=2026-01-01"
-        place.mkdir(parents=True)
-        shutil.copy(file, place)
-    broken = folder / "recordings/plant=east/day=2026-01-01/broken.parquet"
-    broken.parent.mkdir(parents=True)
-    broken.write_bytes(b"PAR1 and no more")
-    (folder / "fleet.yaml").write_text(f"fleet: few\nrecordings: recordings\njudged_by: {ABC}\n")
-    return folder
+    files = {"north": "healthy.csv", "south": "warm_A.csv", "west": FEW, "east": ""}
+    days = {(plant, "2026-01-01"): name for plant, name in files.items()}
+    return recorded(tmp_path_factory.mktemp("many"), days, f"judged_by: {ABC}")
 
 
 @pytest.fixture(scope="module")
