@@ -8,7 +8,7 @@ import socket
 from collections.abc import Coroutine, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 import pytest
@@ -73,6 +73,12 @@ class PlantServer:
     def stop(self) -> None:
         """The socket goes at once, as when the power fails."""
         self.run(self._server.stop())
+
+    def stand_still(self) -> Event:
+        """It answers nothing until the event is set; its sockets stay open."""
+        moves = Event()
+        self._loop.call_soon_threadsafe(moves.wait, PATIENCE)
+        return moves
 
     def write(self, signal: str, value: Any, code: int = 0, stamp: datetime | None = None) -> None:
         kind = ua.VariantType.Double if isinstance(value, float) else None

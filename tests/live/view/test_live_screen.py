@@ -160,23 +160,30 @@ def terminal(out: io.StringIO) -> Terminal:
     return Terminal(file=out, width=80, height=24, force_terminal=True)
 
 
-def test_operator_acknowledges_and_quits() -> None:
-    ours, theirs = pty.openpty()
+@pytest.fixture
+def ends() -> Iterator[tuple[int, int]]:
+    """Both ends of a terminal."""
+    both = pty.openpty()
+    yield both
+    for end in both:
+        with suppress(OSError):
+            os.close(end)
+
+
+def test_operator_acknowledges_and_quits(ends: tuple[int, int]) -> None:
     out, asked, now = io.StringIO(), list[tuple[str, str]](), failing()
-    with LiveScreen(lambda *a: asked.append(a), terminal(out), Keys(theirs)) as live:
+    with LiveScreen(lambda *a: asked.append(a), terminal(out), Keys(ends[1])) as live:
         live.show(now)
-        os.write(ours, b"\x1b[Ba?")
+        os.write(ends[0], b"\x1b[Ba?")
         until(lambda: "letters of NAMUR NE 107" in out.getvalue())
         assert not live.quit
-        os.write(ours, b"q")
+        os.write(ends[0], b"q")
         until(lambda: live.quit)
     assert [(now.active[1].id, live_screen.who())] == asked
     assert live_screen.who().endswith("terminal")
     before, _, behind = out.getvalue().rpartition("\x1b[?1049l")
     assert "\x1b[?1049h" in before
     assert "✖ F failure: B.dp is stuck at 1.82294 bar" in ESCAPES.sub("", behind)
-    for end in (ours, theirs):
-        os.close(end)
 
 
 def test_pictures_are_few_however_many_rows_come() -> None:
@@ -255,16 +262,6 @@ def test_age_is_that_of_the_last_row() -> None:
 def _none() -> Keys:
     """No keys: a descriptor that is no terminal."""
     return Keys(os.open(os.devnull, os.O_RDONLY))
-
-
-@pytest.fixture
-def ends() -> Iterator[tuple[int, int]]:
-    """Both ends of a terminal."""
-    both = pty.openpty()
-    yield both
-    for end in both:
-        with suppress(OSError):
-            os.close(end)
 
 
 @pytest.mark.parametrize(
