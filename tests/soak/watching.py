@@ -39,7 +39,7 @@ class Watch:
         command = (sys.executable, "-m", "rulec_runtime", "watch", rules.name)
         self._command = [*before, *command, *options, *(("--journal", journal) if journal else ())]
         self._folder, self._journal, self._shown = folder, folder / journal, shown
-        self._said = folder / f"{journal or 'watch'}.said"
+        self._said = folder / f"{Path(journal).name or 'watch'}.said"
         self._process: subprocess.Popen[bytes] | None = None
         self.lives = self.stood_still = 0
 
