@@ -1,4 +1,5 @@
-"""A fleet of a few plants: what is told of it, and that nothing is lost, or done twice."""
+"""A fleet of a few plants, and what the models of many leave out: what is told, whatever is wrong
+with a recording, and that nothing is lost, or done twice."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ import multiprocessing
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 from rulec.cli import main
 from rulec.commands import fleet as command
 from rulec.commands.arguments import ruleset_of
+from rulec.commands.fleet import Answer, answer_of, ask_day, summary
 from rulec.engines.call import DASK, Engine
 from rulec.fleet import plant_days as fleet_judged
 from rulec.fleet.fleet_file import Fleet, read_fleet
@@ -26,8 +29,11 @@ from rulec.fleet.ranking import ranked, verdict
 from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS
 from tests.conftest import ROOT, compiled
+from tests.fleet import deadly
 
-EXAMPLES = ROOT / "plants/abc/examples"
+ABC = ROOT / "plants/abc"
+
+FEW = "fleet/recordings/plant=east/day=2026-01-01/few.csv"
 
 RECORDED = {
     ("P1", "2026-01-01"): "healthy.csv",
@@ -35,7 +41,22 @@ RECORDED = {
     ("P2", "2026-01-01"): "leakage_A.parquet",
     ("P2", "2026-01-02"): "healthy.csv",
     ("P 3", "2026-01-01"): "healthy.csv",
+    ("P4", "2026-01-01"): FEW,
+    ("P4", "2026-01-02"): "",
 }
+
+
+def recorded(folder: Path, days: Mapping[tuple[str, str], str], more: str) -> Path:
+    """A fleet file and, per plant and day, an example; without a name, a file that is broken."""
+    for (plant, day), name in days.items():
+        place = folder / f"recordings/plant={plant.replace(' ', '%20')}/day={day}"
+        place.mkdir(parents=True)
+        if name:
+            shutil.copy(ABC / "examples" / name, place)
+        else:
+            (place / "broken.parquet").write_bytes(b"PAR1 and no more")
+    (folder / "fleet.yaml").write_text(f"fleet: few\nrecordings: recordings\n{more}\n")
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -43,21 +64,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A fleet with good plant-days, one without columns that are needed, and a broken file."""
     folder = tmp_path_factory.mktemp("fleet")
     (folder / "abc.json").write_text(compiled("abc").to_json(), encoding="utf-8")
-    for (plant, day), name in RECORDED.items():
-        place = folder / "recordings" / f"plant={plant.replace(' ', '%20')}" / f"day={day}"
-        place.mkdir(parents=True)
-        shutil.copy(EXAMPLES / name, place)
-    lines = (EXAMPLES / "healthy.csv").read_text().splitlines()
-    few = folder / "recordings/plant=P4/day=2026-01-01"
-    few.mkdir(parents=True)
-    (few / "few.csv").write_text("".join(f"{','.join(x.split(',')[:2])}\n" for x in lines))
-    broken = folder / "recordings/plant=P4/day=2026-01-02"
-    broken.mkdir()
-    (broken / "broken.parquet").write_bytes(b"PAR1 and no more")
-    (folder / "fleet.yaml").write_text(
-        "fleet: few\nrecordings: recordings\njudged_by: abc.json\ntrace: true\n"
-    )
-    return folder
+    return recorded(folder, RECORDED, "judged_by: abc.json\ntrace: true")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +81,7 @@ def here(fleet: Fleet) -> dict[Task, Row]:
 def test_every_plant_day_has_a_row(here: dict[Task, Row]) -> None:
     """What cannot be judged says why, and stops nobody else."""
     told = {(row["plant"], row["day"]): row for row in here.values()}
-    assert {*RECORDED, ("P4", "2026-01-01"), ("P4", "2026-01-02")} == told.keys()
+    assert RECORDED.keys() == told.keys()
     leak = told["P2", "2026-01-01"]
     assert {"A.leakage"} == {f["fault"] for f in leak["findings"]}
     assert leak["status"] == "M"
@@ -126,15 +133,11 @@ def test_a_killed_worker_of_a_cluster_changes_nothing(fleet: Fleet, here: dict[T
 def test_a_plant_day_that_kills_its_process_is_given_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fleet_judged, "judge_day", _ends)
+    monkeypatch.setattr(fleet_judged, "judge_day", deadly.ends)
     (task, *_), rulesets = tasks_of(fleet), fleet.rulesets
     ((_, row),) = judged(Engine(), [task], rulesets)
     assert row["status"] == "unread"
     assert f"{WORKER_DEATHS} processes died" in row["reason"]
-
-
-def _ends(task: Task, ruleset: str) -> Row:
-    os._exit(1)
 
 
 def test_what_is_done_is_not_done_again(
@@ -223,3 +226,86 @@ def test_results_go_elsewhere_only_by_the_command(
     said = " ".join(capsys.readouterr().err.split())
     assert "few: recordings come from http://127.0.0.1 rulec: " in said
     assert "secret" not in said
+
+
+FORM = {
+    "verdict": "named",
+    "headline": "The model lacks slip.",
+    "effects": [{"effect": "slip", "title": "Slip", "probability": 0.97}],
+    "locations": [{"module": "A", "place": "Q_geo"}],
+    "fit": {
+        "signal": "C.dp",
+        "unit": "bar",
+        "heldout": {"shipped": 3.0, "recalibrated": 2.0, "repaired": 1.0, "noise": 0.9},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four plants: one of them has few columns, one a file that is none."""
+    files = {"north": "healthy.csv", "south": "warm_A.csv", "west": FEW, "east": ""}
+    days = {(plant, "2026-01-01"): name for plant, name in files.items()}
+    return recorded(tmp_path_factory.mktemp("many"), days, f"judged_by: {ABC}")
+
+
+@pytest.fixture(scope="module")
+def tasks(many: Path) -> dict[str, Task]:
+    return {task.plant: task for task in tasks_of(read_fleet(many / "fleet.yaml", ruleset_of))}
+
+
+def test_rows_and_their_sentence(tasks: dict[str, Task]) -> None:
+    """The answer is that of `rulec mismatch`; a file that is none is a reason. The sentence
+    counts plants by what most of them differ, whatever the number of days; a row holds place,
+    name, proof."""
+    few = answer_of(tasks["west"], ask_day(tasks["west"], str(ABC)))
+    assert few.verdict == "cannot judge"
+    assert few.text.startswith("Cannot judge")
+    broken = answer_of(tasks["east"], ask_day(tasks["east"], str(ABC)))
+    assert broken.verdict == "unread"
+    assert "broken.parquet" in broken.reason
+    full = answer_of(tasks["south"], FORM)
+    assert (full.module, full.place, full.effect) == ("A", "Q_geo", "slip")
+    assert (full.probability, full.signal, full.shipped, full.repaired) == (0.97, "C.dp", 3.0, 1.0)
+    row = Answer(plant="a", day="1", verdict="named", title="Slip")
+    rows = [row, replace(row, day="2"), replace(row, plant="b"), replace(row, plant="c", title="X")]
+    sound = replace(row, plant="d", verdict="none", title="")
+    assert summary([*rows, sound]) == (
+        "3 of 4 plants differ from their models; most often by: Slip (2 plants)"
+    )
+    assert summary([sound]) == "1 plant agrees with its model"
+    blind = replace(sound, verdict="cannot judge")
+    assert summary([blind]) == "no recording says anything of a model"
+
+
+def test_it_goes_on_where_it_was_stopped(
+    many: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is asked twice; the same answers give the same table and the same words."""
+    put: list[str] = []
+
+    def asked(_: Engine, left: list[Task], fleet: object) -> Iterator[tuple[Task, dict[str, Any]]]:
+        del fleet
+        for task in left:
+            if len(put) == 2:
+                put.append("stopped")
+                raise KeyboardInterrupt
+            put.append(task.plant)
+            yield task, FORM if task.plant == "south" else {"reason": "broken"}
+
+    monkeypatch.setattr(command, "asked", asked)
+    call = ["fleet", str(many / "fleet.yaml"), "--mismatch", "--json", str(many / "told.json")]
+    assert main(call) == 130
+    assert main(call) == 0
+    assert sorted([*put[:2], *put[3:]]) == ["east", "north", "south", "west"]
+    table = pyarrow.parquet.read_table(many / "few.results/mismatch.parquet")
+    first = table.to_pylist()
+    capsys.readouterr()
+    assert main(call) == 0
+    assert len(put) == 5
+    assert first == pyarrow.parquet.read_table(many / "few.results/mismatch.parquet").to_pylist()
+    out = capsys.readouterr().out
+    assert "1 of 4 plants differs from its model" in " ".join(out.split())
+    form = json.loads((many / "told.json").read_text())
+    (south,) = (row for row in form["plant_days"] if row["plant"] == "south")
+    assert json.loads(Path(south["answer"]).read_text()) == FORM

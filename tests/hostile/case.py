@@ -49,7 +49,6 @@ class Case:
         return f"{self.family}: {self.name}".encode("ascii", "backslashreplace").decode()
 
     def lay_out(self, folder: Path) -> None:
-        """Write all files."""
         for name in (*self.files, *self.links, *self.odd):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
         for name, content in self.files.items():

@@ -1,4 +1,4 @@
-"""Hostile files in all places where a file is read, and paths that lead elsewhere."""
+"""Hostile files in all places where one is read, paths that lead elsewhere, hostile arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rulec_runtime.live import limits
 from tests.conftest import ROOT, compiled
 from tests.hostile.case import ODD, Case, Content
 from tests.hostile.recording_cases import SHEET
-from tests.hostile.texts import CANARY, SECRETS
+from tests.hostile.texts import CANARY, SECRETS, STEERING
 
 PLANT = """plant: p
 title: t
@@ -81,6 +81,7 @@ def cases() -> Iterator[Case]:
         yield Case("links", f"out, as {place}", arguments, files, link)
     yield from _paths()
     yield from _sizes()
+    yield from _arguments()
 
 
 def _paths() -> Iterator[Case]:
@@ -146,3 +147,47 @@ def _states() -> Iterator[tuple[str, bytes]]:
     yield "a petabyte in its head", file.getvalue()
     yield "an array", npy
     yield "a pickle", b"\x80\x04\x95" + b"c" * 100
+
+
+FAULTS = ["", "=", "A.leakage", "A.leakage=nan", "A.leakage=1e999", "A.leakage=-5",
+          "A.leakage=0.1@", "A.leakage=0.1@9:1", "[/x]=1", "\x1b[31m=1",
+          "A.leakage=1" + "0" * 5000]  # fmt: skip
+PERIODS = ["", ":", "a:b", "nan:nan", "1:0", "0:1e999", "[/x]:1", "1:2:3"]
+STUDY = [("--degrees", ""), ("--degrees", "1e999"), ("--degrees", "[/x]"), ("--points", "-1"),
+         ("--jobs", "0"), ("--seeds", "9" * 5000)]  # fmt: skip
+TARGETS = [".", "no/such/out.csv", "x" * 300, "a\0b", "/dev/null", "/dev/full", "new/", "",
+           "x\udcff.csv"]  # fmt: skip
+SIMULATE = ("simulate", "{rules}", "r.csv", "-o")
+NAMED: dict[str, tuple[str, ...]] = {
+    "an option": ("diagnose", "a", "b", "--{}"),
+    "a pass": ("show", "{}", "{plants}/abc"),
+    "a ruleset": ("diagnose", "{}.json", "r.csv"),
+    "a recording": ("diagnose", "{rules}", "{}"),
+    "a mismatch": ("adopt", "{}", "-o", "new"),
+}
+
+
+def _arguments() -> Iterator[Case]:
+    for i, fault in enumerate(FAULTS):
+        yield Case("arguments", f"fault {i}", (*SIMULATE, "out.csv", f"--fault={fault}"), BASE)
+    for i, period in enumerate(PERIODS):
+        words = ("mismatch", "{plants}/abc", "r.csv", f"--heldout={period}", "--json=/no/x.json")
+        yield Case("arguments", f"heldout {i}", words, BASE)
+    for i, (option, value) in enumerate(STUDY):
+        yield Case("arguments", f"study {i}", ("study", "x.json", option, value))
+    for name, text in STEERING.items():
+        yield Case("arguments", f"{name} as a command", (text,))
+        words = ("diagnose", "{rules}", f"{text}.csv", "--trace", f"t{text}.csv")
+        files = {f"{text}.csv": SHEET.text()}
+        yield Case("file names", f"{name}, read and written", (*words, "--report", "x.html"), files)
+    for place, form in NAMED.items():
+        words = tuple(word.replace("{}", STEERING["escape"]) for word in form)
+        yield Case("file names", f"as {place}", words, BASE)
+    for i, target in enumerate(TARGETS):
+        diagnose = ("diagnose", "{rules}", "r.csv", "--trace", target)
+        yield Case("targets", f"trace to {i}", diagnose, BASE)
+        yield Case("targets", f"simulated to {i}", (*SIMULATE, target), BASE)
+        yield Case("targets", f"inputs from {i}", ("simulate", "{rules}", target, "-o", "o.csv"))
+    for name in ("out.csv", "out.csv.part"):
+        link = {name: "../outside/precious"}
+        yield Case("targets", f"a link at {name}", (*SIMULATE, "out.csv"), BASE, link)

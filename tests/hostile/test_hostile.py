@@ -14,7 +14,7 @@ import pytest
 
 from rulec.cli import main
 from tests.conftest import ROOT, compiled
-from tests.hostile import argument_cases, file_cases, json_cases, recording_cases, yaml_cases
+from tests.hostile import file_cases, json_cases, recording_cases, yaml_cases
 from tests.hostile.case import Case
 from tests.hostile.texts import CANARY, SECRETS
 
@@ -22,7 +22,6 @@ CASES = [
     *yaml_cases.cases(),
     *recording_cases.cases(),
     *json_cases.cases(),
-    *argument_cases.cases(),
     *file_cases.cases(),
 ]
 

@@ -18,17 +18,17 @@ from rulec_runtime.live import follower, limits, state
 from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, Update, follow, nothing_yet
+from rulec_runtime.live.follower import Memory, Update
 from rulec_runtime.live.full_update import evaluated
 from rulec_runtime.live.last_evaluation import Evaluation, PendingUpdate, UpdateUnderWay
 from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.update_process import UpdateProcess, read, written
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import Recording
 
-from tests.conftest import ROOT, compiled
+from tests.live.test_follower import active, events_of, followed, recording_of
 from tests.rig.follower import plants
 from tests.rig.follower.agreement import differences, first_rows
-from tests.rig.follower.plants import Planted, part_of, recorded
+from tests.rig.follower.plants import Planted, recorded
 
 
 @dataclass
@@ -64,52 +64,44 @@ def large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "SMALL_PLANT", 10)
 
 
-def followed(
-    recording: Recording, first: int, looks: BackgroundUpdates | None, step: int = 1
+def rows(
+    recording: Recording, first: int, looks: BackgroundUpdates | None = None, step: int = 1
 ) -> list[Update]:
     """A block of rows, and then one by one or in further blocks."""
-    memory, told = nothing_yet(False), list[Update]()
-    rest = ((row, row + step) for row in range(first, len(recording), step))
-    for low, high in [(0, first), *rest]:
-        told += follow(three_lines(), memory, part_of(recording, low, high), looks)
-        memory = told[-1].memory
-    return told
+    ends = range(first, len(recording) + step, step)
+    return followed(three_lines(), recording, ends, looks)
 
 
-def events_of(told: list[Update]) -> list[tuple[str, str]]:
-    return [(e.what, e.episode.subject) for one in told for e in one.events]
-
-
-def active(memory: Memory) -> set[str]:
-    return {one.subject for one in memory.episodes if one.active}
+def told_of(told: list[Update]) -> list[tuple[str, str]]:
+    return [(e.what, e.episode.subject) for e in events_of(told)]
 
 
 def test_in_the_end_the_same_is_active() -> None:
     """A look that began before a leakage and ends behind its beginning takes nothing back. Blocks
     of rows need none."""
     recording, looks = with_faults([replace(LEAK, last=160)], 130), SlowLooks(9)
-    told = followed(recording, LEAK.first - 53, looks)
+    told = rows(recording, LEAK.first - 53, looks)
     assert looks.began[0] == 3 * (LEAK.first - 53) == LEAK.first + 1
-    assert events_of(told) == [("began", LEAK.fault)]
+    assert told_of(told) == [("began", LEAK.fault)]
     assert told[-1].memory.known is not None
     assert told[-1].memory.known.count >= LEAK.first + 1
-    in_place = followed(recording, LEAK.first - 53, None)
-    assert active(told[-1].memory) == active(in_place[-1].memory) == {LEAK.fault}
+    in_place = rows(recording, LEAK.first - 53)
+    for memory in (told[-1].memory, in_place[-1].memory):
+        assert [e.subject for e in active(memory)] == [LEAK.fault]
     unasked = SlowLooks(2)
-    blocks = [followed(with_faults([LEAK]), 80, each, 80) for each in (None, unasked)]
-    assert events_of(blocks[0]) == events_of(blocks[1]) != []
+    blocks = [rows(with_faults([LEAK]), 80, each, 80) for each in (None, unasked)]
+    assert told_of(blocks[0]) == told_of(blocks[1]) != []
     assert unasked.began == []
 
 
 def test_a_fault_of_a_large_part_is_told_by_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "SMALL_PLANT", 5)
     recording, looks = with_faults([LEAK], 130), SlowLooks(3)
-    told = followed(recording, LEAK.first, looks)
-    faults = [pair for pair in events_of(told) if pair[1] == LEAK.fault]
+    told = rows(recording, LEAK.first, looks)
+    faults = [pair for pair in told_of(told) if pair[1] == LEAK.fault]
     assert faults == [("began", LEAK.fault), ("ended", LEAK.fault)]
     assert LEAK.first + 1 in looks.began
-    first = next(e for one in told for e in one.events)
-    assert first.time - recording.time[LEAK.first] <= 1.0
+    assert events_of(told)[0].time - recording.time[LEAK.first] <= 1.0
 
 
 def test_memory_stays_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +109,7 @@ def test_memory_stays_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in (("KEPT_ROWS", 40), ("MOST_ROWS", 100), ("ROWS_AT_A_GLANCE", 60)):
         monkeypatch.setattr(limits, name, value)
     rules, recording, looks = three_lines(), with_faults([], 115), SlowLooks(10_000)
-    told = followed(recording, 30, looks)
+    told = rows(recording, 30, looks)
     assert looks.began == [80]
     kept = [len(one.memory.recent) for one in told]
     assert max(kept) == 99
@@ -143,7 +135,7 @@ def process() -> Iterator[UpdateProcess]:
 
 @pytest.fixture
 def memory() -> Memory:
-    return followed(with_faults([LEAK], 100), 100, None)[-1].memory
+    return rows(with_faults([LEAK], 100), 100)[-1].memory
 
 
 def test_the_process_finds_the_same(process: UpdateProcess, memory: Memory) -> None:
@@ -202,7 +194,6 @@ def three_lines() -> Ruleset:
 
 
 def with_faults(planted: list[Planted], rows: int = 160) -> Recording:
-    """A recording of the three."""
     return recorded(three_lines(), rows, planted, 0.1, np.random.default_rng(2))
 
 
@@ -223,16 +214,15 @@ def updates(monkeypatch: pytest.MonkeyPatch) -> list[list[int]]:
 
 def by_rows(recording: Recording, known: int) -> list[Event]:
     """A block of rows, and what is told of those that come one by one, to the end."""
-    told = followed(recording, known, None)
+    told = rows(recording, known)
     end = follower.concluded(three_lines(), told[-1].memory)
     assert end is not None
     assert end.diagnosis.findings == diagnose(recording, three_lines()).findings
-    return [e for one in (*told, end) for e in one.events]
+    return events_of([*told, end])
 
 
 def test_an_example_agrees_row_by_row(updates: list[list[int]]) -> None:
-    rules = compiled("abc")
-    recording = read_recording(ROOT / "plants" / "abc" / "examples" / "warm_A.csv", rules)
+    rules, recording = recording_of("abc", "warm_A.csv")
     assert differences(rules, first_rows(recording, 25), 1) == []
     assert updates != []
 

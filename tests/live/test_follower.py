@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.live import limits, state
+from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.changes import Horizon, changes
 from rulec_runtime.live.connection import noticed
-from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, follow, nothing_yet
+from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.follower import Memory, Update, follow, nothing_yet
 from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Notice, Rows
@@ -38,14 +39,25 @@ def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
 
 
 def followed(
-    rules: Ruleset, recording: Recording, step: int
-) -> tuple[Memory, list[Event], Diagnosis]:
-    memory, events = nothing_yet(False), list[Event]()
-    for first in range(0, len(recording), step):
-        for told in follow(rules, memory, part_of(recording, first, first + step)):
-            memory = told.memory
-            events += told.events
-    return memory, events, told.diagnosis
+    rules: Ruleset,
+    recording: Recording,
+    ends: Iterable[int],
+    looks: BackgroundUpdates | None = None,
+) -> list[Update]:
+    """What is told as rows come, up to each of some numbers of them."""
+    memory, told = nothing_yet(False), list[Update]()
+    for first, last in pairwise([0, *ends]):
+        told += follow(rules, memory, part_of(recording, first, last), looks)
+        memory = told[-1].memory
+    return told
+
+
+def events_of(told: Iterable[Update], kind: str = "") -> list[Event]:
+    return [e for one in told for e in one.events if kind in ("", e.episode.kind)]
+
+
+def active(memory: Memory) -> list[Episode]:
+    return [one for one in memory.episodes if one.active]
 
 
 @pytest.mark.parametrize("step", [1, 14])
@@ -54,7 +66,7 @@ def test_a_fault_that_outlasts_a_gap_is_told_once_and_soon(step: int) -> None:
     rules, recording = recording_of("abc", "leakage_A.csv")
     some = first_rows(recording, 25)
     some = replace(some, time=some.time + 100.0 * (some.time > 15.0))
-    _, events, _ = followed(rules, some, step)
+    events = events_of(followed(rules, some, range(step, 25 + step, step)))
     told = [(e.number, e.what, e.episode.subject, e.episode.since) for e in events]
     assert told == [(1, "began", "A.leakage", 11.0), (2, "ended", "A.leakage", 11.0)]
     # Three samples make a settled stretch, the first of them behind the jump is left out.
@@ -77,25 +89,26 @@ def long_recording(faulty: int) -> Recording:
 
 def test_memory_stays_bounded_and_a_long_fault_stays_one() -> None:
     recording = long_recording(3 * limits.KEPT_ROWS)
-    memory, events, last = followed(compiled("abc"), recording, 500)
+    looks = followed(compiled("abc"), recording, range(500, len(recording) + 500, 500))
+    memory = looks[-1].memory
     assert len(memory.recent) < 2 * limits.KEPT_ROWS
     assert memory.before is not None
     assert len(memory.before) <= limits.MOST_POINTS
-    told = [(e.what, e.episode.subject) for e in events if e.episode.kind == "fault"]
-    assert told[0] == ("began", "A.leakage")
-    (active,) = (one for one in memory.episodes if one.active)
-    assert active.subject == "A.leakage"
-    assert active.lower < 0.2 < active.upper
+    first, *_ = events_of(looks, "fault")
+    assert (first.what, first.episode.subject) == ("began", "A.leakage")
+    (leakage,) = active(memory)
+    assert leakage.subject == "A.leakage"
+    assert leakage.lower < 0.2 < leakage.upper
     # Rows that it rests on are long gone.
-    assert active.since < recording.time[-1] - 2.5 * limits.KEPT_ROWS
-    assert last.samples == len(recording)
+    assert leakage.since < recording.time[-1] - 2.5 * limits.KEPT_ROWS
+    assert looks[-1].diagnosis.samples == len(recording)
 
 
 def test_what_is_remembered_survives_as_bytes() -> None:
     """What is none is refused."""
     rules, recording = compiled("abc"), long_recording(70)
     half = len(recording) - 100
-    memory, _, _ = followed(rules, first_rows(recording, half), 1000)
+    memory = followed(rules, recording, [*range(1000, half, 1000), half])[-1].memory
     assert memory.before is not None
     stood = {"A.dp": np.ones(len(memory.before), dtype=bool)}
     points = replace(memory.before.points, stood_in=stood)
@@ -133,7 +146,7 @@ def test_readings_that_stay_away_are_an_alarm() -> None:
         told += [(e.what, e.episode.since, e.episode.active) for e in events]
     noted = [("noted", at, False) for at in (0.0, 7.0, 8.0)]
     assert told == [noted[0], ("began", 5.0, True), *noted[1:], ("ended", 5.0, False)]
-    assert not any(one.active for one in memory.episodes)
+    assert active(memory) == []
 
 
 def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> None:
@@ -162,21 +175,6 @@ def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> Non
     assert not memory.episodes
 
 
-def followed_to(
-    recording: Recording, ends: Sequence[int]
-) -> tuple[Memory, list[tuple[str, str, int]], list[Diagnosis]]:
-    """Looks at so many rows each: events of faults with the rows that there were, and diagnoses."""
-    rules, memory = plant("cascaded-tanks"), nothing_yet(False)
-    events, seen = [], []
-    for first, last in pairwise([0, *ends]):
-        for told in follow(rules, memory, part_of(recording, first, last)):
-            memory = told.memory
-            seen.append(told.diagnosis)
-            faults = [e for e in told.events if e.episode.kind == "fault"]
-            events += [(e.what, e.episode.subject, last) for e in faults]
-    return memory, events, seen
-
-
 TANK = ("lower.y.low", 0.2, 0.5)
 """A level that reads 20 % too low from the middle of a recording on."""
 
@@ -185,44 +183,47 @@ def test_a_fault_of_a_tank_that_lasts_is_told_once() -> None:
     """With every row windows are cut anew, some across the beginning of the fault. The reading that
     shows it is beyond its threshold, and was not before. Each is the diagnosis of all rows."""
     recording = made("cascaded-tanks", 1, TANK, count=600)
-    memory, events, seen = followed_to(recording, (300, 400, 401))
-    assert [event[:2] for event in events] == [("began", "lower.y.low")]
-    (episode,) = [one for one in memory.episodes if one.kind == "fault"]
-    assert episode.active
+    told = followed(plant("cascaded-tanks"), recording, (300, 400, 401))
+    (event,) = events_of(told, "fault")
+    assert (event.what, event.episode.subject) == ("began", "lower.y.low")
+    memory = told[-1].memory
+    (episode,) = [one for one in active(memory) if one.kind == "fault"]
     assert episode.lower <= 0.2 <= episode.upper
     assert abs(episode.since - 1200.0) < 256.0  # between two windows
-    latest = [d.latest for d in seen if d.latest is not None]
-    assert len(latest) == len(seen)
+    latest = [one.diagnosis.latest for one in told if one.diagnosis.latest is not None]
+    assert len(latest) == len(told)
     assert [one.until for one in latest[:2]] == [recording.time[299], recording.time[399]]
     beyond = [[e.residual for e in one.residuals if e.verdict == "+"] for one in latest]
     assert beyond == [[], ["lower.y"], ["lower.y"]]
     assert memory.count == len(memory.recent) == 401
-    whole, told = diagnose(first_rows(recording, 300), plant("cascaded-tanks")), seen[0]
-    assert told.findings == whole.findings
-    assert (told.unknown, told.judged) == (whole.unknown, whole.judged)
+    whole, begun = diagnose(first_rows(recording, 300), plant("cascaded-tanks")), told[0].diagnosis
+    assert begun.findings == whole.findings
+    assert (begun.unknown, begun.judged) == (whole.unknown, whole.judged)
 
 
 @pytest.mark.prove
 def test_row_by_row_a_fault_of_a_tank_is_told_once() -> None:
     for seed in (1, 2):
         recording = made("cascaded-tanks", seed, TANK, count=600)
-        _, events, _ = followed_to(recording, range(300, 601))
-        assert {subject for _, subject, _ in events} == {"lower.y.low"}
-        assert [what for what, _, _ in events if what != "changed"] == ["began"]
+        told = events_of(followed(plant("cascaded-tanks"), recording, range(300, 601)), "fault")
+        assert {e.episode.subject for e in told} == {"lower.y.low"}
+        assert [e.what for e in told if e.what != "changed"] == ["began"]
 
 
 @pytest.mark.prove
 def test_a_fault_of_a_tank_that_ends_is_told_to_end() -> None:
     """Once as many windows say so as it takes to say that it is there."""
     recording = made("cascaded-tanks", 1, ("lower.y.low", 0.2, 0.25), count=520, until=0.65)
-    memory, events, seen = followed_to(recording, (338, 375, 520))
-    assert events == [("began", "lower.y.low", 338), ("ended", "lower.y.low", 520)]
-    (found,) = seen[1].findings
+    told = followed(plant("cascaded-tanks"), recording, (338, 375, 520))
+    faults = [[(e.what, e.episode.subject) for e in events_of([one], "fault")] for one in told]
+    assert faults == [[("began", "lower.y.low")], [], [("ended", "lower.y.low")]]
+    (found,) = told[1].diagnosis.findings
     assert found.active
     assert found.behind == BRIEFLY_GONE
+    memory = told[-1].memory
     (episode,) = [one for one in memory.episodes if one.kind == "fault"]
     assert abs(episode.until - 1352.0) < 96.0
-    assert not any(one.active for one in memory.episodes)
+    assert active(memory) == []
 
 
 def test_no_reading_of_a_healthy_tank_is_beyond_its_threshold() -> None:
@@ -243,9 +244,8 @@ SIGHT = Horizon(since=0.0, until=400.0, settled=400.0, usual=60.0, time=np.arang
 def test_a_fault_that_has_ended_is_set_right() -> None:
     """One of 100 s to 200 s: what was none is withdrawn, once, while it can be seen; what began
     earlier than told is told again; two that turn out to be one are not withdrawn."""
-    rules = compiled("abc")
-    path = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
-    whole = diagnose(read_recording(path, rules), rules)
+    rules, recording = recording_of("abc", "leakage_A.csv")
+    whole = diagnose(recording, rules)
     finding = next(f for f in whole.findings if not f.active)
     over = replace(whole, findings=(replace(finding, since=100.0, until=200.0),))
     (told,), events = changes(rules, (), over, SIGHT, 0)
@@ -271,8 +271,8 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     """Names that were told too early row by row; told at once, the same rows give other names."""
     rules, recording = recording_of("abc", "swapped.csv")
     kept = state.to_bytes(rules, nothing_yet(False), {})
-    _, told, _ = followed(rules, first_rows(recording, 10), 1)
-    final = {f.subject for f in followed(rules, recording, 1000)[0].episodes if f.active}
+    told = events_of(followed(rules, recording, range(1, 11)))
+    final = {f.subject for f in active(followed(rules, recording, [1000])[-1].memory)}
     assert {e.episode.subject for e in told if e.what == "began"} - final
     file = LinesFile(tmp_path / "events.jsonl")
     file.commit("abc", told, None, dated=False)
@@ -295,9 +295,9 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
                 again = part.memory
                 every += part.events
     assert [e.number for e in every] == list(range(1, len(every) + 1))
-    assert {e.subject for e in again.episodes if e.active} == final
+    assert {e.subject for e in active(again)} == final
     there = set[str]()
     for event in every:
         assert event.what != "began" or event.episode.id not in there
         (there.discard if event.what in ("ended", "withdrawn") else there.add)(event.episode.id)
-    assert there == {e.id for e in again.episodes if e.active}
+    assert there == {e.id for e in active(again)}

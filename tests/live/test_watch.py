@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,34 @@ LEAKAGE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 LINES = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
 
 
-def watching(rules: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "rulec_runtime", "watch", str(rules), *options]
+RUNTIME = ("-m", "rulec_runtime")
+
+
+def watching(rules: Path, *options: str, program: Sequence[str] = RUNTIME) -> list[str]:
+    return [sys.executable, *program, "watch", str(rules), *options]
 
 
 def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": SOURCES}
+
+
+@contextmanager
+def watched(
+    rules: Path, *options: str, program: Sequence[str] = RUNTIME
+) -> Iterator[subprocess.Popen[str]]:
+    """A watch that runs, killed at the end if it still lives."""
+    process = subprocess.Popen(
+        watching(rules, *options, program=program),
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def until(true: Callable[[], Any]) -> Any:
@@ -56,13 +79,9 @@ def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
     options = ("--source", str(log), "--events", str(file), "--state", str(tmp_path / "state"))
     for low, high in ((12, 32), (32, 52), (52, 72)):
         before = file.stat().st_size
-        process = subprocess.Popen(
-            watching(rules, *options), env=environment(), stdout=subprocess.DEVNULL
-        )
-        add(log, low, high)
-        until(lambda size=before: file.stat().st_size > size)  # type: ignore[misc]
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        with watched(rules, *options):
+            add(log, low, high)
+            until(lambda size=before: file.stat().st_size > size)  # type: ignore[misc]
     add(log, 72, len(LINES))
     for _ in range(2):
         subprocess.run(watching(rules, *options, "--until-end"), env=environment(), check=True)
@@ -106,11 +125,7 @@ def test_an_interrupt_waits_for_no_look(rules: Path, tmp_path: Path) -> None:
     log, script = tmp_path / "log.csv", tmp_path / "watch.py"
     script.write_text(WATCH, encoding="utf-8")
     add(log, 0, 5)
-    command = [sys.executable, str(script), "watch", str(rules), "--source", str(log)]
-    watch = subprocess.Popen(
-        command, cwd=ROOT, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT
-    )
-    try:
+    with watched(rules, "--source", str(log), program=[str(script)]) as watch:
         row, started = 5, list[int]()
         while not started and row < len(LINES):
             add(log, row, row + 1)
@@ -126,8 +141,5 @@ def test_an_interrupt_waits_for_no_look(rules: Path, tmp_path: Path) -> None:
         told, _ = watch.communicate(timeout=10)
         assert time.monotonic() - since < 3.0
         assert watch.returncode == 0, told
-        assert b"Traceback" not in told
+        assert "Traceback" not in told
         assert not Path(f"/proc/{look}").exists()
-    finally:
-        watch.kill()
-        watch.wait()

@@ -15,9 +15,8 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal
 
-from tests.live.conftest import filled
-from tests.live.journal.events import event, kept_in
-from tests.live.journal.test_lines import events_in
+from tests.live.disks import filled
+from tests.live.journal.events import event, events_in, kept_in
 
 
 @contextmanager

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from functools import partialmethod
 from pathlib import Path
 from typing import Any
@@ -22,26 +20,9 @@ from tests.live.journal.postgres import Postgres
 from tests.live.journal.test_device_health import asked, health_of, values
 from tests.live.journal.test_mqtt_out import broker, listening  # noqa: F401
 from tests.live.sources.plant_server import free_port
-from tests.live.test_watch import LEAKAGE, LINES, add, environment, until, watching
+from tests.live.test_watch import LEAKAGE, LINES, add, until, watched
 
 CLIENT = httpx.Client(verify=False)
-
-
-@contextmanager
-def watched(rules: Path, log: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
-    """A watch of a log that grows, killed at the end if it still lives."""
-    process = subprocess.Popen(
-        watching(rules, "--source", str(log), *options),
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 @pytest.fixture
@@ -66,7 +47,7 @@ def test_acknowledged_on_the_page_is_in_the_journal(
     """Also what `rulec journal` acknowledged while the page is open."""
     where, port = str(tmp_path / "plant.db"), free_port()
     page, options = f"http://127.0.0.1:{port}/", ("--journal", where, "--page", str(port))
-    with watched(rules, log, *options):
+    with watched(rules, "--source", str(log), *options):
         until(lambda: now_at(page).get("active"))
         text = CLIENT.get(page).text
         form = dict(re.findall(r'name="(seal|episode)" value="([^"]+)"', text)[:2])
@@ -78,7 +59,7 @@ def test_acknowledged_on_the_page_is_in_the_journal(
     told = " ".join(capsys.readouterr().out.split())
     assert re.search(r"acknowledged by Ann, page 127\.0\.0\.1, 20\d\d-", told)
     add(log, 59, 60)
-    with watched(rules, log, *options):
+    with watched(rules, "--source", str(log), *options):
         now = until(lambda: now_at(page))
         assert [(e["id"], e["acknowledged"]) for e in now["active"]] == [(episode, True)]
         past = [e["episode"] for e in now["past"]]
@@ -110,7 +91,7 @@ def test_broker_and_device_health_say_how_it_is_until_it_is_ended(
 
     port = free_port()
     options = ("--mqtt", f"mqtt://127.0.0.1:{broker.port}/site/hall", "--device-health", str(port))
-    with watched(rules, log, *options) as process:
+    with watched(rules, "--source", str(log), *options) as process:
         assert first("what", "began")["episode"]["subject"] == "A.leakage"
         status = first("active")
         assert (status["status"], status["active"]) == ("M", 1)
@@ -137,7 +118,7 @@ def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhi
     add(log, 0, 25)
     try:
         with closing(open_journal(server.url)) as journal:
-            with watched(rules, log, *options) as killed:
+            with watched(rules, "--source", str(log), *options) as killed:
                 until(lambda: journal.last("abc") >= 3)
                 server.stop()
                 add(log, 25, 59)

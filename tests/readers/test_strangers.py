@@ -4,7 +4,6 @@ in each form, or a refusal that names the key of the column map; never something
 from __future__ import annotations
 
 import dataclasses
-import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,6 +21,7 @@ from rulec.cli import main
 from rulec.commands.column_map import proposed
 from rulec.passes.pipeline import Compilation, run_passes
 from tests.conftest import ROOT
+from tests.readers.conftest import ABC
 from tests.runtime.sheets import Sheet, example, write
 
 CASES = ROOT.parent / "shared" / "cases"
@@ -29,12 +29,6 @@ SHEET = example()
 NAMES = tuple(title.partition(" [")[0] for title in SHEET.header[1:])
 BARE = Sheet(("Timestamp", *NAMES), SHEET.rows)
 START = datetime(2025, 3, 31, 14, 5, 0)
-
-
-@pytest.fixture(scope="module")
-def expected(abc: Ruleset) -> Recording:
-    """The example as shipped."""
-    return read_recording(ROOT / "plants" / "abc" / "examples" / "healthy.csv", abc)
 
 
 def at(k: int) -> datetime:
@@ -52,7 +46,6 @@ def shown(pattern: str) -> Callable[[datetime], str]:
 
 
 def since(day: datetime, unit: float) -> Callable[[datetime], str]:
-    """Counted from a day on."""
     return lambda date: repr(round((date - day) / timedelta(seconds=unit), 12)).removesuffix(".0")
 
 
@@ -111,7 +104,6 @@ def long(head: str, line: str, stamp: Callable[[datetime], str] = str) -> str:
 
 
 def parts(head: str, stamp: str, cut: str = ",") -> str:
-    """A time in several columns."""
     rows = [
         cut.join([*at(k).strftime(stamp).split("|"), *row[1:]]) for k, row in enumerate(SHEET.rows)
     ]
@@ -234,22 +226,17 @@ def same(expected: Recording, found: Recording) -> None:
 
 
 def formed(ruleset: Ruleset, **form: Any) -> Ruleset:
-    """The same for files of another form."""
     return dataclasses.replace(ruleset, file=dataclasses.replace(ruleset.file, **form))
 
 
 @pytest.fixture(scope="module")
-def mapped(abc: Ruleset, tmp_path_factory: pytest.TempPathFactory) -> Mapped:
+def mapped(abc: Ruleset, column_map: Path) -> Mapped:
     """The plant abc with a column map: a text, or what is proposed for a file."""
-    plant = tmp_path_factory.mktemp("plant")
-    shutil.copytree(ROOT / "plants" / "abc", plant, dirs_exist_ok=True)
-    with (plant / "plant.yaml").open("a", encoding="utf-8") as text:
-        text.write("\ncolumns: columns.yaml\n")
 
     def with_map(given: Path | str) -> Ruleset:
         text = given if isinstance(given, str) else proposed(given, abc).text
-        (plant / "columns.yaml").write_text(text, encoding="utf-8")
-        found = run_passes(Compilation(path=plant), "plant").plant
+        column_map.write_text(text, encoding="utf-8")
+        found = run_passes(Compilation(path=column_map.parent), "plant").plant
         columns = (ColumnMap(c.signal, c.column, c.factor, c.offset) for c in found.columns)
         return dataclasses.replace(
             abc,
@@ -392,7 +379,7 @@ def test_what_only_a_person_knows_is_asked(
         read_recording(file, abc)
     assert told in str(refused.value)
     assert key in str(refused.value)
-    assert 1 == main(["check", str(ROOT / "plants" / "abc"), str(file), "--write-map"])
+    assert 1 == main(["check", str(ABC), str(file), "--write-map"])
     shown, aside = capsys.readouterr()
     assert f"# To be answered first: {str(refused.value).partition(': ')[2]}" in shown
     assert "to be answered in the map" in " ".join(aside.split())
@@ -467,7 +454,7 @@ def test_what_is_simulated_from_it_can_be_read(
 ) -> None:
     """Written in the form of the file, or as a plain table of the same rows."""
     file, again = write(tmp_path, text_of(name)), tmp_path / "again.csv"
-    assert 0 == main(["simulate", str(ROOT / "plants" / "abc"), str(file), "-o", str(again), "-q"])
+    assert 0 == main(["simulate", str(ABC), str(file), "-o", str(again), "-q"])
     found = read_recording(again, abc)
     np.testing.assert_allclose(found.time, expected.time, atol=2e-6)
     np.testing.assert_allclose(found.values["A.n"], expected.values["A.n"], rtol=1e-12)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import shutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,22 +14,19 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
+from rulec_runtime.recordings import text_parts, text_table
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+from rulec_runtime.recordings.table import Table
 
+from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.readers.conftest import ABC
 from tests.readers.test_formats import same
 from tests.runtime.sheets import Sheet, example, write
 
 SHEET = example()
 BARE = Sheet(tuple(title.partition(" [")[0] for title in SHEET.header), SHEET.rows)
 UNITS = tuple(title.partition("[")[2].strip("]") for title in SHEET.header)
-
-
-@pytest.fixture(scope="module")
-def expected(abc: Ruleset) -> Recording:
-    """The example as shipped."""
-    return read_recording(ROOT / "plants" / "abc" / "examples" / "healthy.csv", abc)
 
 
 def read(text: str, folder: Path, ruleset: Ruleset) -> Recording:
@@ -184,14 +180,11 @@ def test_whose_zone_counts(tmp_path: Path, abc: Ruleset) -> None:
         read(sheet.text().replace("Z,", ","), tmp_path, strange)
 
 
-def test_zone_in_the_column_map(tmp_path: Path) -> None:
+def test_zone_in_the_column_map(column_map: Path) -> None:
     """`zone` at the time goes into the ruleset."""
-    shutil.copytree(ROOT / "plants" / "abc", tmp_path, dirs_exist_ok=True)
-    with (tmp_path / "plant.yaml").open("a", encoding="utf-8") as plant:
-        plant.write("\ncolumns: columns.yaml\n")
     zone = "columns:\n  time: {from: Zeit, unit: s, zone: Europe/Berlin}\n"
-    (tmp_path / "columns.yaml").write_text(zone, encoding="utf-8")
-    assert "Europe/Berlin" == compile_plant(tmp_path).time_zone
+    column_map.write_text(zone, encoding="utf-8")
+    assert "Europe/Berlin" == compile_plant(column_map.parent).time_zone
 
 
 def test_sheets_of_several_rates(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
@@ -218,6 +211,89 @@ def test_standard_input(
 ) -> None:
     """It can be read again, as `simulate` does; the name of a file may hold the sign."""
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(SHEET.text().encode())))
-    same(expected, read_recording(Path("-"), abc))
-    same(expected, read_recording(Path("-"), abc))
+    for _ in range(2):
+        same(expected, read_recording(Path("-"), abc))
+    assert 0 == main(["diagnose", str(ABC), "-", "-q"])
     same(expected, read_recording(write(tmp_path, SHEET.text(), "run#3.csv"), abc))
+
+
+ROWS = 40
+CELLS = ("1", "2.5", "-3e-2", "", "", " 7 ", "nan", "NA", "-", "ok", "1,5", "1_0", "inf", '"8"',
+         "0x1")  # fmt: skip
+"""What may stand in a cell; those at the front come most often."""
+
+
+@pytest.fixture
+def few_rows_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (text_parts, text_table):
+        monkeypatch.setattr(module, "BATCH", 8)
+
+
+def table_of(text: str) -> Table | str:
+    """Times as they are kept and two columns of numbers, or why the file is refused."""
+    file = Path("x.csv")
+    try:
+        (sheet,) = text_table.sheets(io.BytesIO(text.encode()), file, ("time",))
+        return sheet.read([0], [1, 2])
+    except RecordingRefused as error:
+        return str(error)
+
+
+def cell_by_cell(text: str, monkeypatch: pytest.MonkeyPatch) -> Table | str:
+    with monkeypatch.context() as changed:
+        rows = text_parts.batches_of
+        changed.setattr(text_table.TextTable, "_parts", lambda table, _: rows(table._below()))
+        return table_of(text)
+
+
+def told(table: Table | str) -> object:
+    if isinstance(table, str):
+        return table
+    columns = [
+        (c.numbers().tobytes(), c.states, c.first, c.words, sorted(c.decimals - {"."}))
+        for c in table.columns
+    ]
+    kept = [np.asarray(k, dtype=float).tobytes() for k in table.kept if isinstance(k, np.ndarray)]
+    return columns, kept, table.left_out, table.first_left_out
+
+
+def files() -> Iterator[str]:
+    random = np.random.default_rng(7)
+    for separator in ",;\t":
+        for words in (2, 4, 6, 9, len(CELLS)):
+            for end in ("\n", "\r\n"):
+                lines = [separator.join(("time", "a", "b"))]
+                for row in range(ROWS):
+                    some = [str(random.choice(CELLS[:words])) for _ in range(2)]
+                    lines.append(separator.join((str(row), *some)))
+                    if random.random() < 0.02 * words:
+                        odd = random.choice(["", "  ", separator * 2, "1", f"9{separator}"])
+                        lines.append(str(odd))
+                yield end.join(lines) + end * int(random.integers(2))
+
+
+@pytest.mark.usefixtures("few_rows_at_a_time")
+def test_rows_read_at_once_are_those_read_cell_by_cell(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    several, at_once = [*files()], 0
+    numbers_of = text_parts._numbers_of
+
+    def counted(*of: object) -> object:
+        nonlocal at_once
+        found = numbers_of(*of)  # type: ignore[arg-type]
+        at_once += found is not None
+        return found
+
+    monkeypatch.setattr(text_parts, "_numbers_of", counted)
+    for text in several:
+        assert told(table_of(text)) == told(cell_by_cell(text, monkeypatch)), text
+    assert len(several) <= at_once < len(several) * ROWS // 8
+
+
+@pytest.mark.usefixtures("few_rows_at_a_time")
+def test_a_cell_in_quotes_that_goes_on_behind_the_last_row_of_a_part() -> None:
+    lines = ["time,a,b", *(f"{i},{i},1" for i in range(7)), '7,"7', '",2', "8,8,3"]
+    table = table_of("\n".join(lines))
+    assert not isinstance(table, str)
+    assert table.columns[1].numbers().tolist() == [1.0] * 7 + [2.0, 3.0]

@@ -40,11 +40,9 @@ class Readings:
         return start + np.round(self.seconds * 1e6).astype("m8[us]")
 
     def titled(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Titles with units, and values."""
         return ((f"{name} [{unit}]", values) for name, (unit, values) in self.columns.items())
 
     def csv(self, dated: bool, units: bool = True) -> str:
-        """As a CSV file."""
         times = [f"{d}Z" for d in self.dates.astype(str)] if dated else self.seconds.tolist()
         names = [title if units else title.partition(" ")[0] for title, _ in self.titled()]
         rows = zip(times, *(v.tolist() for _, v in self.columns.values()), strict=True)
@@ -52,7 +50,6 @@ class Readings:
 
 
 def readings_of(sheet: Sheet) -> Readings:
-    """Numbers of a shipped recording."""
     table = np.array(sheet.rows, dtype=float)
     names = [title.partition(" [") for title in sheet.header]
     columns = {name: (unit.strip("]"), table[:, i]) for i, (name, _, unit) in enumerate(names) if i}

@@ -18,8 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.soak import disk, frozen, killed, mutated, network, sources
-from tests.soak.summary import summed
+from tests.soak import disk, frozen, killed, mutated, network, score, sources
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-journal": (killed.journal_killed, 50),
@@ -54,7 +53,7 @@ def main() -> int:
             place = Path(options.keep or folder) / name
             place.mkdir(parents=True, exist_ok=True)
             begin = time.perf_counter()
-            form[name] = summed(part(place, options.times or usual))
+            form[name] = score.summed(part(place, options.times or usual))
             seconds = time.perf_counter() - begin
             print(f"{name}: {json.dumps(form[name])} ({seconds:.0f} s)", file=sys.stderr)
     text = json.dumps(form, indent=1)

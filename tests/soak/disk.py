@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tests.live.disks import filled, mounted
 from tests.soak import score
 from tests.soak.plant import LEAD, OFF, ON, Logger, course
 from tests.soak.watching import Watch
 
-SIZE = "6m"
 PAUSE = 0.05  # s from row to row
 FULL = 4.0  # s that the disk is full: longer than a fault or the time between two
 FREE = 4.0
@@ -23,20 +20,20 @@ def full(folder: Path, times: int) -> dict[str, Any]:
     """The journal is on the disk: the watch runs on."""
     rows = int((times + 1) * (FULL + FREE) / PAUSE) + LEAD + ON + OFF
     what, small = course(folder, rows), folder / "small"
-    with _disk(small) as there:
+    with mounted(small, "6m") as there:
         if not there:
             return {"skipped": "mounting a small file system needs root"}
-        watch = Watch(folder, "--source", "log.csv", "--journal", "small/journal.db")
+        watch = Watch(folder, "--source", "log.csv", journal="small/journal.db")
         ran = 0
         with Logger(folder / "log.csv", what, PAUSE) as logger:
             time.sleep(1.0)
             watch.start()
             for _ in range(times):
                 _alive(watch, FREE)
-                _fill(small / "filler")
+                ballast = filled(small)
                 time.sleep(FULL)
                 ran += watch.runs
-                (small / "filler").unlink()
+                ballast.unlink()
             while not logger.over.wait(0.5):
                 _alive(watch, 0.0)
         if watch.runs:
@@ -44,19 +41,15 @@ def full(folder: Path, times: int) -> dict[str, Any]:
             watch.interrupt()
         watch.start("--until-end")
         code = watch.ended()
-        found = score.events_of(small / "journal.db")
-        judged = score.rows_of(small / "journal.db")[0]
+        events, judged = watch.events, watch.rows
     return {
         "tried": times,
         "ran_on": ran,
         "starts": watch.lives,
         "survived": ran if code == 0 else 0,
-        "events": len(found),
         "rows": rows,
         "rows_lost": rows - judged,
-        **score.numbers(e.number for e in found),
-        **score.against_plant(found, what.planted),
-        **score.bad_output(watch.out + watch.err),
+        **score.outcome(events, what.planted, said=watch.said),
     }
 
 
@@ -69,26 +62,3 @@ def _alive(watch: Watch, seconds: float) -> None:
         if time.monotonic() >= until:
             return
         time.sleep(0.5)
-
-
-def _fill(path: Path) -> None:
-    """Until nothing more fits in."""
-    with path.open("wb", buffering=0) as out:
-        piece = 1 << 16
-        while piece:
-            try:
-                out.write(b"x" * piece)
-            except OSError:
-                piece //= 2
-
-
-@contextmanager
-def _disk(folder: Path) -> Iterator[bool]:
-    folder.mkdir(exist_ok=True)
-    words = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "tmpfs", str(folder)]
-    mounted = subprocess.run(words, capture_output=True, check=False).returncode == 0
-    try:
-        yield mounted
-    finally:
-        if mounted:
-            subprocess.run(["umount", "-l", str(folder)], check=False)

@@ -21,17 +21,17 @@ def file(folder: Path, times: int) -> dict[str, Any]:
     """Beside a logger that goes on."""
     rows = LEAD + ON + OFF + int((times + 1) * (FROZEN + AGAIN + 5.0) / PAUSE)
     what = course(folder, rows)
-    watch = Watch(folder, "--source", "log.csv", "--journal", "journal.db")
+    watch = Watch(folder, "--source", "log.csv")
     with Logger(folder / "log.csv", what, PAUSE) as logger:
         time.sleep(1.0)
         watch.start()
-        again = _frozen(folder, watch, times)
+        again = _frozen(watch, times)
         logger.finish()
         written = logger.written
     time.sleep(5.0)
     code = watch.interrupt()
-    lost = written - score.rows_of(folder / "journal.db")[0]
-    return {**_result(folder, watch, again, code, what.planted, written), "rows_lost": lost}
+    lost = written - watch.rows
+    return {**_result(watch, again, code, what.planted, written), "rows_lost": lost}
 
 
 def served(kind: str, folder: Path, times: int) -> dict[str, Any]:
@@ -40,35 +40,30 @@ def served(kind: str, folder: Path, times: int) -> dict[str, Any]:
     # A fault outlasts a standstill, whose rows are lost: servers keep one value.
     what, source = course(folder, rows, 250, 100), Served(kind, folder)
     watch, start = watched(folder, what, source)
-    again = _frozen(folder, watch, times)
+    again = _frozen(watch, times)
     time.sleep(max(start + rows * STEP - time.time(), 0.0))
     code = watch.interrupt()
     source.kill()
-    return _result(folder, watch, again, code, what.at(start, STEP), start + rows * STEP)
+    return _result(watch, again, code, what.at(start, STEP), start + rows * STEP)
 
 
-def _frozen(folder: Path, watch: Watch, times: int) -> int:
+def _frozen(watch: Watch, times: int) -> int:
     """How often rows were judged again after a standstill."""
     again = 0
     for _ in range(times):
         time.sleep(AGAIN)
         watch.stand_still(FROZEN)
-        before, until = score.rows_of(folder / "journal.db")[0], time.monotonic() + PATIENCE
-        while time.monotonic() < until and score.rows_of(folder / "journal.db")[0] <= before:
+        before, until = watch.rows, time.monotonic() + PATIENCE
+        while time.monotonic() < until and watch.rows <= before:
             time.sleep(0.2)
-        again += score.rows_of(folder / "journal.db")[0] > before
+        again += watch.rows > before
     return again
 
 
-def _result(
-    folder: Path, watch: Watch, again: int, code: int, planted: Any, end: float
-) -> dict[str, Any]:
-    events = score.events_of(folder / "journal.db")
+def _result(watch: Watch, again: int, code: int, planted: Any, end: float) -> dict[str, Any]:
     return {
         "tried": watch.stood_still,
         "survived": again if code == 0 else 0,
-        "told_gaps": sum(e.episode.subject == "gap" for e in events),
-        **score.numbers(e.number for e in events),
-        **score.against_plant(events, planted, end),
-        **score.bad_output(watch.out + watch.err),
+        "told_gaps": sum(e.episode.subject == "gap" for e in watch.events),
+        **score.outcome(watch.events, planted, end, watch.said),
     }

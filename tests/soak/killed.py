@@ -22,26 +22,20 @@ PATIENCE = 120.0  # s that a restart has to read on, also on a busy machine
 
 def journal_killed(folder: Path, times: int) -> dict[str, Any]:
     """With `--journal`: against a watch beside it that nobody kills."""
-    journal = folder / "killed.db"
-    what = course(folder, _rows(times))
-    watch = Watch(folder, "--source", "log.csv", "--journal", journal.name, name="killed")
-    quiet = Watch(folder, "--source", "log.csv", "--journal", "quiet.db", name="quiet")
-    done = _killed(
-        folder, times, watch, what, random.Random(1), lambda: score.rows_of(journal)[0], quiet
+    watch, quiet = (
+        Watch(folder, "--source", "log.csv", journal=f"{name}.db") for name in ("killed", "quiet")
     )
+    what = course(folder, _rows(times))
+    done = _killed(folder, times, watch, what, random.Random(1), lambda: watch.rows, quiet)
     time.sleep(2.0)
     quiet.interrupt()
-    events = score.events_of(journal)
-    count, times_kept = score.rows_of(journal)
+    count, times_kept = score.rows_of(folder / "killed.db")
     return {
         **done,
         "rows_lost": done["rows"] - count,
         "rows_twice": len(times_kept) - len(set(times_kept)),
-        "events": len(events),
-        **score.numbers(e.number for e in events),
-        **score.against_undisturbed(events, score.events_of(folder / "quiet.db")),
-        **score.against_plant(events, what.planted, done["rows"]),
-        **score.bad_output(watch.out + watch.err),
+        **score.against_undisturbed(watch.events, quiet.events),
+        **score.outcome(watch.events, what.planted, done["rows"], watch.said),
     }
 
 
@@ -49,7 +43,7 @@ def lines_killed(folder: Path, times: int) -> dict[str, Any]:
     """With `--events` and `--state`, two files that are written one after the other."""
     what, state = course(folder, _rows(times)), folder / "state"
     options = ("--source", "log.csv", "--events", "events.jsonl", "--state", state.name)
-    watch = Watch(folder, *options)
+    watch = Watch(folder, *options, journal="")
     done = _killed(folder, times, watch, what, random.Random(2), lambda: score.rows_in(state)[0])
     found = score.events_from(folder / "events.jsonl")
     balance = Counter[str]()
@@ -60,12 +54,9 @@ def lines_killed(folder: Path, times: int) -> dict[str, Any]:
     return {
         **done,
         "rows_lost": done["rows"] - score.rows_in(state)[0],
-        "events": len(found),
-        **score.numbers(e.number for e in found),
         "episodes_without_end": sum(b > 0 for b in balance.values()),
         "episodes_ended_twice": sum(b < 0 for b in balance.values()),
-        **score.against_plant(found, what.planted, done["rows"]),
-        **score.bad_output(watch.out + watch.err),
+        **score.outcome(found, what.planted, done["rows"], watch.said),
     }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from tests.soak import lossy, score
 from tests.soak.plant import course
 from tests.soak.sources import STEP, Served, of_connection, watched
+from tests.soak.watching import Watch
 
 LOSS = 0.3
 LOSSY = 120.0  # s with that loss
@@ -37,24 +38,29 @@ def _watched(kind: str, folder: Path, times: int, link: lossy.Link) -> dict[str,
     served.before = lossy.inside(lossy.PLANT)
     served.watched_from = lossy.inside(lossy.WATCHER)
     watch, start = watched(folder, what, served)
+    told: list[float | None] = []
+    again: list[float | None] = []
     try:
         time.sleep(15.0)
-        before = score.rows_of(folder / "journal.db")[0]
+        before = watch.rows
         link.says(f"loss {LOSS}")
         time.sleep(LOSSY)
         link.says("loss 0")
-        after = score.rows_of(folder / "journal.db")[0]
+        after = watch.rows
         time.sleep(CALM)
-        of_loss = of_connection(score.events_of(folder / "journal.db"))
-        reads = score.rows_of(folder / "journal.db")[0] > after
-        told, again = _silences(folder, times, link, draw)
+        of_loss, reads = of_connection(watch.events), watch.rows > after
+        for _ in range(times):
+            time.sleep(draw.uniform(3.0, 6.0))
+            link.says("silent")
+            told.append(_until(watch, "told_lost"))
+            link.says("loss 0")
+            again.append(_until(watch, "read_again"))
         end = time.time()
         code = watch.interrupt()
     finally:
         if watch.runs:
             watch.kill()
         served.kill()
-    events = score.events_of(folder / "journal.db")
     return {
         "loss": LOSS,
         "rows_with_loss": after - before,
@@ -66,32 +72,15 @@ def _watched(kind: str, folder: Path, times: int, link: lossy.Link) -> dict[str,
         "longest_until_told": max((s for s in told if s is not None), default=None),
         "survived": sum(s is not None for s in again) if code == 0 else 0,
         "longest_until_read_again": max((s for s in again if s is not None), default=None),
-        "events": len(events),
-        **score.numbers(e.number for e in events),
-        **score.against_plant(events, what.at(start, STEP), end),
-        **score.bad_output(watch.out + watch.err),
+        **score.outcome(watch.events, what.at(start, STEP), end, watch.said),
     }
 
 
-def _silences(
-    folder: Path, times: int, link: lossy.Link, draw: random.Random
-) -> tuple[list[float | None], list[float | None]]:
-    """Per silence s until it was told, and s until the plant was read again; None if never."""
-    told, again = [], []
-    for _ in range(times):
-        time.sleep(draw.uniform(3.0, 6.0))
-        link.says("silent")
-        told.append(_until(folder, "told_lost"))
-        link.says("loss 0")
-        again.append(_until(folder, "read_again"))
-    return told, again
-
-
-def _until(folder: Path, what: str) -> float | None:
-    """Seconds until one more is told."""
-    known, began = of_connection(score.events_of(folder / "journal.db"))[what], time.monotonic()
+def _until(watch: Watch, what: str) -> float | None:
+    """Seconds until one more is told; none if never."""
+    known, began = of_connection(watch.events)[what], time.monotonic()
     while (lasts := time.monotonic() - began) < PATIENCE:
-        if of_connection(score.events_of(folder / "journal.db"))[what] > known:
+        if of_connection(watch.events)[what] > known:
             return round(lasts, 1)
         time.sleep(0.2)
     return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event, Thread
@@ -14,10 +13,10 @@ from rulec_runtime.recordings.recording_file import read_file
 
 from rulec.simulation.predict import predict
 from rulec.simulation.prediction import Injected, rewrite
-from tests.conftest import ROOT, compiled
+from tests.conftest import compiled
+from tests.runtime.sheets import example, write
 
 FAULTS = (("A.leakage", 0.3), ("B.dp.high", 0.1), ("C.clogging", 0.2), ("B.leakage", 0.3))
-HEALTHY = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
 LEAD, ON, OFF = 60, 60, 40
 """Rows before the first fault, with a fault, and between two."""
 
@@ -44,20 +43,13 @@ def course(folder: Path, rows: int, on: int = ON, off: int = OFF) -> Course:
     planted = tuple(
         Injected(*FAULTS[i % len(FAULTS)], since, since + on - 1) for i, since in enumerate(starts)
     )
-    inputs, played = folder / "inputs.csv", io.StringIO()
-    with HEALTHY.open(encoding="utf-8", newline="") as file:
-        titles, *shipped = csv.reader(file)
-    random = np.random.default_rng(5)
-    keep = [i for i, title in enumerate(titles) if ".n [" in title]
-    with inputs.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(titles)
-        for k in range(rows):
-            row = list(shipped[k % len(shipped)])
-            row[0] = str(k)
-            for i in keep:
-                row[i] = f"{float(row[i]) * random.normal(1.0, 0.0005):.6g}"
-            table.writerow(row)
+    played, random = io.StringIO(), np.random.default_rng(5)
+    shipped = example()
+    lasting = [(str(k), *shipped.rows[k % len(shipped.rows)][1:]) for k in range(rows)]
+    sheet = replace(shipped, rows=tuple(lasting))
+    for speed in ("A.n", "B.n"):
+        sheet = sheet.mapped(speed, lambda _, c: f"{float(c) * random.normal(1.0, 0.0005):.6g}")
+    inputs = write(folder, sheet.text(), "inputs.csv")
     ruleset = compiled("abc")
     source = read_file(inputs, ruleset, [])
     rewrite(source, ruleset, predict(ruleset, [source], planted, 1).values, played)
@@ -108,8 +100,3 @@ class Logger:
             self._out.flush()
             self.written = k + 1
         self.over.set()
-
-
-def texts(titles: Sequence[str]) -> list[str]:
-    """Signals of titles."""
-    return [title.partition(" ")[0] for title in titles]

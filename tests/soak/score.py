@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from rulec_runtime.live.journal.store import open_journal
 
 from rulec.simulation.prediction import Injected
 from tests.conftest import compiled
+from tests.figures.share import Share
 
 Known = tuple[str, float]
 """A fault and since when."""
@@ -28,7 +29,6 @@ def events_of(journal: Path | str) -> list[Event]:
 
 
 def events_from(lines: Path) -> list[Event]:
-    """Events of a file of lines."""
     return [event_from(json.loads(line)) for line in lines.read_text("utf-8").splitlines()]
 
 
@@ -44,7 +44,6 @@ def rows_of(journal: Path | str) -> tuple[int, list[float]]:
 
 
 def rows_in(state: Path) -> tuple[int, list[float]]:
-    """The same of a state in a file."""
     return _rows(state.read_bytes(), str(state)) if state.exists() else (0, [])
 
 
@@ -55,9 +54,20 @@ def _rows(state: bytes, name: str) -> tuple[int, list[float]]:
     return memory.count, [float(t) for t in memory.recent.time]
 
 
-def numbers(found: Iterable[int]) -> dict[str, int]:
+def outcome(
+    events: Sequence[Event],
+    planted: Sequence[Injected],
+    end: float = float("inf"),
+    said: str = "",
+) -> dict[str, Any]:
+    """What all parts say of their events, and of what the watch wrote on the terminal."""
+    found = numbers(events) | against_plant(events, planted, end) | bad_output(said)
+    return {"events": len(events), **found}
+
+
+def numbers(events: Iterable[Event]) -> dict[str, int]:
     """Numbers of events that are missing, or there twice."""
-    there = list(found)
+    there = [event.number for event in events]
     return {
         "numbers_lost": max(there, default=0) - len(set(there)),
         "numbers_twice": len(there) - len(set(there)),
@@ -75,7 +85,7 @@ def told(events: Sequence[Event]) -> list[Event]:
 
 
 def against_plant(
-    events: Sequence[Event], planted: Sequence[Injected], end: float = float("inf")
+    events: Sequence[Event], planted: Sequence[Injected], end: float
 ) -> dict[str, Any]:
     """Faults over before `end` that were told once, never, more than once; what nobody planted."""
     episodes = [event.episode for event in told(events)]
@@ -119,3 +129,21 @@ def bad_output(text: str) -> dict[str, int]:
     """Tracebacks, and characters that steer a terminal."""
     steering = sum(1 for c in text if (ord(c) < 32 and c not in "\n\t") or 127 <= ord(c) < 160)
     return {"tracebacks": text.count("Traceback"), "steering": steering}
+
+
+LOST = ("numbers_lost", "rows_lost", "lost", "faults_lost", "episodes_without_end")
+TWICE = ("numbers_twice", "rows_twice", "twice", "faults_twice", "episodes_ended_twice")
+BAD = ("tracebacks", "steering")
+
+
+def summed(form: Mapping[str, Any]) -> dict[str, Any]:
+    """The form with these; as it is where the part was skipped."""
+    if "skipped" in form:
+        return dict(form)
+    return {
+        **form,
+        "went_on": Share(form["survived"], form["tried"]).form(),
+        "all_lost": sum(form.get(name, 0) for name in LOST),
+        "all_twice": sum(form.get(name, 0) for name in TWICE),
+        "all_bad": sum(form.get(name, 0) for name in BAD),
+    }

@@ -11,13 +11,19 @@ import json
 import logging
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
-from tests.soak.plant import Course, texts
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from tests.live.journal.own_broker import serve
+from tests.live.sources.plant_server import PlantServer
+from tests.soak.plant import Course
 
 
 def write_play(path: Path, course: Course, start: float, step: float) -> None:
@@ -26,69 +32,49 @@ def write_play(path: Path, course: Course, start: float, step: float) -> None:
     path.write_text(json.dumps(play), encoding="utf-8")
 
 
-async def due(play: dict[str, Any]) -> AsyncIterator[tuple[float, list[str]]]:
-    """Rows that are due from now on, with their times."""
-    k = max(int((time.time() - play["start"]) / play["step"]), 0)
+def due(play: dict[str, Any]) -> Iterator[tuple[float, dict[str, float]]]:
+    """Rows that are due from now on, with their times; at the end the last one."""
+    names = [title.partition(" ")[0] for title in play["titles"]]
+    k = int((time.time() - play["start"]) / play["step"])
+    k = min(max(k, 0), len(play["rows"]) - 1)
     while k < len(play["rows"]):
         at = play["start"] + k * play["step"]
-        await asyncio.sleep(max(at - time.time(), 0.0))
-        yield at, play["rows"][k]
+        time.sleep(max(at - time.time(), 0.0))
+        yield at, dict(zip(names, map(float, play["rows"][k]), strict=True))
         k += 1
 
 
-async def opcua(port: int, path: Path, host: str) -> None:
+def opcua(host: str, port: int, play: dict[str, Any]) -> None:
     """A node ``ns=2;s=SIGNAL`` per signal."""
-    from asyncua import Server, ua
-
-    play = json.loads(path.read_text(encoding="utf-8"))
-    server = Server()
-    await server.init()
-    server.set_endpoint(f"opc.tcp://{host}:{port}")
-    server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-    space = await server.register_namespace("urn:plant")
-    nodes = []
-    k = min(max(int((time.time() - play["start"]) / play["step"]), 0), len(play["rows"]) - 1)
-    for title, first in zip(play["titles"], play["rows"][k], strict=True):
-        name, unit = title.removesuffix("]").split(" [")
-        identity = ua.NodeId(name, space), ua.QualifiedName(name, space)
-        node = await server.nodes.objects.add_variable(*identity, float(first))
-        stated = ua.EUInformation(DisplayName=ua.LocalizedText(unit))
-        await node.add_property(0, "EngineeringUnits", stated)
-        nodes.append(node)
-    await server.start()
+    _, values = next(due({**play, "start": min(play["start"], time.time())}))
+    server = PlantServer(units_of(play["titles"]), port, host=host, values=values)
     print("up", flush=True)
-    async for at, row in due(play):
-        stamp, good = datetime.fromtimestamp(at, UTC), ua.StatusCode(ua.StatusCodes.Good)
-        for node, cell in zip(nodes, row, strict=True):
-            value = ua.Variant(float(cell), ua.VariantType.Double)
-            await node.write_value(ua.DataValue(value, good, stamp))
-    await asyncio.Event().wait()
+    for at, row in due(play):
+        for name, value in row.items():
+            server.write(name, value, stamp=datetime.fromtimestamp(at, UTC))
 
 
-async def mqtt(port: int, path: Path, host: str) -> None:
+def mqtt(host: str, port: int, play: dict[str, Any]) -> None:
     """A broker, and a client of it that publishes each row as a message with all signals."""
-    from amqtt.broker import Broker
-    from paho.mqtt import client as paho
-    from paho.mqtt.enums import CallbackAPIVersion
-
-    play = json.loads(path.read_text(encoding="utf-8"))
-    plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
-    listener = {"type": "tcp", "bind": f"{host}:{port}"}
-    await Broker({"listeners": {"default": listener}, "plugins": plugins}).start()
+    loop = asyncio.new_event_loop()
+    loop.run_until_complete(serve(str(port), host=host))
+    Thread(target=loop.run_forever, daemon=True).start()
     client = paho.Client(CallbackAPIVersion.VERSION2)
     client.connect_async(host, port)
     client.loop_start()
-    names = texts(play["titles"])
     print("up", flush=True)
-    async for at, row in due(play):
-        values = dict(zip(names, map(float, row), strict=True))
-        client.publish("plant", json.dumps({"time": at, **values}))
-    await asyncio.Event().wait()
+    for at, row in due(play):
+        client.publish("plant", json.dumps({"time": at, **row}))
+
+
+def units_of(titles: Sequence[str]) -> dict[str, str]:
+    """Units of signals by their names."""
+    return {title.partition(" ")[0]: title.removesuffix("]").split(" [")[1] for title in titles}
 
 
 def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
     """The map of either source; JSON is YAML."""
-    units = {t.partition(" ")[0]: t.removesuffix("]").split(" [")[1] for t in course.titles}
+    units = units_of(course.titles)
     if kind == "opcua":
         signals: dict[str, Any] = {name: f"ns=2;s={name}" for name in units}
         scheme = "opc.tcp"
@@ -101,5 +87,7 @@ def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)
-    work = {"opcua": opcua, "mqtt": mqtt}[sys.argv[1]]
-    asyncio.run(work(int(sys.argv[2]), Path(sys.argv[3]), sys.argv[4]))
+    kind, port, file, host = sys.argv[1:]
+    work = {"opcua": opcua, "mqtt": mqtt}[kind]
+    work(host, int(port), json.loads(Path(file).read_text(encoding="utf-8")))
+    Event().wait()

@@ -56,7 +56,7 @@ def watched(folder: Path, what: Course, served: Served) -> tuple[Watch, float]:
     start = time.time() + LEAD
     write_play(folder / "play.json", what, start, STEP)
     served.start()
-    options = ("--source", served.kind, "--map", "map.yaml", "--journal", "journal.db")
+    options = ("--source", served.kind, "--map", "map.yaml")
     watch = Watch(folder, *options, before=served.watched_from)
     watch.start()
     return watch, start
@@ -67,41 +67,37 @@ def killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
     draw, what = random.Random(3), course(folder, 300 + 200 * times, 200, 100)
     served = Served(kind, folder)
     watch, start = watched(folder, what, served)
+
+    def connections() -> int:
+        """How often the journal says that the plant is read again."""
+        return of_connection(watch.events)["read_again"]
+
     until = time.monotonic() + PATIENCE
-    while not score.rows_of(folder / "journal.db")[0] and time.monotonic() < until:
+    while not watch.rows and time.monotonic() < until:
         time.sleep(0.2)
     reconnected, longest = 0, 0.0
     for _ in range(times):
         time.sleep(draw.uniform(1.0, 5.0))
         served.kill()
-        known = _connections(folder)
+        known = connections()
         time.sleep(draw.uniform(0.0, 3.0))
         served.start()
         began = time.monotonic()
-        while _connections(folder) <= known and time.monotonic() - began < PATIENCE:
+        while connections() <= known and time.monotonic() - began < PATIENCE:
             time.sleep(0.1)
-        reconnected += _connections(folder) > known
+        reconnected += connections() > known
         longest = max(longest, time.monotonic() - began)
     time.sleep(5.0)
     end = time.time()
     code = watch.interrupt()
     served.kill()
-    events = score.events_of(folder / "journal.db")
     return {
         "tried": times,
         "survived": reconnected if code == 0 else 0,
         "longest_until_read_again": round(longest, 1),
-        **of_connection(events),
-        "events": len(events),
-        **score.numbers(e.number for e in events),
-        **score.against_plant(events, what.at(start, STEP), end),
-        **score.bad_output(watch.out + watch.err),
+        **of_connection(watch.events),
+        **score.outcome(watch.events, what.at(start, STEP), end, watch.said),
     }
-
-
-def _connections(folder: Path) -> int:
-    """How often the journal says that the plant is read again."""
-    return of_connection(score.events_of(folder / "journal.db"))["read_again"]
 
 
 def of_connection(events: Sequence[Event]) -> dict[str, int]:

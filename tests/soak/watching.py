@@ -10,7 +10,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from rulec_runtime.live.episode import Event
+
 from tests.conftest import SOURCES, compiled
+from tests.soak import score
 
 
 def heed_interrupts() -> None:
@@ -22,34 +25,36 @@ class Watch:
     """Watches of plant abc one after the other, with the same options, in a folder of their own."""
 
     def __init__(
-        self, folder: Path, *options: str, name: str = "watch", before: Sequence[str] = ()
+        self,
+        folder: Path,
+        *options: str,
+        journal: str = "journal.db",
+        before: Sequence[str] = (),
+        shown: int | None = None,
     ) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+        """Words `before` the command; `shown` is a terminal to speak to instead of a file."""
         rules = folder / "abc.ruleset.json"
         if not rules.exists():
             rules.write_text(compiled("abc").to_json(), encoding="utf-8")
-        self._command = [
-            *before,
-            *(sys.executable, "-m", "rulec_runtime", "watch", rules.name),
-            *options,
-        ]
-        self._folder, self._name = folder, name
+        command = (sys.executable, "-m", "rulec_runtime", "watch", rules.name)
+        self._command = [*before, *command, *options, *(("--journal", journal) if journal else ())]
+        self._folder, self._journal, self._shown = folder, folder / journal, shown
+        self._said = folder / f"{Path(journal).name or 'watch'}.said"
         self._process: subprocess.Popen[bytes] | None = None
         self.lives = self.stood_still = 0
 
     def start(self, *more: str) -> None:
         environment = {**os.environ, "PYTHONPATH": SOURCES, "OMP_NUM_THREADS": "1"}
-        with (
-            (self._folder / f"{self._name}.out").open("ab") as out,
-            (self._folder / f"{self._name}.err").open("ab") as err,
-        ):
+        with self._said.open("ab") as said:
             self._process = subprocess.Popen(
                 [*self._command, *more],
                 cwd=self._folder,
-                env=environment,
-                stdout=out,
-                stderr=err,
+                env={**environment, "TERM": "xterm", "COLUMNS": "80"},
+                stdin=subprocess.DEVNULL,
+                stdout=said if self._shown is None else self._shown,
+                stderr=subprocess.STDOUT,
                 preexec_fn=heed_interrupts,
+                start_new_session=self._shown is not None,
             )
         self.lives += 1
 
@@ -84,13 +89,14 @@ class Watch:
         return self._process.wait(seconds)
 
     @property
-    def out(self) -> str:
-        return self._read("out")
+    def rows(self) -> int:
+        return score.rows_of(self._journal)[0]
 
     @property
-    def err(self) -> str:
-        return self._read("err")
+    def events(self) -> list[Event]:
+        return score.events_of(self._journal)
 
-    def _read(self, what: str) -> str:
-        data = (self._folder / f"{self._name}.{what}").read_bytes()
-        return data.decode("utf-8", "replace")
+    @property
+    def said(self) -> str:
+        """All that it wrote on the terminal."""
+        return self._said.read_bytes().decode("utf-8", "replace")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
@@ -47,11 +49,17 @@ def story() -> list[Event]:
 
 
 def event_in(form: dict[str, Any]) -> Event:
-    """The event that JSON data tells."""
     episode, own = dict(form["episode"]), ("number", "time", "what", "text")
     rivals = tuple((r["fault"], r["probability"]) for r in episode.pop("alternatives"))
     told = Episode(**episode, alternatives=rivals)
     return Event(**{name: form[name] for name in own}, episode=told)
+
+
+def events_in(file: Path) -> list[Event]:
+    """The events of a file of lines, all of them whole."""
+    lines = file.read_bytes().split(b"\n")
+    assert lines.pop() == b""
+    return [event_in(json.loads(line)) for line in lines]
 
 
 def kept_in(journal: Journal) -> tuple[int, bytes]:

@@ -44,16 +44,17 @@ class OwnBroker:
         self._process.wait()
 
 
-async def serve(port: str, certificate: str = "") -> None:
-    listener: dict[str, Any] = {"type": "tcp", "bind": f"127.0.0.1:{port}"}
+async def serve(port: str, certificate: str = "", host: str = "127.0.0.1") -> None:
+    listener: dict[str, Any] = {"type": "tcp", "bind": f"{host}:{port}"}
     if certificate:
         key = str(Path(certificate).with_suffix(".key"))
         listener |= {"ssl": True, "certfile": certificate, "keyfile": key}
     plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
     await Broker({"listeners": {"default": listener}, "plugins": plugins}).start()
-    await asyncio.Event().wait()
 
 
 if __name__ == "__main__":
     logging.disable()
-    asyncio.run(serve(*sys.argv[1:]))
+    loop = asyncio.new_event_loop()
+    loop.run_until_complete(serve(*sys.argv[1:]))
+    loop.run_forever()

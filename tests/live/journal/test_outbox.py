@@ -17,8 +17,6 @@ from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.store import open_journal
 
 from tests.live.journal.events import LEAKAGE, event, story
-from tests.live.journal.postgres import Postgres
-from tests.live.test_watch import until
 
 
 class Frail:
@@ -121,26 +119,6 @@ def test_refused_for_good(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
         outbox.put([event(5)], b"5")
     assert outbox.close() == 4
     assert sink.outbox(file).pending == 4
-
-
-def test_a_server_that_stops(server: Postgres, schema: str, tmp_path: Path) -> None:
-    """Also while the watcher starts: it goes on, and writes when the server is there."""
-    server.stop()
-    said: list[str] = []
-    with closing(open_journal(schema, patient=True)) as journal:
-        outbox = Outbox(journal, "abc", said.append, file=tmp_path / "waiting.json")
-        outbox.start()
-        outbox.put(story()[:2], b"2")
-        until(lambda: len(said) == 1)
-        server.start()
-        until(lambda: outbox.pending == 0)
-        server.stop()
-        outbox.put(story()[2:], b"4")
-        until(lambda: len(said) == 3)
-        server.start()
-        assert outbox.close() == 0
-        assert [entry.event for entry in journal.events("abc")] == story()
-    assert len(said) == 4
 
 
 class FrailJournal:

@@ -1,21 +1,22 @@
-"""What is committed is there, once, with the state that belongs to it."""
+"""What is committed is there, once, with the state that belongs to it; so in a file of lines."""
 
 from __future__ import annotations
 
 import math
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import sqlalchemy as sa
+from rulec_runtime.live.journal import store
+from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.store import Journal, open_journal
 
 from tests.hostile.texts import STEERING
-from tests.live.journal.events import LEAKAGE, event, kept_in, story
+from tests.live.journal.events import LEAKAGE, event, events_in, kept_in, story
 
 
 @pytest.fixture
@@ -28,8 +29,11 @@ def numbers(journal: Journal, **which: object) -> list[int]:
     return [entry.event.number for entry in journal.events(**which)]  # type: ignore[arg-type]
 
 
-def test_what_is_committed_is_there_once_with_its_state(journal: Journal) -> None:
-    """Of another event under the same number nothing is kept, nor of what came along."""
+def test_what_is_committed_is_there_once_with_its_state(
+    journal: Journal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of another event under the same number nothing is kept, nor of what came along; nor are
+    events whose state cannot be kept."""
     journal.commit("abc", story(), b"\0new")
     journal.commit("abc", story()[:2], b"old")
     entries = list(journal.events("abc"))
@@ -39,6 +43,10 @@ def test_what_is_committed_is_there_once_with_its_state(journal: Journal) -> Non
     journal.commit("abc", (), b"later")
     with pytest.raises(JournalRefused, match=r"another event 4 of abc.*'B.p healthy again'"):
         journal.commit("abc", [event(5), event(4)], b"other")
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "clock", lambda _: 1 / 0)  # between the events and the state
+        with pytest.raises(ZeroDivisionError):
+            journal.commit("abc", [event(5)], b"lost")
     assert numbers(journal) == [1, 2, 3, 4]
     assert kept_in(journal) == (4, b"later")
     assert journal.state("xyz") is None
@@ -93,19 +101,24 @@ def test_a_second_watcher_is_refused(journal: Journal, where: str) -> None:
         assert numbers(journal, plant="abc") == []
 
 
-def test_lease_of_another_machine_runs_out(tmp_path: Path) -> None:
-    """Nobody can look whether a process lives there; nor is a lease far ahead believed."""
+@pytest.mark.parametrize(
+    ("change", "free"),
+    [
+        ("machine = 'elsewhere'", False),
+        ("machine = 'elsewhere', expires = expires - 20", True),
+        ("machine = 'elsewhere', expires = expires + 1000000", True),
+        ("process = '1 0'", True),
+    ],
+    ids=["elsewhere, it may live", "elsewhere, silent", "elsewhere, far ahead", "here, killed"],
+)
+def test_lease_of_another_watcher_runs_out(change: str, free: bool, tmp_path: Path) -> None:
     file = tmp_path / "j.db"
     with closing(open_journal(str(file))) as journal, closing(open_journal(str(file))) as other:
         journal.hold("abc")
-        for change in ("expires", "expires - 20", "expires + 1000000"):
-            with closing(sqlite3.connect(file)) as changed, changed:
-                changed.execute(f"UPDATE watchers SET machine = 'elsewhere', expires = {change}")
-            if change == "expires":
-                with pytest.raises(JournalRefused, match="watched already"):
-                    other.hold("abc")
-            else:
-                other.hold("abc")
+        with closing(sqlite3.connect(file)) as changed, changed:
+            changed.execute(f"UPDATE watchers SET {change}")
+        with nullcontext() if free else pytest.raises(JournalRefused, match="watched already"):
+            other.hold("abc")
 
 
 def test_what_is_no_journal(tmp_path: Path) -> None:
@@ -136,15 +149,6 @@ def test_what_is_no_journal(tmp_path: Path) -> None:
         assert kept.execute("PRAGMA journal_mode").fetchone() == ("delete",)
 
 
-def test_a_schema_of_something_else(schema: str) -> None:
-    engine = sa.create_engine(schema)
-    with engine.begin() as connection:
-        connection.exec_driver_sql("CREATE TABLE customers (name text)")
-    engine.dispose()
-    with pytest.raises(JournalRefused, match=r"something else \(customers\)"):
-        open_journal(schema)
-
-
 def test_a_file_that_was_taken_away_is_noticed(tmp_path: Path) -> None:
     with closing(open_journal(str(tmp_path / "j.db"))) as journal:
         journal.commit("abc", story()[:2], None)
@@ -152,3 +156,41 @@ def test_a_file_that_was_taken_away_is_noticed(tmp_path: Path) -> None:
             file.rename(tmp_path / f"old-{file.name}")
         with pytest.raises(JournalTrouble):
             journal.commit("abc", story()[2:], None)
+
+
+def test_each_event_once_and_half_a_line_is_cut_off(tmp_path: Path) -> None:
+    file = tmp_path / "events.jsonl"
+    sink = LinesFile(file)
+    sink.commit("abc", story()[:2], None, dated=True)
+    with pytest.raises(JournalRefused, match="another process"):
+        LinesFile(file)
+    sink.close()
+    whole = file.read_bytes()
+    file.write_bytes(whole + b'{"plant": "abc", "num')
+    sink = LinesFile(file)
+    assert file.read_bytes() == whole
+    for _ in range(2):
+        sink.commit("abc", story(), None, dated=True)
+    assert events_in(file) == story()
+    with pytest.raises(JournalRefused, match="another event 4 of abc"):
+        sink.commit("abc", [event(4), event(5)], None, dated=True)
+    sink.commit("xyz", [event(4)], None, dated=True)
+    assert len(events_in(file)) == 5
+    file.rename(tmp_path / "events.1.jsonl")  # as logs are put away
+    text = "".join(STEERING.values()) + "\n"  # it steers no terminal and breaks no line
+    sink.commit("abc", [event(5, text=text)], None, dated=False)
+    sink.close()
+    assert events_in(file) == [event(5, text=text)]
+    assert file.read_text().removesuffix("\n").isprintable()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"time,A.dp\n1,2\n", b"\n", b"[1]\n", b"\xff\n", b"[" * 9999 + b"\n", b"note", b'{"x'],
+)
+def test_a_file_of_something_else_is_left_alone(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "other"
+    file.write_bytes(content)
+    with pytest.raises(JournalRefused, match=r"line( 1)? is no event; name another file"):
+        LinesFile(file)
+    assert file.read_bytes() == content

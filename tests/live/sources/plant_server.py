@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 import pytest
@@ -18,6 +18,7 @@ from asyncua.server.uaprocessor import UaProcessor
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 UNITS = {"A.dp": "bar", "A.n": "rpm"}
+VALUES: dict[str, float | str] = {"A.dp": 1.8, "A.n": 900.0, "text": "x"}
 PATIENCE = 60
 """Seconds that a request may take on a loaded machine; an idle one needs a hundredth of one."""
 
@@ -29,18 +30,23 @@ def free_port() -> int:
 
 
 class PlantServer:
-    """Two signals of plant abc as Double nodes ``ns=2;s=A.dp``, with engineering units.
+    """Signals of plant abc as Double nodes ``ns=2;s=A.dp``, with engineering units.
 
     `namespaces` are those that it registers when it starts; the nodes are in the last of them.
     """
 
     def __init__(
-        self, units: dict[str, str] | None = None, port: int = 0, certified: Path | None = None
+        self,
+        units: Mapping[str, str] = UNITS,
+        port: int = 0,
+        certified: Path | None = None,
+        host: str = "127.0.0.1",
+        values: Mapping[str, float | str] = VALUES,
     ) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
+        self._host = host
         self._set_port(port or free_port())
-        self._units = UNITS if units is None else units
-        self._certified = certified
+        self._units, self._values, self._certified = units, values, certified
         self.namespaces = ["urn:plant"]
         self._loop = asyncio.new_event_loop()
         Thread(target=self._loop.run_forever, daemon=True).start()
@@ -56,7 +62,7 @@ class PlantServer:
 
     def _set_port(self, port: int) -> None:
         self.port = port
-        self.url = f"opc.tcp://127.0.0.1:{port}"
+        self.url = f"opc.tcp://{self._host}:{port}"
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
@@ -67,6 +73,12 @@ class PlantServer:
     def stop(self) -> None:
         """The socket goes at once, as when the power fails."""
         self.run(self._server.stop())
+
+    def stand_still(self) -> Event:
+        """It answers nothing until the event is set; its sockets stay open."""
+        moves = Event()
+        self._loop.call_soon_threadsafe(moves.wait, PATIENCE)
+        return moves
 
     def write(self, signal: str, value: Any, code: int = 0, stamp: datetime | None = None) -> None:
         kind = ua.VariantType.Double if isinstance(value, float) else None
@@ -96,7 +108,7 @@ class PlantServer:
             server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
         for uri in self.namespaces:
             number = await server.register_namespace(uri)
-        for name, value in (("A.dp", 1.8), ("A.n", 900.0), ("text", "x")):
+        for name, value in self._values.items():
             node = await server.nodes.objects.add_variable(
                 ua.NodeId(name, number), ua.QualifiedName(name, number), value
             )

@@ -1,7 +1,8 @@
-"""What tests ask of a source."""
+"""What tests ask of a source, and bytes mutated for it."""
 
 from __future__ import annotations
 
+import random
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows, Source
+from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.growing_file import GrowingFile
+from rulec_runtime.output.terminal import is_shown
 
 
 class Taken:
@@ -67,3 +70,44 @@ def growing(folder: Path, abc: Ruleset, text: str) -> tuple[Path, Taken]:
     path = folder / "x.csv"
     path.write_text(text)
     return path, Taken(GrowingFile(path, abc)).take()
+
+
+PIECES = [
+    *(b"\x1b[2J", b"\x1b]0;x\x07", b"\0", b"\xff\xfe", b"\xe2\x80\xae", b"\xed\xa0\x80"),
+    *(b"\r", b"\n", b'"', b"'", b"{", b"}", b"]", b"[" * 2000, b",", b";", b"#", b"sep=,"),
+    *(b"NaN", b"Infinity", b"1e999", b"-1e308", b"9" * 5000, b"0x10", b"1_0", b"null", b"true"),
+    *(b'{"value":', b'"metrics":[', b"[/red]", b"$(id)", b"\\u0000", b"\\u001b[2J", b"=1+1"),
+]
+
+
+def mutated(text: bytes, draw: random.Random) -> bytes:
+    """Bytes changed, cut, doubled, and pieces of other things put in."""
+    data = bytearray(text)
+    for _ in range(draw.randrange(1, 5)):
+        at = draw.randrange(len(data) + 1)
+        match draw.randrange(5):
+            case 0:
+                data[at:at] = draw.choice(PIECES)
+            case 1:
+                del data[at : at + draw.randrange(1, 20)]
+            case 2 if at < len(data):
+                data[at] = draw.randrange(256)
+            case 3:
+                data[at:at] = data[: draw.randrange(40)]
+            case _:
+                data[at : at + draw.randrange(8)] = draw.choice(PIECES)
+    return bytes(data)
+
+
+def check(parts: list[Rows | Notice]) -> tuple[int, int]:
+    """How many rows and notices; nothing in a notice steers a terminal, rows are numbers."""
+    rows = [p for p in parts if isinstance(p, Rows)]
+    notices = [p for p in parts if isinstance(p, Notice)]
+    for one in notices:
+        assert all(is_shown(c) for c in one.text), one
+        assert len(one.text) <= limits.LONGEST_NOTICE + 3
+    for block in rows:
+        assert np.isfinite(block.time).all()
+        assert (np.diff(block.time) > 0).all()
+        assert not any(np.isinf(v).any() for v in block.values.values())
+    return sum(map(len, rows)), len(notices)

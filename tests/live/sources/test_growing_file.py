@@ -30,10 +30,23 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "LINGER", 0.02)
 
 
+TITLES = "Zeit;A.dp;A.n\n"
+UNITS = "ms;[mbar];1/min\n"
+
+
+def head(date: str = "2026-03-01") -> str:
+    return f"Station 4;begun {date}\nrate [Hz];1\n{TITLES}{UNITS}"
+
+
+def rows(times: range) -> str:
+    return "".join(f"{1000 * t:d};{t},5;900\n" for t in times)
+
+
 FORMS_READ: dict[str, str | bytes] = {
     "CRLF": SHEET.text(newline="\r\n"),
     "German, Latin-1": SHEET.renamed("A.T", "A.T [°C]").german().encode("latin-1"),
     "sep= and remarks": "\ufeffsep=;\n# by a logger\n\n" + SHEET.german(),
+    "a head": head() + rows(range(30)),
     "UTF-16": SHEET.text().encode("utf-16"),
     "UTF-16 big": f"\ufeff{SHEET.text()}".encode("utf-16-be"),
     **{name: stamped(DATES[name]) for name in ("with a zone", "American, AM and PM", "Unix, ms")},
@@ -257,36 +270,6 @@ def test_a_long_file_is_read_in_blocks(tmp_path: Path, abc: Ruleset) -> None:
     assert len(blocks) > 1
 
 
-TITLES = "Zeit;A.dp;A.n\n"
-UNITS = "ms;[mbar];1/min\n"
-
-
-def head(date: str = "2026-03-01") -> str:
-    return f"Station 4;begun {date}\nrate [Hz];1\n{TITLES}{UNITS}"
-
-
-def rows(times: range) -> str:
-    return "".join(f"{1000 * t:d};{t},5;900\n" for t in times)
-
-
-def test_a_head_in_pieces_reads_as_the_whole_recording(tmp_path: Path, abc: Ruleset) -> None:
-    """Lines above the titles are left out, units below them count, wherever a piece ends."""
-    text, whole = head() + rows(range(30)), tmp_path / "whole.csv"
-    whole.write_text(text, encoding="utf-8")
-    path, taken = growing(tmp_path, abc, "")
-    for at in range(0, len(text), 7):
-        append(path, text[at : at + 7])
-        taken.take()
-    expected = read_recording(whole, abc)
-    assert taken.times == list(range(30))
-    np.testing.assert_allclose(taken.of("A.dp")[:2], [50.0, 150.0])
-    for name, values in expected.values.items():
-        np.testing.assert_array_equal(taken.of(name), values)
-    missing = ", ".join(s.id for s in abc.signals if s.id in abc.read - set(expected.values))
-    told = f"x.csv: 2 of {len(abc.read)} signals; without {missing}; "
-    assert taken.told[0] == ("connected", told + "2 lines above the titles left out")
-
-
 def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> None:
     """Lines above the titles refuse nothing, nor do titles without a row; a unit of the wrong kind
     is refused, and a second row of words. Titles may be numbers."""
@@ -296,6 +279,10 @@ def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> No
     assert taken.take().notices == []
     append(path, head()[-10:] + rows(range(2)))
     assert taken.take().times == [0, 1]
+    assert taken.of("A.dp") == pytest.approx([50.0, 150.0])
+    missing = ", ".join(s.id for s in abc.signals if s.id in abc.read - {"A.dp", "A.n"})
+    told = f"x.csv: 2 of {len(abc.read)} signals; without {missing}; "
+    assert taken.told == [("connected", told + "2 lines above the titles left out")]
     path.write_text("time,A.dp,A.n\ns,m3/h,rpm\n0,1,2\n")
     with pytest.raises(RecordingRefused, match="is measured in bar"):
         GrowingFile(path, abc)

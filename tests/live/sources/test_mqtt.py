@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import random
 import time
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.rows import Notice
+from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import MQTT, read_map
 from rulec_runtime.live.sources.mqtt import Mqtt
 from rulec_runtime.live.sources.open import open_source
@@ -18,7 +21,7 @@ from rulec_runtime.live.sources.open import open_source
 from tests.live.journal.own_broker import OwnBroker
 from tests.live.journal.test_mqtt_out import listening
 from tests.live.sources.plant_server import free_port
-from tests.live.sources.taking import Taken
+from tests.live.sources.taking import Taken, check, mutated
 
 MAP = """
 interval: 0.2
@@ -160,3 +163,40 @@ def test_stamps_of_the_future_do_not_blind_the_watch(abc: Ruleset, tmp_path: Pat
     source.close()
     assert begin <= taken.times[0] < taken.times[-1] <= time.time()
     assert taken.kinds().count("clock") == 1
+
+
+MESSAGES = [
+    json.dumps(m).encode()
+    for m in (
+        {"time": 1.79e9, "dp": 1.8, "n": 900},
+        {"timestamp": 1_790_000_000_000, "metrics": [{"name": "dp", "value": 1, "timestamp": 2}]},
+        {"dp": {"value": 1.8, "timestamp": "2026-09-21T14:13:20Z", "quality": "GOOD"}},
+        1.5,
+    )
+]
+HOSTILE_MAP = """
+signals:
+  A.dp: {topic: plant/A, name: dp, unit: mbar}
+  A.n: {topic: plant/A, name: n, unit: rpm}
+  B.dp: plant/B
+"""
+
+
+def test_mutated_messages(abc: Ruleset, tmp_path: Path) -> None:
+    """By the thousand: nothing escapes, nothing steers."""
+    source, _ = without_broker(abc, tmp_path, HOSTILE_MAP)
+    draw, told = random.Random(7), 0
+    for _ in range(2000):
+        source.receive(draw.choice(("plant/A", "plant/B")), mutated(draw.choice(MESSAGES), draw))
+        told += check(source.take(0.0))[1]
+    source.receive("plant/A", b"1" * (limits.LARGEST_MESSAGE + 1))
+    parts = source.take(0.0)
+    assert any("more than" in p.text for p in parts if isinstance(p, Notice))
+    now = time.time()
+    good = {"time": now + 1, "dp": 1800, "n": 900}
+    source.receive("plant/A", json.dumps(good).encode())
+    source.receive("plant/B", b"1.8")
+    rows, _ = check(source.take(1.0))
+    source.close()
+    assert rows >= 1, "it still reads after all of that"
+    assert told < 200, "what keeps coming is told once"

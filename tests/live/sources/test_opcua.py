@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import socket
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
-from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -127,44 +124,17 @@ def test_a_server_that_is_killed_is_read_again(watch: Watch) -> None:
     assert (np.diff(taken.times) > 0).all()
 
 
-class Way:
-    """A way to a server that can swallow what passes, with all sockets left open."""
-
-    def __init__(self, port: int) -> None:
-        self.swallows = False
-        self._port = port
-        self._listening = socket.create_server(("127.0.0.1", 0))
-        self.url = f"opc.tcp://127.0.0.1:{self._listening.getsockname()[1]}"
-        Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self) -> None:
-        while True:
-            here, _ = self._listening.accept()
-            there = socket.create_connection(("127.0.0.1", self._port))
-            for ends in ((here, there), (there, here)):
-                Thread(target=self._pass, args=ends, daemon=True).start()
-
-    def _pass(self, a: Any, b: Any) -> None:
-        with suppress(OSError):
-            while data := a.recv(65536):
-                if not self.swallows:
-                    b.sendall(data)
-            if not self.swallows:
-                b.close()
-
-
 def test_a_server_that_falls_silent_is_given_up(plant: PlantServer, watch: Watch) -> None:
-    """A half-open connection: the way to the server swallows all, and the socket stays open."""
-    way = Way(plant.port)
-    taken = watch.of(way.url).until(lambda t: len(t.times) >= 2)
-    way.swallows = True
+    """With all sockets left open, as where the way to it swallows all."""
+    taken = watch.of(plant.url).until(lambda t: len(t.times) >= 2)
+    still = plant.stand_still()
     taken.until(lambda t: {"stale", "lost"} <= set(t.kinds()))
-    way.swallows = False
+    still.set()
     count = len(taken.times)
     taken.until(lambda t: len(t.times) > count + 1, 15.0)
-    begun = time.monotonic()
-    way.swallows = True
+    still, begun = plant.stand_still(), time.monotonic()
     taken.source.close()
+    still.set()
     assert time.monotonic() - begun < limits.CLOSING + 1.5
 
 

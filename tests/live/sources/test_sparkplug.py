@@ -17,8 +17,7 @@ from rulec_runtime.live.sources.mqtt import Mqtt
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, message_of
 from rulec_runtime.live.sources.remarks import SourceRefused
 
-from tests.live.sources.taking import Taken
-from tests.live.sources.test_hostile import check, mutated
+from tests.live.sources.taking import Taken, check, mutated
 from tests.live.sources.test_mqtt import without_broker
 
 # Written by pysparkplug 0.6.1, the quality by its protobuf classes.
@@ -49,6 +48,7 @@ interval: 0.2
 signals:
   A.dp: {topic: spBv1.0/site/DDATA/edge/A, name: dp, unit: bar}
   A.n: {topic: spBv1.0/site/DBIRTH/edge/A, name: n, unit: rpm}
+  A.T: {topic: spBv1.0/site/DDATA/edge/A, name: T, unit: degC}
 """
 
 
@@ -103,40 +103,26 @@ def data(sequence: int, *, alias: int = 7, at: int = 1_790_000_010_000) -> bytes
     )
 
 
-def test_a_payload_is_read_as_it_was_written() -> None:
-    birth, later, quality = (message_of(b) for b in (BIRTH, DATA, QUALITY))
-    assert (birth.stamp, birth.sequence) == (1.79e9, 1)
-    assert [(m.name, m.alias, m.kind, m.value()) for m in birth.metrics] == [
-        ("dp", 7, 10, 1.75),
-        ("n", 8, 3, 900.0),
-        ("T", 9, 9, 20.5),
-    ]
-    dp, n, gone = later.metrics
-    assert (dp.name, dp.alias, dp.value(), dp.stamp) == ("", 7, 1.8, 1.79e9 + 1)
-    assert (n.value(), n.stamp) == (-5.0, 1.79e9 + 0.9)
-    assert gone.null
-    assert math.isnan(gone.value())
-    assert message_of(HISTORICAL).metrics[0].historical
-    assert [m.quality for m in quality.metrics] == [500, 192]
-    assert [m.value() for m in quality.metrics] == [1.85, 901.0]
-    assert message_of(BIRTH_OF_NODE).sequence == 0
-
-
 def test_names_are_those_of_the_birth(plant: Plant) -> None:
     """What a node kept while it was cut off is no reading of now; quality 500 is stale; JSON under
     such a topic is read as before."""
     assert plant.born().last() == (1.75, 900.0)
+    assert plant.taken.of("A.T") == [20.5 + 273.15]
     plant.says(DEVICE, "DDATA", DATA)
     assert plant.last() == (1.8, -5.0)
+    assert math.isnan(plant.taken.of("A.T")[-1])
+    later = message_of(DATA)
+    assert [later.stamp, *(m.stamp for m in later.metrics)] == [1.79e9 + t for t in (1, 1, 0.9, 1)]
+    assert [m.null for m in later.metrics] == [False, False, True]
     np.testing.assert_allclose(plant.taken.times, [1.79e9, 1.79e9 + 1])
-    assert plant.told() == []
+    assert plant.told() == ["A.T has no reading: no number"]
     plant.says(DEVICE, "DDATA", HISTORICAL)
     assert plant.last() == (1.8, -5.0)
     plant.says(DEVICE, "DDATA", QUALITY)
     dp, n = plant.last()
     assert math.isnan(dp)
     assert n == 901.0
-    assert plant.told() == [
+    assert plant.told()[1:] == [
         "site/edge/A: values that it kept while it was cut off are left out",
         "A.dp has no reading: bad quality",
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import os
@@ -96,11 +95,6 @@ class Browser:
         while not self.run(script):
             assert time.monotonic() < until, (script, self.run("document.body.innerText"))
             time.sleep(0.05)
-
-    def picture(self, file: Path, whole: bool = True) -> None:
-        """Save what is to be seen."""
-        shot = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
-        file.write_bytes(base64.b64decode(shot["data"]))
 
     def complaints(self) -> list[str]:
         """What console, log and policy said."""

@@ -1,9 +1,10 @@
-"""Moments of a plant, made of diagnoses of the shipped examples."""
+"""Moments of a plant, made of diagnoses of the shipped examples; one full of hostile texts."""
 
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
@@ -14,6 +15,7 @@ from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import read_recording
 
 from tests.conftest import ROOT, compiled
+from tests.hostile.texts import MARKUP, STEERING
 from tests.rig.follower.agreement import first_rows
 
 CALENDAR = Calendar(1_790_000_000.0, ((0.0, 7200.0),))
@@ -83,3 +85,60 @@ def before() -> Now:
     """Nothing has come yet."""
     nothing = replace(healthy(), time=None, calendar=None, rows=0, diagnosis=None, past=())
     return replace(nothing, connected=False, remark="connection refused", status="C")
+
+
+PAGE = [
+    "<script>window.pwned=1</script>",
+    '"><img src=x onerror=window.pwned=1>',
+    "'><svg onload=window.pwned=1>",
+    "</style><b id=pwned>x</b>",
+    "]]>--><b id=pwned>x</b>",
+    "\ndata: <b id=pwned>x</b>\n\nevent: now",
+]
+"""Markup and breaks that a page or a stream of events may fall for."""
+
+TEXTS = [*STEERING.values(), *MARKUP, *PAGE, "\u200f\u202ex", "e\u0301" * 40, "漢" * 30, "x" * 5000]
+
+KEPT = {"id", "kind", "status", "what", "subject", "unit"}
+"""What links the parts of a moment, or is one of few words."""
+
+
+def hostile(text: str) -> Now:
+    """The same text before every text of a moment: of episodes, events, plant and source."""
+    now = failing()
+    parts = {
+        f.name: _with(getattr(now, f.name), text) for f in fields(now) if f.name != "diagnosis"
+    }
+    assert now.diagnosis is not None
+    diagnosis = now.diagnosis
+    ruleset = replace(
+        diagnosis.ruleset,
+        title=text + diagnosis.ruleset.title,
+        modules={text + name: text + title for name, title in diagnosis.ruleset.modules.items()},
+        unobserved=(text,),
+    )
+    findings = tuple(
+        replace(f, text=text + f.text, fault=replace(f.fault, action=text, meaning=text))
+        for f in diagnosis.findings
+    )
+    periods = tuple(replace(p, text=text + p.text) for p in diagnosis.not_judged)
+    parts["status"] = now.status
+    parts["remark"] = text
+    parts["diagnosis"] = replace(
+        diagnosis, ruleset=ruleset, findings=findings, not_judged=periods, notes=(text,)
+    )
+    first, *others = parts["active"]
+    strange = replace(first, id=text, subject=text, unit=text, alternatives=((text, 0.4),))
+    parts["active"] = (strange, replace(strange, id=f"{text}2", kind="fault"), *others)
+    return Now(**parts)
+
+
+def _with(value: Any, text: str) -> Any:
+    if isinstance(value, str):
+        return text + value
+    if isinstance(value, tuple):
+        return tuple(_with(part, text) for part in value)
+    if is_dataclass(value) and not isinstance(value, type) and type(value).__name__ != "Calendar":
+        kept = {f.name: getattr(value, f.name) for f in fields(value)}
+        return replace(value, **{k: v if k in KEPT else _with(v, text) for k, v in kept.items()})
+    return value

@@ -3,23 +3,17 @@ scripts, and while the server dies and comes back."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pytest
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.page import Page, serve
 
 from tests.live.view.browser import CHROMIUM, Browser, browser
-from tests.live.view.hostile import TEXTS, hostile
-from tests.live.view.nows import before, failing, healthy
+from tests.live.view.nows import TEXTS, before, failing, healthy, hostile
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
-
-PICTURES = os.environ.get("RULEC_PICTURES")
-"""Folder for pictures of the pages, for people to look at."""
 
 SIZES = [(width, scheme) for width in (1280, 390) for scheme in ("light", "dark")]
 
@@ -110,8 +104,6 @@ def test_nothing_overflows_and_all_text_can_be_read(chromium: Browser, plant: Pl
             chromium.run(OPEN)
             assert not chromium.run(OVERFLOW), (name, width)
             assert [] == chromium.run(CONTRAST), (name, scheme)
-            if PICTURES:
-                chromium.picture(Path(PICTURES) / f"{name}-{width}-{scheme}.png")
     assert [] == chromium.complaints()
     assert {url, f"{url}events"} == chromium.asked_for()
 

@@ -25,8 +25,7 @@ from rulec_runtime.live.view.page_access import Gate, PageRefused, is_loopback
 from starlette.testclient import TestClient
 
 from tests.live.test_watch import until
-from tests.live.view.hostile import TEXTS, hostile
-from tests.live.view.nows import before, failing, healthy, leaking
+from tests.live.view.nows import TEXTS, before, failing, healthy, hostile, leaking
 
 TOKEN = "correct horse battery staple"
 BEARER = {"authorization": f"Bearer {TOKEN}"}
