@@ -5,10 +5,7 @@ The whole search takes minutes (`rulec mismatch`); here the explanations it foun
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
@@ -16,20 +13,14 @@ from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.fit import Fitted, plain_end
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.stores.grow_sets import begun, grow
-from tests.conftest import ROOT, recordings_folder
-
-
-def recorded(name: str) -> Path:
-    folder = recordings_folder()
-    if not (folder / name).exists():
-        pytest.skip("no real recordings (set RULEC_RECORDINGS)")
-    return folder / name
+from tests.conftest import ROOT
+from tests.rig import real
 
 
 def fitted(plant: str, file: str, *joined: str) -> tuple[SimulationProblem, Fitted, Fitted]:
     """The recalibrated and the repaired model on the blocks that are open."""
     ruleset, builder = open_builder(ROOT / "plants" / plant)
-    record = record_of(read_recording(recorded(file), ruleset), ruleset, builder.given)
+    record = record_of(read_recording(real(file), ruleset), ruleset, builder.given)
     assert record is not None
     bench = SimulationProblem(ruleset, builder, record)
     search = begun(bench)
@@ -66,5 +57,5 @@ def test_two_tanks_and_a_gravity_pipe() -> None:
     assert heldout(bench, repaired, "tank2.l") < 0.015
     assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
     assert 0.55 < repaired.values["tank2.overflow-lost@inflow.l_o"] < 0.65
-    told = list(failing(read_recording(recorded(file), bench.ruleset), bench.ruleset))
+    told = list(failing(read_recording(real(file), bench.ruleset), bench.ruleset))
     assert ["pipe.l2.drop-outs"] == [finding.id for finding in told]
