@@ -104,11 +104,12 @@ def test_affinity_scaling() -> None:
 
 
 @pytest.mark.parametrize("rig", ["abc", "abc-membrane", "abc-centrifugal"])
-def test_leakage_removes_its_share_of_the_pump_flow(rig: str) -> None:
+@pytest.mark.parametrize("degree", [0.05, 0.2, 0.8])
+def test_leakage_removes_its_share_of_the_pump_flow(rig: str, degree: float) -> None:
     plant = RIGS[rig]()
-    leaking = constant(plant, {"A.leakage": 0.2})
+    leaking = constant(plant, {"A.leakage": degree})
     pump_flow = leaking.truth["A.Q_pump [l/h]"]
-    assert 0.8 * pump_flow == pytest.approx(leaking.readings["A.Q [l/h]"], rel=1e-12)
+    assert (1 - degree) * pump_flow == pytest.approx(leaking.readings["A.Q [l/h]"], rel=1e-12)
     assert np.all(pump_flow > constant(plant).truth["A.Q_pump [l/h]"])
 
 

@@ -174,10 +174,10 @@ def test_gain_grows_with_strength() -> None:
     assert strong.rival
 
 
-@pytest.mark.parametrize("effect", ["lower.power-high", "lower.y.drift-up"])
-def test_the_true_model_fits_but_for_noise(effect: str) -> None:
+@pytest.mark.parametrize("effects", [(), ("lower.power-high",), ("lower.y.drift-up",)])
+def test_the_true_model_fits_but_for_noise(effects: tuple[str, ...]) -> None:
     """In samples that it was not fitted to."""
-    one = made(effect)
+    one = made(*effects)
     time = one.made.setup.time
     found = one.reference(sealed.Request(((float(time[30]), float(time[60])),)))
     (sensor,) = one.made.plant.sensors

@@ -17,17 +17,20 @@ from tests.conftest import ROOT
 from tests.rig import real
 
 
-def fitted(plant: str, file: str, *joined: str) -> tuple[SimulationProblem, Fitted, Fitted]:
-    """The recalibrated and the repaired model on the blocks that are open."""
+def fitted(plant: str, file: str, *sets: tuple[str, ...]) -> tuple[SimulationProblem, list[Fitted]]:
+    """The recalibrated model and those repaired by sets, on the blocks that are open."""
     ruleset, builder = open_builder(ROOT / "plants" / plant)
     record = record_of(read_recording(real(file), ruleset), ruleset, builder.given)
     assert record is not None
     bench = SimulationProblem(ruleset, builder, record)
     search = begun(bench)
-    grow(search, frozenset(), set(joined))
+    grow(search, frozenset(), set().union(*sets))
     ends, plain = plain_end(bench, search.models[frozenset()].setting.values)
-    setting = search.models[frozenset(joined)].setting
-    return bench, plain, ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
+    found = [plain]
+    for joined in sets:
+        setting = search.models[frozenset(joined)].setting
+        found.append(ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain))
+    return bench, found
 
 
 def heldout(bench: SimulationProblem, model: Fitted, signal: str) -> float:
@@ -40,9 +43,8 @@ def test_cascaded_tanks() -> None:
     """A bent transmitter and an overflow hide each other: alone next to nothing, together most."""
     bend, rim = "lower.bent-characteristic@y", "upper.overflow-caught@inflow"
     file = "cascaded-tanks/estimation.csv"
-    bench, plain, bent = fitted("cascaded-tanks", file, bend)
-    _, _, both = fitted("cascaded-tanks", file, bend, rim)
-    errors = [heldout(bench, model, "lower.y") for model in (plain, bent, both)]
+    bench, models = fitted("cascaded-tanks", file, (bend,), (bend, rim))
+    errors = [heldout(bench, model, "lower.y") for model in models]
     assert errors[0] > 0.6
     assert errors[1] > 0.9 * errors[0]
     assert errors[2] < 0.3
@@ -52,7 +54,7 @@ def test_two_tanks_and_a_gravity_pipe() -> None:
     """An overflow of tank 2 and the delay of the pipe; the bad level sensor of the pipe is told."""
     file = "aau-wastewater-lab/onoff_2021-12-30.csv.gz"
     joined = ("tank2.overflow-lost@inflow", "pipe.transport-delay@outflow")
-    bench, plain, repaired = fitted("wastewater-lab", file, *joined)
+    bench, (plain, repaired) = fitted("wastewater-lab", file, joined)
     assert heldout(bench, plain, "tank2.l") > 0.025
     assert heldout(bench, repaired, "tank2.l") < 0.015
     assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
