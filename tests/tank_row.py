@@ -1,15 +1,18 @@
-"""For tests of the truth of tanks: a plant of three tanks, the inflow metered, two levels measured;
-true parameters with their units, and volumes.
-"""
+"""For tests of the truth of tanks: a plant of three tanks, its true parameters with their units, its
+volumes, and instruments without errors."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from rulec.prove.truth.tanks import Layout
-from rulec.prove.truth.tanks.build import Setup
-from rulec.prove.truth.tanks.plant import Tank
+from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup
+from rulec.prove.truth.tanks.plant import Plant, Tank
+
+SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
 
 ROW = Layout(
     "tank-row",
@@ -21,6 +24,7 @@ ROW = Layout(
     "F1 [l/h]",
     {"first": "L1 [V]", "last": "L3 [V]"},
 )
+"""The inflow metered, two levels measured."""
 
 UNITS = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
 
@@ -43,3 +47,11 @@ def volumes(tank: Tank, levels: np.ndarray) -> np.ndarray:
     fine = np.linspace(min(0.0, levels.min()), levels.max(), 20001)
     surface = np.array([tank.surface(level) for level in fine.tolist()])
     return np.interp(levels, fine, cumulative_trapezoid(surface, fine, initial=0.0))
+
+
+def without_errors(setup: Setup) -> Plant:
+    """The plant with instruments that have no systematic error."""
+    plant = setup.plant
+    gain = LITRE_PER_HOUR if setup.layout.metered else plant.feed.gain
+    sensors = tuple(replace(s, zero=0.0) for s in plant.sensors)
+    return replace(plant, feed=replace(plant.feed, zero=0.0, gain=gain), sensors=sensors)

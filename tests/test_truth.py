@@ -31,7 +31,6 @@ from rulec.prove.truth.__main__ import main
 from rulec.prove.truth.units import RPM
 from tests.conftest import ROOT
 
-PLANTS = Path(__file__).parents[1] / "plants"
 FIXED = Sensing(statistical=0.0)
 LINE_STATIC, LINE_QUADRATIC, MIXER_QUADRATIC = 0.05, 5.2e-6, 3.5e-7  # bar, bar/(l/h)2
 
@@ -107,7 +106,6 @@ def test_affinity_scaling() -> None:
 @pytest.mark.parametrize("rig", ["abc", "abc-membrane", "abc-centrifugal"])
 @pytest.mark.parametrize("degree", [0.05, 0.2, 0.8])
 def test_leakage_removes_its_share_of_the_pump_flow(rig: str, degree: float) -> None:
-    """Net flow is (1 - x) of the pump's flow; power stays on the pump's curve."""
     plant = RIGS[rig]()
     leaking = constant(plant, {"A.leakage": degree})
     pump_flow = leaking.truth["A.Q_pump [l/h]"]
@@ -127,7 +125,6 @@ def test_clogging_and_widening_change_the_loss_at_the_same_flow(kind: str, sign:
 
 
 def test_sensor_faults_change_their_reading_only() -> None:
-    """High and low multiply one reading; nothing else moves."""
     healthy, faulty = (constant(abc(), x) for x in ({}, {"A.dp.high": 0.2, "B.P_el.low": 0.1}))
     scale = {"A.dp [bar]": 1.2, "B.P_el [W]": 0.9}
     for name, reading in healthy.readings.items():
@@ -135,22 +132,16 @@ def test_sensor_faults_change_their_reading_only() -> None:
 
 
 def test_statistical_and_systematic_parts() -> None:
-    """One systematic offset per sensor and recording; bound / 2 over many recordings."""
+    """One systematic offset per sensor and recording; new scatter in each sample."""
     run = healthy_run(abc(), 2000)
     true = record(run, NOISE_FREE).readings["A.P_el [W]"]
     both, fixed, scatter = (
         record(run, sensing, seed=7).readings["A.P_el [W]"] - true
-        for sensing in (TABLE_1, Sensing(statistical=0.0), Sensing(systematic=False))
+        for sensing in (TABLE_1, FIXED, Sensing(systematic=False))
     )
     assert 0.0 == pytest.approx(np.ptp(fixed), abs=1e-9)
     assert 0.3 * 5.0 == pytest.approx(scatter.std(), rel=0.05)
     assert fixed + scatter == pytest.approx(both, abs=1e-9)
-    short = healthy_run(abc(), 1)
-    offsets = [
-        record(short, Sensing(statistical=0.0), seed).readings["A.P_el [W]"][0] - true[0]
-        for seed in range(500)
-    ]
-    assert 5.0 == pytest.approx(np.std(offsets), rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -158,28 +149,24 @@ def test_statistical_and_systematic_parts() -> None:
     [("normal", 1.0, np.inf), ("truncated", 0.880, 2.0), ("uniform", 2 / np.sqrt(3), 2.0)],
 )
 def test_laws_of_systematic_errors(law: str, spread: float, largest: float) -> None:
-    """Spread in units of half the bound; drawn inside the bounds, none is beyond them."""
-    run, sensing = healthy_run(abc(), 1), replace(FIXED, law=law)
-    true = record(run, NOISE_FREE).readings["A.P_el [W]"][0]
-    drawn = [record(run, sensing, seed).readings["A.P_el [W]"][0] - true for seed in range(1500)]
-    assert 5.0 * spread == pytest.approx(np.std(drawn), rel=0.05)
-    assert np.abs(drawn).max() <= 5.0 * largest
+    """Spread in units of half the bound; drawn inside the bounds, none is beyond them. A sensor
+    that reads higher than with another seed does so under every law."""
 
+    def drawn(sensing: Sensing, seeds: int) -> list[float]:
+        run, names = healthy_run(abc(), 1), ("A.P_el [W]", "B.P_el [W]")
+        true = record(run, NOISE_FREE).readings
+        shown = (record(run, sensing, seed).readings for seed in range(seeds))
+        return [one[name][0] - true[name][0] for one in shown for name in names]
 
-def test_laws_of_systematic_errors_keep_their_order() -> None:
-    """A sensor that reads higher than with another seed does so under every law."""
-    run = healthy_run(abc(), 1)
-    normal, truncated, uniform = (
-        np.argsort([record(run, sensing, k).readings["A.dp [bar]"][0] for k in range(20)])
-        for sensing in (FIXED, replace(FIXED, law="truncated"), replace(FIXED, law="uniform"))
-    )
-    assert normal.tolist() == truncated.tolist()
-    assert normal.tolist() == uniform.tolist()
+    found = drawn(replace(FIXED, law=law), 400)
+    assert 5.0 * spread == pytest.approx(np.std(found), rel=0.05)
+    assert np.abs(found).max() <= 5.0 * largest
+    assert np.argsort(found[:20]).tolist() == np.argsort(drawn(FIXED, 10)).tolist()
 
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_calibration_varies_pressure_apart_from_speed(rig: str) -> None:
-    """The throttle shifts the pressure at every speed; mixers read only when fitted."""
+    """Mixers read only when fitted."""
     plant = RIGS[rig]()
     shown = record(calibration_run(plant), NOISE_FREE).readings
     for module in plant.modules:
@@ -194,8 +181,7 @@ def test_calibration_varies_pressure_apart_from_speed(rig: str) -> None:
 
 
 def test_many_samples_at_once() -> None:
-    """1e5 different operating points of the five-module rig are solved in one call."""
-    plant, samples = mixing_rig(), 100_000
+    plant, samples = mixing_rig(), 20_000
     ratio = np.linspace(0.85, 1.15, samples)
     speed = {name: module.speed * ratio for name, module in plant.modules.items()}
     recording = record(Run(plant, Operation(np.arange(float(samples)), speed)), NOISE_FREE)
@@ -217,7 +203,6 @@ def test_impossible_requests_are_refused() -> None:
 
 
 def test_every_fault_can_be_replayed() -> None:
-    """All faults of the plant abc run, the eighteen of the paper among them."""
     names = possible_faults(abc())
     for name in names:
         assert 80 == record(fault_replay(abc(), name)).truth[f"{name} [1]"].size
@@ -248,7 +233,7 @@ def test_shipped_examples_are_those_the_command_makes(name: str, tmp_path: Path)
     """`examples` reproduces the files of a plant's examples, byte for byte, but for those named."""
     main(["examples", "--plant", name, "-o", str(tmp_path)])
     made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    files = (path for path in (PLANTS / name / "examples").iterdir() if path.is_file())
+    files = (path for path in (ROOT / "plants" / name / "examples").iterdir() if path.is_file())
     shipped = {path.name: path.read_bytes() for path in files}
     assert set(MADE_OTHERWISE.get(name, ())) == shipped.keys() - made.keys()
     assert made == {n: content for n, content in shipped.items() if n in made}
@@ -256,9 +241,11 @@ def test_shipped_examples_are_those_the_command_makes(name: str, tmp_path: Path)
 
 
 def test_shares_no_code_with_what_it_tests() -> None:
-    """No source of the simulator, nor of its cases, imports rulec or runtime."""
+    """No source of the simulator imports the tool; of tanks YAML is the table of effects alone."""
     for path in (ROOT / "rulec" / "prove" / "truth").rglob("*.py"):
+        is_plain = path.parent.name == "tanks" and path.stem != "effect"
+        foreign = {"rulec", "rulec_runtime", *(("yaml",) if is_plain else ())}
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [alias.name for alias in getattr(node, "names", []) if hasattr(alias, "name")]
-            names.append(getattr(node, "module", None) or "")
-            assert not {name.partition(".")[0] for name in names} & {"rulec", "rulec_runtime"}
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not {name.partition(".")[0] for name in names} & foreign, path

@@ -29,9 +29,8 @@ from rulec.prove.truth.tanks.plant import Opening, Plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
 from tests.conftest import ROOT
-from tests.tank_row import parameters
+from tests.tank_row import SI, parameters, without_errors
 
-SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
 PIECES = 10
 
 SAME_LEVEL = 1e-4
@@ -54,7 +53,6 @@ NUMBERS: dict[str, Any] = {
 
 
 def numbers(formulas: Mapping[str, str | float], **given: Any) -> dict[str, Any]:
-    """Values of formulas."""
     names = Names(None, NUMBERS, **given)
     return {name: names.of(formula) for name, formula in formulas.items()}
 
@@ -63,45 +61,44 @@ def numbers(formulas: Mapping[str, str | float], **given: Any) -> dict[str, Any]
 def tanks() -> tuple[Setup, Plant, ModelBuilder]:
     """Two tanks that are run in ramps, without errors of instruments."""
     setup = build(CASCADED, 5, 200, "ramps")
-    feed = replace(setup.plant.feed, zero=0.0)
-    sensors = tuple(replace(s, zero=0.0) for s in setup.plant.sensors)
     _, builder = open_builder(ROOT / "plants" / CASCADED.name)
-    return setup, replace(setup.plant, feed=feed, sensors=sensors), builder
+    return setup, without_errors(setup), builder
 
 
-def truth_of(twin: Row) -> np.ndarray:
+@functools.cache
+def truth_of(name: str = "") -> np.ndarray:
     """True level of the lower tank, m."""
     setup, plant, _ = tanks()
-    plant = plant.with_tank(replace(plant.tank("upper"), **numbers(twin.get("tank", {}))))
-    plant = replace(plant, feed=replace(plant.feed, **numbers(twin.get("feed", {}))))
+    row = TABLE["tanks"].get(name, {})
+    plant = plant.with_tank(replace(plant.tank("upper"), **numbers(row.get("tank", {}))))
+    plant = replace(plant, feed=replace(plant.feed, **numbers(row.get("feed", {}))))
     return 0.01 * integrate(plant, setup.time, setup.shown).levels[:, 1]
 
 
-def model_of(twin: Row) -> np.ndarray:
-    """The same by the tool's model with the entry built in."""
+def model_of(row: Row, pieces: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Level and reading of the lower tank by the tool's model with the entry built in."""
     setup, _, builder = tanks()
-    balances = builder.balances((twin["entry"],))
-    base = builder.parameters
+    balances, base = builder.balances((row["entry"],)), builder.parameters
     values = {**dict(zip(base.ids, base.values.tolist(), strict=True)), **base.constants}
     values |= {name: v * SI[unit] for name, (v, unit) in parameters(setup).items()}
-    base_of = numbers(twin.get("base", {}))
-    values |= {name: values[name] * factor for name, factor in base_of.items()}
-    values |= {f"{twin['entry']}.{n}": v for n, v in numbers(twin["parameters"]).items()}
-    count = (setup.time.size - 1) * PIECES + 1
-    time = setup.layout.interval / PIECES * np.arange(float(count))
-    fine = np.append(np.repeat(setup.shown[:-1], PIECES), setup.shown[-1])
+    factors = numbers(row.get("base", {}))
+    values |= {name: values[name] * factor for name, factor in factors.items()}
+    values |= {f"{row['entry']}.{n}": v for n, v in numbers(row["parameters"]).items()}
+    count = (setup.time.size - 1) * pieces + 1
+    time = setup.layout.interval / pieces * np.arange(float(count))
+    fine = np.append(np.repeat(setup.shown[:-1], pieces), setup.shown[-1])
     inputs = np.stack([time if n == "time" else fine for n in balances.inputs], 1)
     held = np.array([n != "time" for n in balances.inputs])
     course = balances.run(time, inputs, held, values)
-    return np.asarray(course.states[::PIECES, balances.states.index("lower.h")])
+    level, reading = balances.states.index("lower.h"), balances.outputs.index("shown:lower.y")
+    return course.states[::pieces, level], course.shown[::pieces, reading]
 
 
 @pytest.mark.parametrize("name", TABLE["tanks"])
 def test_an_entry_of_tanks_does_what_the_truth_does(name: str) -> None:
     """With the same numbers; without the entry the levels are far off."""
-    twin = TABLE["tanks"][name]
-    true, plain = truth_of(twin), truth_of({})
-    off = np.sqrt(np.mean((model_of(twin) - true) ** 2))
+    true, plain = truth_of(name), truth_of()
+    off = np.sqrt(np.mean((model_of(TABLE["tanks"][name], PIECES)[0] - true) ** 2))
     change = np.sqrt(np.mean((plain - true) ** 2))
     assert change > 1e-3
     assert off < SAME * change
@@ -110,22 +107,14 @@ def test_an_entry_of_tanks_does_what_the_truth_does(name: str) -> None:
 @pytest.mark.parametrize("name", TABLE["sensors"])
 def test_an_entry_of_level_sensors_shows_what_the_truth_shows(name: str) -> None:
     """Of the same level, but for what two integrators differ by; without the entry far off."""
-    setup, plant, builder = tanks()
+    setup, plant, _ = tanks()
     row = TABLE["sensors"][name]
-    entry, stated = row["entry"], numbers(row["parameters"])
     erring = replace(plant.sensor("lower"), **numbers(row["sensor"]))
     course = integrate(plant, setup.time, setup.shown)
     true = shown(plant.with_sensor(erring), course)["lower"]
     plain = shown(plant, course)["lower"]
-    balances = builder.balances((entry,))
-    base = builder.parameters
-    values = {**dict(zip(base.ids, base.values.tolist(), strict=True)), **base.constants}
-    values |= {n: v * SI[unit] for n, (v, unit) in parameters(setup).items()}
-    values |= {f"{entry}.{n}": v for n, v in stated.items()}
-    found = balances.run(setup.time, setup.shown[:, None], np.array([True]), values)
-    told = found.shown[:, balances.outputs.index("shown:lower.y")]
     assert np.max(np.abs(plain - true)) > 0.1
-    assert told == pytest.approx(true, abs=SAME_LEVEL)
+    assert model_of(row)[1] == pytest.approx(true, abs=SAME_LEVEL)
 
 
 ALONE = {"metered": "bench", "oil-warm": "warm", "valve": "valve"}

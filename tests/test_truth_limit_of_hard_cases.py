@@ -25,14 +25,9 @@ FEW, MANY = 50, 150
 
 
 def hard_scene(*difficulties: str) -> Scene:
-    """A small plant with nothing planted."""
+    name = f"limit {difficulties}"
     plan = Planned(
-        f"limit {difficulties}",
-        "form-clean",
-        "dosing",
-        "few-states",
-        small=True,
-        difficulties=difficulties,
+        name, "form-clean", "dosing", "few-states", small=True, difficulties=difficulties
     )
     return plan.make().scene
 

@@ -23,6 +23,7 @@ from rulec.prove.truth.tanks.suite import HARD, cases, row
 from rulec.prove.truth.units import Array
 
 ALL = difficulties("tanks", "all")
+METERED = next(r for r in map(row, range(20)) if r.metered)
 DRAWS = 60
 
 
@@ -51,8 +52,7 @@ def test_every_outlet_and_the_pump_are_off_by_their_form_errors() -> None:
     assert feed.form is not None
     off = supply(feed, 4.0) / supply(replace(feed, form=None), 4.0)
     assert off - 1.0 == pytest.approx(feed.form.at(4.0), abs=1e-12)
-    metered = next(r for r in map(row, range(20)) if r.metered)
-    assert build(metered, 1, 40, "", ("form",)).plant.feed.form is None
+    assert build(METERED, 1, 40, "", ("form",)).plant.feed.form is None
 
 
 def test_noise_has_the_memory_that_the_answer_states() -> None:
@@ -70,13 +70,10 @@ def test_noise_has_the_memory_that_the_answer_states() -> None:
 
 
 def test_sensors_drift_within_their_class() -> None:
-    """A level transmitter and a flow meter."""
-    layout = next(r for r in map(row, range(20)) if r.metered)
     for seed in range(8):
-        setup = build(layout, seed, 60, "", ("drift",))
-        bare = replace(
-            setup.plant, sensors=tuple(replace(s, wander=None) for s in setup.plant.sensors)
-        )
+        setup = build(METERED, seed, 60, "", ("drift",))
+        still = tuple(replace(s, wander=None) for s in setup.plant.sensors)
+        bare = replace(setup.plant, sensors=still)
         course = Model(setup.time, setup.shown).course(bare)
         for sensor in setup.plant.sensors:
             off = shown(setup.plant, course)[sensor.tank] - shown(bare, course)[sensor.tank]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,17 +18,23 @@ from rulec.prove.truth.settled.suite import planned
 from rulec.prove.truth.units import Array
 
 
+@functools.cache
 def made(effect: str) -> SettledCase:
-    """A plant with one mistake."""
-    return Planned(f"mistake {effect}", "wiring", "dosing", "steps", (effect,), 2000.0).make()
+    return Planned(
+        f"mistake {effect}", "wiring", "dosing", "steps", (effect,), 2000.0, small=True
+    ).make()
 
 
-def columns(case: SettledCase) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What is recorded by place, with the mistake and as it should be, in the sensors' units."""
-    scene = case.scene
-    shown = (scene.recorded(scene.truly(t), t) for t in (case.terms, ()))
+Columns = dict[str, Array]
+
+
+def columns(effect: str) -> tuple[tuple[str, ...], Columns, Columns]:
+    """Places of a mistake; what is recorded by place, with the mistake and as it should be, in the
+    sensors' units."""
+    case = made(effect)
+    shown = (case.scene.recorded(case.scene.truly(t), t) for t in (case.terms, ()))
     wrong, right = ({h.partition(" [")[0]: v for h, v in c.items()} for c in shown)
-    return wrong, right
+    return case.answer.effects[0].places, wrong, right
 
 
 @pytest.mark.parametrize(
@@ -36,24 +43,18 @@ def columns(case: SettledCase) -> tuple[dict[str, Array], dict[str, Array]]:
 )
 def test_a_mistake_is_an_error_of_sensors_at_the_columns_that_are_wrong(effect: str) -> None:
     """Those columns and no others are wrong; the verdict is `sensor`."""
-    case = made(effect)
-    wrong, right = columns(case)
-    (planted,) = case.answer.effects
+    places, wrong, right = columns(effect)
     off = {place for place in right if not np.array_equal(wrong[place], right[place])}
-    assert off == set(planted.places)
+    assert off == set(places)
     assert len(off) == (2 if effect.startswith("swapped") else 1)
-    assert case.answer.verdict == "sensor"
-    assert "wiring" in case.answer.concealed
+    answer = made(effect).answer
+    assert answer.verdict == "sensor"
+    assert "wiring" in answer.concealed
 
 
-@pytest.mark.parametrize(
-    ("effect", "signal"), [("unit-dp", "dp"), ("unit-power", "P_el"), ("unit-speed", "n")]
-)
-def test_a_column_in_another_unit_is_off_by_its_factor(effect: str, signal: str) -> None:
-    """Noise and all."""
-    case = made(effect)
-    wrong, right = columns(case)
-    (place,) = case.answer.effects[0].places
+@pytest.mark.parametrize("effect", ["unit-dp", "unit-power", "unit-speed"])
+def test_a_column_in_another_unit_is_off_by_its_factor(effect: str) -> None:
+    (place,), wrong, right = columns(effect)
     ratio = float(np.median(wrong[place] / right[place]))
     assert abs(ratio - 1.0) > 0.5
     assert wrong[place] == pytest.approx(ratio * right[place])
@@ -61,21 +62,14 @@ def test_a_column_in_another_unit_is_off_by_its_factor(effect: str, signal: str)
 
 def test_other_columns_hold_what_the_mistake_says() -> None:
     """The other's readings, the other sign, the same later."""
-    case = made("swapped-dp")
-    wrong, right = columns(case)
-    one, other = case.answer.effects[0].places
+    (one, other), wrong, right = columns("swapped-dp")
     assert np.array_equal(wrong[one], right[other])
     assert np.array_equal(wrong[other], right[one])
-    case = made("turned-dp")
-    wrong, right = columns(case)
-    (place,) = case.answer.effects[0].places
+    (place,), wrong, right = columns("turned-dp")
     assert np.array_equal(wrong[place], -right[place])
-    case = made("late-speed")
-    wrong, right = columns(case)
-    (place,) = case.answer.effects[0].places
-    samples = right[place].size
-    by = next(k for k in range(1, samples) if np.array_equal(wrong[place][k:], right[place][:-k]))
-    assert 2 <= by <= 60
+    (place,), wrong, right = columns("late-speed")
+    late, known = wrong[place], right[place]
+    assert 2 <= next(k for k in range(1, known.size) if np.array_equal(late[k:], known[:-k])) <= 60
 
 
 def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:

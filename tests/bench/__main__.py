@@ -1,7 +1,7 @@
 """Ours beside peers: `python -m tests.bench`, `make bench`.
 
 Every peer runs in a process of its own, after ours in the same process: ratios of medians of CPU
-time, warm, on one core. `--only` takes some of them; `--json FILE` writes all.
+time, warm, on one core. `--only` takes some of them; `--json -` prints all.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from tests.bench import peers
 
@@ -28,7 +26,7 @@ PARTS = tuple(m.name for m in pkgutil.iter_modules(peers.__path__))
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, default=PARTS)
-    parser.add_argument("--json", metavar="FILE", help="- for standard output")
+    parser.add_argument("--json", choices=["-"], help="on standard output")
     parser.add_argument("--part", choices=PARTS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.part:
@@ -43,14 +41,11 @@ def main() -> int:
             aside.print(f"{part}: nothing measured; peers come with pip install 'rulec[dev,bench]'")
             continue
         found += json.loads(done.stdout.splitlines()[-1])
-    form = {one["key"]: one for one in found}
-    shown = aside if options.json == "-" else Console()
-    shown.print(beside(found))
-    shown.print("\nCPU time. What is the same in both, and what is not: docs/compare.md")
-    if options.json == "-":
-        print(json.dumps(form, indent=1))
-    elif options.json:
-        Path(options.json).write_text(json.dumps(form, indent=1) + "\n", encoding="utf-8")
+    for one in found:
+        aside.print(f"{one['what']:<58}{one['peer']:<44}{one['ratio']:.3g}", highlight=False)
+    aside.print("Ratios of CPU time. What is the same in both, and what is not: docs/compare.md")
+    if options.json:
+        print(json.dumps({one["key"]: one for one in found}, indent=1))
     return 0 if found else 1
 
 
@@ -58,25 +53,6 @@ def part_of(name: str) -> Iterator[dict[str, Any]]:
     """Rows of a peer."""
     for row in importlib.import_module(f"{peers.__name__}.{name}").rows():
         yield asdict(row) | {"ratio": row.ratio}
-
-
-def beside(found: list[dict[str, Any]]) -> Table:
-    """Ours beside peers. What is the same in both is told on the page."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    for place, title in enumerate(("what", "peer", "ours", "peer's", "ratio")):
-        table.add_column(title, justify="left" if place < 2 else "right", no_wrap=place >= 2)
-    for one in found:
-        words = (seconds(one["ours"]), seconds(one["theirs"]), f"{one['ratio']:.3g}")
-        table.add_row(one["what"], one["peer"], *words)
-    return table
-
-
-def seconds(value: float) -> str:
-    """CPU time in a unit that suits."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
-        if value >= size:
-            return f"{value / size:.3g} {unit}"
-    return f"{value / 1e-9:.3g} ns"
 
 
 if __name__ == "__main__":

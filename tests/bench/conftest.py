@@ -1,21 +1,23 @@
 """A table of goals below the benchmark's own: `pytest tests/bench -s`.
 
-Medians, as the machine may be shared. A missed goal is shown, not failed: only results that
-differ fail a benchmark. `python -m tests.bench.goals` gives what has a key as JSON.
+The machine may be shared: processor time, the least or the median of some. A missed goal is shown,
+not failed: only results that differ fail a benchmark. `python -m tests.bench.goals` gives what has
+a key as JSON.
 """
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.bench.goals import FILE
 
-ROWS = pytest.StashKey[list[tuple[str, str, str]]]()
-KEPT = pytest.StashKey[dict[str, float]]()
+Add = Callable[..., None]
+ROWS = pytest.StashKey[list[tuple[str, float, str, float | None, str]]]()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -23,27 +25,16 @@ def _each_text_read_once() -> None:
     """Not where time is measured."""
 
 
-class Results:
-    """Collects lines for the table."""
-
-    def __init__(self, rows: list[tuple[str, str, str]], kept: dict[str, float]) -> None:
-        self._rows, self._kept = rows, kept
-
-    def add(
-        self, what: str, found: float, unit: str, goal: float | None = None, key: str = ""
-    ) -> None:
-        """One figure, with its goal if there is one (smaller is better), and a key if a page
-        prints it."""
-        if key:
-            self._kept[key] = found
-        verdict = "" if goal is None else f"goal {goal:g}: {'met' if found < goal else 'MISSED'}"
-        self._rows.append((what, f"{found:.3g} {unit}", verdict))
-
-
 @pytest.fixture
-def results(request: pytest.FixtureRequest) -> Results:
-    stash = request.config.stash
-    return Results(stash.setdefault(ROWS, []), stash.setdefault(KEPT, {}))
+def add(request: pytest.FixtureRequest) -> Add:
+    """Takes a line for the table: what, the figure, its unit; the goal if there is one (smaller is
+    better); a key if a page prints it."""
+    rows = request.config.stash.setdefault(ROWS, [])
+
+    def added(what: str, found: float, unit: str, goal: float | None = None, key: str = "") -> None:
+        rows.append((what, found, unit, goal, key))
+
+    return added
 
 
 def pytest_terminal_summary(
@@ -52,8 +43,9 @@ def pytest_terminal_summary(
     rows = config.stash.get(ROWS, [])
     if rows:
         terminalreporter.section("goals")
-    for what, found, verdict in rows:
-        terminalreporter.write_line(f"{what:<62}{found:>16}   {verdict}")
+    for what, found, unit, goal, _ in rows:
+        verdict = "" if goal is None else f"goal {goal:g}: {'met' if found < goal else 'MISSED'}"
+        terminalreporter.write_line(f"{what:<62}{f'{found:.3g} {unit}':>16}   {verdict}")
     if FILE in os.environ:
-        text = json.dumps(config.stash.get(KEPT, {}), indent=1)
+        text = json.dumps({key: found for _, found, *_, key in rows if key}, indent=1)
         Path(os.environ[FILE]).write_text(text + "\n", encoding="utf-8")

@@ -33,14 +33,23 @@ class Row:
         return self.theirs / self.ours
 
 
-def median(call: Callable[[], object], rounds: int = 5, warm: bool = True) -> float:
+def median(call: Callable[[], object], rounds: int = 5) -> float:
     """CPU time of a call, s: the median of some, behind one that warms up."""
-    if warm:
-        call()
-    times = []
+    call()
+    return statistics.median(times(call, rounds))
+
+
+def least(call: Callable[[], object], rounds: int = 1) -> float:
+    """CPU time of the quickest call, s: others on the machine make it longer, never shorter."""
+    return min(times(call, rounds))
+
+
+def times(call: Callable[[], object], rounds: int) -> list[float]:
+    """CPU time of each of some calls, s."""
+    found = []
     for _ in range(rounds):
         gc.collect()
         begin = time.process_time()
         call()
-        times.append(time.process_time() - begin)
-    return statistics.median(times)
+        found.append(time.process_time() - begin)
+    return found

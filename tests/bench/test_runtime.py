@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,14 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.prove.truth import RIGS, fault_replay, healthy_run, record, write_csv
-from tests.bench.conftest import Results
+from tests.bench.conftest import Add
+from tests.bench.peers.evaluation import in_blocks
+from tests.bench.row import least
 from tests.conftest import compiled
 from tests.rig.follower.plants import Planted, recorded
 
@@ -25,16 +25,6 @@ MILLION = 1_000_000
 LONG = 100_000
 MANY = 10_000
 ROUNDS = 3
-BLOCK = 16_384
-
-
-def in_blocks(plan: Plan, inputs: dict[str, Any], n: int) -> None:
-    """Run as a long recording is run: the same output arrays again and again."""
-    out = {name: np.empty(BLOCK) for name in plan.outputs}
-    for low in range(0, n, BLOCK):
-        part = slice(low, min(low + BLOCK, n))
-        own = {k: v[part] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
-        plan.run(own, {name: v[: part.stop - low] for name, v in out.items()})
 
 
 def tiled(recording: Recording, samples: int) -> Recording:
@@ -69,34 +59,24 @@ def inputs_of(recording: Recording, ruleset: Ruleset) -> dict[str, Any]:
     return inputs
 
 
-def seconds(call: Callable[[], object], rounds: int = 1) -> float:
-    """Least processor time: others on the machine make it longer, never shorter."""
-    times = []
-    for _ in range(rounds):
-        begin = time.process_time()
-        call()
-        times.append(time.process_time() - begin)
-    return min(times)
-
-
 @pytest.mark.parametrize(("plant", "fault"), [("abc", "A.leakage"), ("mixing-rig", "D.clogging")])
 @pytest.mark.parametrize("call", [diagnose, trace])
 def test_a_long_recording(
-    plant: str, fault: str, call: Callable[..., Any], tmp_path: Path, results: Results
+    plant: str, fault: str, call: Callable[..., Any], tmp_path: Path, add: Add
 ) -> None:
     """Healthy with faulty stretches; beside it the plan alone."""
     rules = compiled(plant)
     recording = tiled(mostly_healthy(plant, fault, tmp_path), LONG)
     names = [n for n in rules.plan.outputs if n.startswith(("R:", "u:", "q:", "s:"))]
     plan, inputs = rules.plan.select(names), inputs_of(recording, rules)
-    alone = seconds(lambda: in_blocks(plan, inputs, LONG))
-    found = seconds(lambda: call(recording, rules), ROUNDS if call is diagnose else 1)
+    alone = least(lambda: in_blocks(plan, inputs, LONG))
+    found = least(lambda: call(recording, rules), ROUNDS if call is diagnose else 1)
     goal = 5.0 if call is diagnose else None
-    results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s", goal)
-    results.add("    times the plan that it rests on", found / alone, "")
+    add(f"{call.__name__} {LONG} samples of {plant}", found, "s", goal)
+    add("    times the plan that it rests on", found / alone, "")
 
 
-def test_hundreds_of_findings(results: Results) -> None:
+def test_hundreds_of_findings(add: Add) -> None:
     """A fault that comes and goes with every second stretch, each time another one."""
     rules, random = compiled("abc"), np.random.default_rng(1)
     faults = [f.id for f in rules.faults if not f.in_sensor and f.lowest <= 0.3]
@@ -105,14 +85,14 @@ def test_hundreds_of_findings(results: Results) -> None:
     recording = recorded(rules, MANY, planted, 1.0, random)
     found = diagnose(recording, rules).findings
     assert len(found) > 0.9 * len(planted)
-    taken = seconds(lambda: diagnose(recording, rules), ROUNDS)
-    results.add(f"diagnose {MANY} samples with {len(found)} findings", taken, "s", 1.5)
+    taken = least(lambda: diagnose(recording, rules), ROUNDS)
+    add(f"diagnose {MANY} samples with {len(found)} findings", taken, "s", 1.5)
 
 
-def test_a_healthy_million(results: Results) -> None:
+def test_a_healthy_million(add: Add) -> None:
     """Plant abc at rest."""
     rules, random = compiled("abc"), np.random.default_rng(2)
     recording = tiled(recorded(rules, MANY, [], 1.0, random), MILLION)
     assert diagnose(recording, rules).findings == ()
-    taken = seconds(lambda: diagnose(recording, rules), ROUNDS)
-    results.add(f"diagnose {MILLION} healthy samples of abc", taken, "s", 3.0)
+    taken = least(lambda: diagnose(recording, rules), ROUNDS)
+    add(f"diagnose {MILLION} healthy samples of abc", taken, "s", 3.0)

@@ -16,12 +16,9 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
-import pytest
-
-from tests.bench.conftest import Results
+from tests.bench.conftest import Add
 from tests.conftest import ROOT, SOURCES
 
 GOAL = 0.4
@@ -30,28 +27,24 @@ GOAL = 0.4
 ROUNDS = 5
 """The least of so many counts: others use the processor as well."""
 
-ABC, RIG, ADOPTED = "plants/abc", "plants/mixing-rig", "adopted"
+ABC, ADOPTED = "plants/abc", "adopted"
 
-CALLS: Mapping[str, str] = {
-    "show": f"show order {ABC}",
-    "matrix": f"matrix {ABC}",
-    "matrix-rig": f"matrix {RIG}",
-    "check": f"check {ABC}",
-    "check-recording": f"check {ABC} {ABC}/examples/healthy.csv",
-    "compile": f"compile {ABC} -o {{}}/r.json",
-    "export": f"export {ABC} --to c -o {{}}/code",
-    "simulate": f"simulate {ABC} {ABC}/examples/leakage_A.csv -o {{}}/s.csv",
-    "simulate-rig": f"simulate {RIG} {RIG}/examples/clogging_D.csv -o {{}}/s.csv",
-    "diagnose": f"diagnose {ABC} {ABC}/examples/leakage_A.csv",
-    "diagnose-rig": f"diagnose {RIG} {RIG}/examples/clogging_D.csv",
-    "calibrate": f"calibrate {ABC} {ABC}/examples/calibration.csv -o {{}}/c.yaml",
-    "study": f"study {ABC} --points 1 --seeds 1 --degrees 0.3 --jobs 1",
-    "mismatch": f"mismatch {ABC} {ABC}/examples/warm_A.csv --json {{}}/m.json",
-    "experiment": "experiment {}/m.json",
-    "adopt": f"adopt {{}}/m.json -o {{}}/{ADOPTED}",
-}
-"""Commands by what they are called; ``{}`` is a folder of their own. Those behind `mismatch` need
-its answer."""
+CALLS = (
+    f"show order {ABC}",
+    f"matrix {ABC}",
+    f"check {ABC}",
+    f"check {ABC} {ABC}/examples/healthy.csv",
+    f"compile {ABC} -o {{}}/r.json",
+    f"export {ABC} --to c -o {{}}/code",
+    f"simulate {ABC} {ABC}/examples/leakage_A.csv -o {{}}/s.csv",
+    f"diagnose {ABC} {ABC}/examples/leakage_A.csv",
+    f"calibrate {ABC} {ABC}/examples/calibration.csv -o {{}}/c.yaml",
+    f"study {ABC} --points 1 --seeds 1 --degrees 0.3 --jobs 1",
+    f"mismatch {ABC} {ABC}/examples/warm_A.csv --json {{}}/m.json",
+    "experiment {}/m.json",
+    f"adopt {{}}/m.json -o {{}}/{ADOPTED}",
+)
+"""Commands; ``{}`` is a folder of their own. Those behind `mismatch` need its answer."""
 
 _DRIVER = """
 import json, os, sys, time
@@ -89,27 +82,23 @@ raise SystemExit(code)
 
 
 def start_of(words: list[str], folder: Path, ends: bool = True) -> float:
-    """Seconds of processor time until the real work begins; there the process ends, if asked to."""
+    """Seconds of processor time until the real work begins; there the process ends, if asked to.
+    What is compiled, also by Python itself, is kept in the folder."""
     file = folder / "begun"
     file.unlink(missing_ok=True)
     shutil.rmtree(folder / ADOPTED, ignore_errors=True)
-    run = [sys.executable, "-c", _DRIVER, str(file), *words]
-    subprocess.run(run, check=True, capture_output=True, cwd=ROOT, env=_environment(folder, ends))
-    return float(json.loads(file.read_text()))
-
-
-def _environment(folder: Path, ends: bool = False) -> dict[str, str]:
-    """What is compiled, also by Python itself, is kept in the folder."""
     own = {key: v for key, v in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     own |= {"PYTHONPATH": SOURCES, "RULEC_CACHE": str(folder / "cache")}
     own |= {"PYTHONPYCACHEPREFIX": str(folder / "bytecode"), "OPENBLAS_NUM_THREADS": "1"}
-    return own | ({"BENCH_ENDS": "1"} if ends else {})
+    own |= {"BENCH_ENDS": "1"} if ends else {}
+    run = [sys.executable, "-c", _DRIVER, str(file), *words]
+    subprocess.run(run, check=True, capture_output=True, cwd=ROOT, env=own)
+    return float(json.loads(file.read_text()))
 
 
 def wall_time(*arguments: str) -> float:
     """Median wall time of a process."""
-    environment = {**os.environ, "PYTHONPATH": SOURCES}
-    times = []
+    environment, times = {**os.environ, "PYTHONPATH": SOURCES}, []
     for _ in range(9):
         begin = time.perf_counter()
         call = [sys.executable, *arguments]
@@ -118,17 +107,16 @@ def wall_time(*arguments: str) -> float:
     return statistics.median(times)
 
 
-@pytest.mark.parametrize("verb", ["diagnose", "compile"])
-def test_help(verb: str, results: Results) -> None:
+def test_help(add: Add) -> None:
     """`rulec VERB --help`; beside it Python alone."""
-    results.add("start: python alone", wall_time("-c", "pass"), "s")
-    results.add(f"start: rulec {verb} --help", wall_time("-m", "rulec", verb, "--help"), "s", 0.2)
+    add("start: python alone", wall_time("-c", "pass"), "s")
+    for verb in ("diagnose", "compile"):
+        add(f"start: rulec {verb} --help", wall_time("-m", "rulec", verb, "--help"), "s", 0.2)
 
 
-def test_second_start_on_a_plant(tmp_path: Path, results: Results) -> None:
-    """Processor time until the real work begins, where the compiled plant is kept."""
-    for name, call in CALLS.items():
+def test_second_start_on_a_plant(tmp_path: Path, add: Add) -> None:
+    for call in CALLS:
         words = call.replace("{}", str(tmp_path)).split()
         start_of(words, tmp_path, ends=False)  # the first start; an answer stands there then
         found = min(start_of(words, tmp_path) for _ in range(ROUNDS))
-        results.add(f"start: rulec {name}", found, "s CPU", GOAL)
+        add(f"start: rulec {call}", found, "s CPU", GOAL)

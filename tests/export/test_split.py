@@ -35,12 +35,11 @@ QUICK = ("leakage_A.csv", "swapped.csv")
     ],
 )
 def test_findings_are_those_of_the_whole(plant: Path, recording: Path, tmp_path: Path) -> None:
-    """With mean readings beside the results, and by asking the modules; their code is compiled."""
+    """With mean readings beside the results; the code of modules is compiled."""
     found = split(compiled(plant.name), recording, tmp_path)
-    for part in (found.given, found.asked):
-        assert same_story(found.whole, part)
-        assert max(gaps(found.whole, part), default=0.0) < SAME
-        assert found.whole.judged == part.judged
+    assert same_story(found.whole, found.given)
+    assert max(gaps(found.whole, found.given), default=0.0) < SAME
+    assert found.whole.judged == found.given.judged
 
 
 def test_without_readings_slopes_stand_for_the_equations(tmp_path: Path) -> None:
@@ -54,7 +53,7 @@ def test_without_readings_slopes_stand_for_the_equations(tmp_path: Path) -> None
     assert whole.fault == first.fault
     assert 0.2 < first.degree < whole.degree - 0.03
     assert FIRST_ORDER in found.first_order.notes
-    assert same_story(found.whole, found.asked)
+    assert same_story(found.whole, found.given)
 
 
 def results() -> pd.DataFrame:

@@ -7,8 +7,6 @@ import numpy as np
 from rulec.prove.results import Claim, Heldout, Judged, Run
 from rulec.prove.truth.sealed import CONCEALMENTS, Answer, Planted
 
-NAN = float("nan")
-
 ENTRIES = {
     "slip by viscosity": "slip-temperature",
     "filling loss": "filling-loss",
@@ -129,38 +127,29 @@ def _errors(random: np.random.Generator, missing: float) -> dict[str, object]:
     }
 
 
+def _usual(i: int) -> dict[str, object]:
+    half, plant = (("stationary", "abc"), ("dynamic", "cascaded-tanks"))[i % 2]
+    return {"half": half, "plant": plant}
+
+
 def _clean(i: int, random: np.random.Generator) -> Judged:
     wrong = i in (3, 50)
-    half, plant = (("stationary", "abc"), ("dynamic", "cascaded-tanks"))[i % 2]
-    return judged(
-        f"clean-{i}",
-        half=half,
-        plant=plant,
-        clean_right=float(not wrong),
-        verdict="named" if wrong else "none",
-        said=("filling-loss@A.Q_geo",) if wrong else (),
-        **_errors(random, 0.0),
-    )
+    said = {"verdict": "named", "said": ("filling-loss@A.Q_geo",)} if wrong else {}
+    fields = {**_usual(i), **said, **_errors(random, 0.0)}
+    return judged(f"clean-{i}", clean_right=float(not wrong), **fields)
 
 
 def _planted(i: int, random: np.random.Generator) -> Judged:
     names, gain = list(ENTRIES), float(10 ** random.uniform(0.3, 3.6))
     effect = names[i % len(names)]
-    half, plant = (("stationary", "abc"), ("dynamic", "cascaded-tanks"))[i % 2]
-    concealed = (list(CONCEALMENTS)[1 + i % 8],)
-    fields = {"half": half, "plant": plant, "concealed": concealed, **_errors(random, 1.5)}
+    fields = {**_usual(i), "concealed": (list(CONCEALMENTS)[1 + i % 8],), **_errors(random, 1.5)}
     fields |= {"ratio": float(1 + random.exponential(0.03)), "inside": (1 + (i % 18 > 0), 2)}
     if i % 10 == 9:
-        gone = {"name_right": None, "concealed": ("unnamed",), "verdict_true": "unnamed"}
         right = float(random.random() < 0.85)
-        said = () if right else ("free-form@A.loss",)
-        fields |= {**gone, "unnamed_right": right, "said": said, "course": random.uniform(0.8, 1)}
-        return planted(
-            f"odd-{i}",
-            "jet on a probe",
-            gain,
-            **{**fields, "verdict": "unnamed" if right else "named"},
-        )
+        fields |= {"name_right": None, "concealed": ("unnamed",), "verdict_true": "unnamed"}
+        fields |= {"unnamed_right": right, "said": () if right else ("free-form@A.loss",)}
+        fields |= {"course": random.uniform(0.8, 1), "verdict": "unnamed" if right else "named"}
+        return planted(f"odd-{i}", "jet on a probe", gain, **fields)
     if i == 77:
         fields |= {"error": "no answer within 600 s", "said": (), "name_right": 0.0}
         return planted(f"bad-{i}", effect, gain, **{**fields, "verdict": ""})

@@ -21,7 +21,6 @@ SOUND, OTHER = (Planned(1, "valve-characteristic", other).make().answer for othe
 
 
 def test_half_of_the_cases_have_another_law() -> None:
-    """Each kind is drawn four times, and four times sound."""
     drawn = [(case.kind, case.other) for case in planned(1)]
     assert len(drawn) == 40
     assert {4} == {drawn.count((kind, other)) for kind in KINDS for other in (True, False)}
@@ -107,8 +106,8 @@ def test_names_count_with_their_class(
 
 def test_a_parameter_is_far_by_the_uncertainty_of_the_sheet() -> None:
     """But for verdicts that say that the values are not to be believed."""
-    true, name = SOUND.values[f"{MODULE}.Kv"], f"{MODULE}.Kv"
-    strain = [{"parameter": name, "value": true - 5.0, "u": 1.0}]
+    name = f"{MODULE}.Kv"
+    strain = [{"parameter": name, "value": SOUND.values[name] - 5.0, "u": 1.0}]
     assert judge(SOUND, form("named", strain=strain)).far == pytest.approx(5.0)
     assert judge(SOUND, form("unsure", strain=strain)).far == 0.0
 
@@ -126,7 +125,6 @@ def test_figures_count_what_they_say() -> None:
 
 
 def test_a_law_without_an_entry_is_found_where_it_is_called_unnamed() -> None:
-    """At its place."""
     answer = replace(Planned(1, "pump-curve-exponent", True).make().answer, names=())
     said = [form("unnamed", locations=[{"module": MODULE, "place": p}]) for p in ("head", "P_law")]
     found: list[Judged] = [judge(answer, one) for one in said]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from rulec.prove.campaign import CASES, SEALS, Changed, owned, unusable
+from rulec.prove.campaign import CASES, SEALS, unusable
 from rulec.prove.command import main
 from tests.conftest import SOURCES
 
@@ -34,12 +34,16 @@ def started(work: Path) -> subprocess.Popen[str]:
     )
 
 
+def listed(column: str) -> list[list[str]]:
+    """Number and one more column of every process."""
+    words = ["ps", "-A", "-o", f"pid=,{column}="]
+    table = subprocess.run(words, capture_output=True, text=True, check=True)
+    return [line.split() for line in table.stdout.splitlines()]
+
+
 def below(pid: int) -> set[int]:
     """Processes that a process started, and those that they started."""
-    table = subprocess.run(
-        ["ps", "-A", "-o", "pid=,ppid="], capture_output=True, text=True, check=True
-    )
-    parents = [(int(a), int(b)) for a, b in map(str.split, table.stdout.splitlines())]
+    parents = [(int(a), int(b)) for a, b in listed("ppid")]
     found = {pid}
     while more := {a for a, b in parents if b in found} - found:
         found |= more
@@ -48,11 +52,7 @@ def below(pid: int) -> set[int]:
 
 def alive(pids: set[int]) -> set[int]:
     """Those that run; what ended and was not waited for does not."""
-    table = subprocess.run(
-        ["ps", "-A", "-o", "pid=,stat="], capture_output=True, text=True, check=True
-    )
-    rows = map(str.split, table.stdout.splitlines())
-    return {int(a) for a, state in rows if not state.startswith("Z")} & pids
+    return {int(a) for a, state in listed("stat") if not state.startswith("Z")} & pids
 
 
 def waited(done: Callable[[], object], seconds: float = PATIENCE) -> bool:
@@ -63,14 +63,13 @@ def waited(done: Callable[[], object], seconds: float = PATIENCE) -> bool:
     return bool(done())
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+posix = pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+
+
+@posix
 @pytest.mark.parametrize(
     "number",
-    [
-        pytest.param("SIGINT", marks=pytest.mark.prove),
-        pytest.param("SIGTERM", marks=pytest.mark.prove),
-        "SIGKILL",
-    ],
+    [*(pytest.param(n, marks=pytest.mark.prove) for n in ("SIGINT", "SIGTERM")), "SIGKILL"],
 )
 def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
     """Sent to the command alone, while its workers analyse; then the same command goes on."""
@@ -111,7 +110,7 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+@posix
 def test_the_end_of_the_lifeline_is_not_lost() -> None:
     """Compiled code may swallow an interrupt: another follows, but not while things are tidied."""
     with subprocess.Popen(
@@ -125,14 +124,6 @@ def test_the_end_of_the_lifeline_is_not_lost() -> None:
         assert "ready\n" == run.stdout.readline()
         said = run.communicate(timeout=PATIENCE)[0]
     assert (0, ["swallowed", "tidied up", "interrupted"]) == (run.returncode, said.split("\n")[:-1])
-
-
-def test_a_sealing_that_was_interrupted_is_that_of_its_run(tmp_path: Path) -> None:
-    """What another run made must not stand beside what this one makes."""
-    assert [] == owned(tmp_path, "one")
-    assert [] == owned(tmp_path, "one")
-    with pytest.raises(Changed, match="another run"):
-        owned(tmp_path, "two")
 
 
 @pytest.mark.parametrize(
@@ -194,7 +185,5 @@ def closed() -> Iterator[Path]:
 def test_a_folder_that_cannot_be_written_to(closed: Path) -> None:
     """The folder itself, and one to be made in it."""
     for work in (closed, closed / "new"):
-        said = unusable(work)
-        assert (
-            said == f"--keep: {work}: cannot write there (Permission denied); name another folder"
-        )
+        why = "cannot write there (Permission denied); name another folder"
+        assert f"--keep: {work}: {why}" == unusable(work)

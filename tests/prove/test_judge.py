@@ -38,6 +38,38 @@ def other(name: str, id_: str, probability: float) -> dict[str, Any]:
     return {"effect": name, "id": id_, "probability": probability, "title": name}
 
 
+def leak(probability: float = 1.0, second: float | None = None) -> dict[str, Any]:
+    """A false name, and the right one as likely as that beside it."""
+    left = () if second is None else (other("slope", "B.dp.low", second),)
+    return effect("leakage", "B.leakage", "pump", probability, alternatives=left)
+
+
+RIGHT = effect("slope", "B.dp.low", "dp")
+
+
+@pytest.mark.parametrize(
+    ("effects", "name", "place"),
+    [
+        ((RIGHT,), 1.0, 1.0),
+        # One of two counts half with its place, where it is likely enough to be told in the
+        # headline, and none stands alone there.
+        ((leak(0.5, 0.4),), 0.5, 0.5),
+        ((leak(0.5, 0.09),), 0.0, 0.0),
+        ((leak(0.89, 0.11),), 0.5, 0.5),
+        ((leak(0.9, 0.11),), 0.0, 0.0),
+        # A false name beside counts as a miss of the names; the place was told all the same.
+        ((RIGHT, leak()), 0.5, 1.0),
+        ((effect("slope", "A.dp.low", "dp", module="A", modules=["A"]),), 0.0, 0.0),
+    ],
+    ids=["right", "one of two", "unlikely", "open", "told alone", "false beside", "other module"],
+)
+def test_shares_of_names_and_places(
+    effects: tuple[dict[str, Any], ...], name: float, place: float
+) -> None:
+    found = scored(*effects)
+    assert (name, place) == (found.name_right, found.place_right)
+
+
 def test_names_that_say_the_same_count_together() -> None:
     """A dead band of a pump in proportion to its signal is a constant loss: both are right."""
     same = replace(LOW, sort="physics", names=("dead-band", "loss"), places=("B.Q",))
@@ -46,25 +78,6 @@ def test_names_that_say_the_same_count_together() -> None:
     three = effect("dead-band", "B.dead-band", "Q", 0.4, alternatives=left)
     assert 1.0 == scored(both, planted=same).name_right
     assert scored(three, planted=same).name_right == pytest.approx(2 / 3)
-
-
-def test_a_right_name_at_the_right_place_counts_whole() -> None:
-    found = scored(effect("slope", "B.dp.low", "dp"))
-    assert (1.0, 1.0) == (found.name_right, found.place_right)
-
-
-@pytest.mark.parametrize(("second", "counted"), [(0.4, 0.5), (0.09, 0.0)])
-def test_one_of_two_counts_half_with_its_place(second: float, counted: float) -> None:
-    """Where it is likely enough to be told in the headline."""
-    left = other("slope", "B.dp.low", second)
-    found = scored(effect("leakage", "B.leakage", "pump", 0.5, alternatives=(left,)))
-    assert (counted, counted) == (found.name_right, found.place_right)
-
-
-def test_a_name_counts_alone_from_the_probability_at_which_the_answer_tells_it_alone() -> None:
-    left = (other("slope", "B.dp.low", 0.11),)
-    sure, open_ = (effect("leakage", "B.leakage", "pump", p, alternatives=left) for p in (0.9, 0.8))
-    assert (0.0, 0.5) == (scored(sure).name_right, scored(open_).name_right)
 
 
 def test_every_name_is_kept_with_its_probability() -> None:
@@ -76,14 +89,3 @@ def test_every_name_is_kept_with_its_probability() -> None:
         effect("free-form", "B.loss", "loss", 0.8, sort="free"),
     )
     assert (Claim(0.6, True), Claim(0.95, False)) == found.claims
-
-
-def test_a_false_name_beside_counts_as_a_miss() -> None:
-    """Of the names; the place was told all the same."""
-    found = scored(effect("slope", "B.dp.low", "dp"), effect("leakage", "B.leakage", "pump"))
-    assert (0.5, 1.0) == (found.name_right, found.place_right)
-
-
-def test_a_right_name_in_another_module_is_wrong() -> None:
-    found = scored(effect("slope", "A.dp.low", "dp", module="A", modules=["A"]))
-    assert (0.0, 0.0) == (found.name_right, found.place_right)

@@ -32,7 +32,6 @@ from rulec.prove.real.rig_folder import (
     Missing,
     Rig,
     Size,
-    Truth,
     checked,
     digest_of,
     false_alarms_in,
@@ -41,9 +40,10 @@ from rulec.prove.real.rig_folder import (
     rigs_in,
 )
 from rulec.prove.real.run_tool import MODELS, Commands, lay_out, predicted
-from rulec.prove.real.score import alarms, scored, scored_finding, totals, utility
+from rulec.prove.real.score import Scored, alarms, scored, scored_finding, totals, utility
 from rulec.prove.real.score_table import Result, form, page, tell
-from tests.conftest import ROOT, plain_yaml, recordings_folder
+from tests.conftest import ROOT, plain_yaml
+from tests.rig import real
 from tests.runtime.mismatches import NAMED
 
 RECIPES, SHIPPED = ROOT / "tests" / "rig" / "recipes", ROOT / "tests" / "rig" / "shipped"
@@ -52,10 +52,10 @@ QUICK = ("cascaded-tanks", "esp-p37-water", "pipeline", "pump-throttled", "rse-b
 """Recipes of small sources."""
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one small rig: the first rows of what is shipped."""
-    place = tmp_path / "rigs" / "small"
+    place = tmp_path_factory.mktemp("small") / "rigs" / "small"
     shutil.copytree(SHIPPED / "rse-boiler", place)
     for part in ("train", "test"):
         with opened(place / f"{part}.csv.gz") as file:
@@ -66,8 +66,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def rig(folder: Path) -> Rig:
-    (found,) = rigs_in(folder)
+def folder(small: Path, tmp_path: Path) -> Path:
+    """The same, to be changed."""
+    return Path(shutil.copytree(small, tmp_path / "rigs"))
+
+
+@pytest.fixture(scope="module")
+def rig(small: Path) -> Rig:
+    (found,) = rigs_in(small)
     return found
 
 
@@ -80,25 +86,14 @@ def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
     """What `ask` would give."""
     found = mismatch_form(NAMED, "plant.yaml")
     found["effects"] = found["effects"] if effects is None else effects
-    errors: dict[str, Any] = {
-        "unit": "m3/h",
-        "rows": 9,
-        "shipped": 4.0,
-        "recalibrated": 2.0,
-        "adopted": 1.0,
-    }
-    models = ("shipped", "recalibrated", "adopted")
-    own = {name: [errors[name] * (1.0 + 0.1 * i) for i in range(5)] for name in models}
-    course = {name: [float(i) + errors[name] for i in range(9)] for name in models}
-    measured = {"time": list(map(float, range(9))), "measured": list(map(float, range(9)))}
-    errors |= {"windows": own, "course": course | measured}
-    return {
-        "form": found,
-        "error": "",
-        "refused": "",
-        "predicted": {"boiler.Q": errors},
-        "cpu": 3.0,
-    }
+    rms = {"shipped": 4.0, "recalibrated": 2.0, "adopted": 1.0}
+    rows = list(map(float, range(9)))
+    errors: dict[str, Any] = {"unit": "m3/h", "rows": 9, **rms}
+    errors["windows"] = {n: [e * (1.0 + 0.1 * i) for i in range(5)] for n, e in rms.items()}
+    errors["course"] = {n: [i + e for i in rows] for n, e in rms.items()}
+    errors["course"] |= {"time": rows, "measured": rows}
+    told = {"form": found, "error": "", "refused": "", "cpu": 3.0}
+    return told | {"predicted": {"boiler.Q": errors}}
 
 
 def finding(name: str, place: str, probability: float, **others: Any) -> dict[str, Any]:
@@ -130,6 +125,12 @@ WRONG = [
 ]
 
 
+def refused_of(folder: Path) -> str:
+    with pytest.raises(Refusal) as refused:
+        rigs_in(folder)
+    return refused.value.for_terminal()
+
+
 @pytest.mark.parametrize(("name", "text", "why"), WRONG)
 def test_a_wrong_folder_is_told(folder: Path, name: str, text: str | None, why: str) -> None:
     """With its place; nothing is asked."""
@@ -137,9 +138,7 @@ def test_a_wrong_folder_is_told(folder: Path, name: str, text: str | None, why: 
     file.unlink()
     if text is not None:
         file.write_text(text, encoding="utf-8")
-    with pytest.raises(Refusal) as refused:
-        rigs_in(folder)
-    said = refused.value.for_terminal()
+    said = refused_of(folder)
     assert why in said
     assert "small" in said
 
@@ -153,32 +152,22 @@ def test_two_calibrations_are_refused(folder: Path) -> None:
         read_rig(folder / "small")
 
 
+SIZE = {"parameter": "d", "value": 1, "u": 0.1, "unit": "m3/hour"}
+
+
 @pytest.mark.parametrize(
-    ("answer", "why"),
+    ("effect", "why"),
     [
-        ({"source": "x"}, "either 'nothing: true' or 'effects'"),
-        ({"effects": [{"names": "equal-percentge", "places": "boiler"}]}, "'equal-percentage'"),
-        ({"effects": [{"names": [], "places": "kettle.x"}]}, "there is no module of the plant"),
-        ({"effects": [{"names": "offset"}]}, "'places'"),
-        (
-            {
-                "effects": [
-                    {
-                        "names": "offset",
-                        "places": "boiler.Q",
-                        "sizes": [{"parameter": "d", "value": 1, "u": 0.1, "unit": "m3/hour"}],
-                    }
-                ]
-            },
-            "there is no unit 'm3/hour'",
-        ),
+        (None, "either 'nothing: true' or 'effects'"),
+        ({"names": "equal-percentge", "places": "boiler"}, "'equal-percentage'"),
+        ({"names": [], "places": "kettle.x"}, "there is no module of the plant"),
+        ({"names": "offset"}, "'places'"),
+        ({"names": "offset", "places": "boiler.Q", "sizes": [SIZE]}, "there is no unit 'm3/hour'"),
     ],
 )
-def test_a_wrong_answer_is_told(folder: Path, answer: dict[str, Any], why: str) -> None:
-    seal(folder / "small", {"source": "by hand", **answer})
-    with pytest.raises(Refusal) as refused:
-        rigs_in(folder)
-    assert why in refused.value.for_terminal()
+def test_a_wrong_answer_is_told(folder: Path, effect: dict[str, Any] | None, why: str) -> None:
+    seal(folder / "small", {"source": "by hand"} | ({"effects": [effect]} if effect else {}))
+    assert why in refused_of(folder)
 
 
 def test_all_mistakes_come_at_once(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,18 +175,18 @@ def test_all_mistakes_come_at_once(folder: Path, capsys: pytest.CaptureFixture[s
     shutil.copytree(folder / "small", folder / "other")
     for name in ("small", "other"):
         (folder / name / "rig.yaml").unlink()
-    assert 1 == main(["--real", str(folder)])
-    said = capsys.readouterr().err
-    assert "small" in said
-    assert "other" in said
-    assert 1 == main(["--real", str(folder), "--only=third"])
-    assert "no rig has this in its name" in capsys.readouterr().err
-    assert 1 == main(["--real", str(folder / "nowhere")])
-    assert "there is no such folder" in capsys.readouterr().err
-    assert 2 == suite(["--hidden-names"])
-    assert "add --real DIR" in capsys.readouterr().err
-    for words in (["--rounds=2"], ["--hard"], [f"--json={folder / 'no' / 'x'}"]):
-        assert 2 == main(["--real", str(folder), *words])
+    for command, code, words, why in (
+        (main, 1, ["--real", str(folder)], ("small", "other")),
+        (main, 1, ["--real", str(folder), "--only=third"], ("no rig has this in its name",)),
+        (main, 1, ["--real", str(folder / "nowhere")], ("there is no such folder",)),
+        (suite, 2, ["--hidden-names"], ("add --real DIR",)),
+        (main, 2, ["--real", str(folder), "--rounds=2"], ()),
+        (main, 2, ["--real", str(folder), "--hard"], ()),
+        (main, 2, ["--real", str(folder), f"--json={folder / 'no' / 'x'}"], ()),
+    ):
+        assert code == command(words)
+        said = capsys.readouterr().err
+        assert all(part in said for part in why), said
 
 
 def test_without_an_answer_prediction_is_judged(folder: Path) -> None:
@@ -254,41 +243,41 @@ def test_a_command_ends_with_whoever_asked() -> None:
     assert (1, "", "") == (done.returncode, done.stdout, done.stderr)
 
 
+def told_of(rig: Rig, *missing: Missing, beside: tuple[str, ...] = (), **said: Any) -> Scored:
+    """The score where that is missing; `effects` or a `verdict` is what the tool says."""
+    found = asked(said.pop("effects", []))
+    found["form"] |= said
+    assert rig.truth is not None
+    return scored(replace(rig, truth=replace(rig.truth, missing=missing, beside=beside)), found)
+
+
 def test_a_right_name(rig: Rig) -> None:
     """Place, headline, class, size, and nothing false."""
     size = {"R": {"value": 30.0, "u": 1.0, "lower": 28.0, "upper": 32.0, "unit": "1"}}
-    truth = Truth((Missing(("valve",), ("boiler",), (Size("R", 33.0, 1.0, "1"),)),), (), "hand")
-    result = scored(
-        replace(rig, truth=truth), asked([finding("valve", "boiler.x", 0.95, parameters=size)])
-    )
-    assert (1.0, 1.0, 1.0, 0.95, 1.0) == (
-        result.place,
-        result.headline,
-        result.named,
-        result.probability,
-        result.utility,
-    )
+    missing = Missing(("valve",), ("boiler",), (Size("R", 33.0, 1.0, "1"),))
+    result = told_of(rig, missing, effects=[finding("valve", "boiler.x", 0.95, parameters=size)])
+    shares = (result.place, result.headline, result.named, result.probability, result.utility)
+    assert (1.0, 1.0, 1.0, 0.95, 1.0) == shares
     assert (1, 1) == result.inside
     assert () == result.false
 
 
-def test_sizes_in_other_units(rig: Rig) -> None:
+@pytest.mark.parametrize(
+    ("value", "unit", "hits"), [(50.0, "l/min", 1), (60.0, "l/min", 0), (3.0, "bar", 0)]
+)
+def test_sizes_in_other_units(rig: Rig, value: float, unit: str, hits: int) -> None:
     """50 l/min is 3 m3/h; a pressure is no flow."""
-    told_ = {"q": {"value": 3.0, "u": 0.1, "lower": 2.8, "upper": 3.2, "unit": "m3/h"}}
-    found = asked([finding("leak", "boiler.Q", 0.95, parameters=told_)])
-    assert rig.truth is not None
-    for value, unit, hits in ((50.0, "l/min", 1), (60.0, "l/min", 0), (3.0, "bar", 0)):
-        sizes = (Size("q", value, 0.1, unit),)
-        truth = replace(rig.truth, missing=(Missing(("leak",), ("boiler",), sizes),))
-        assert (hits, 1) == scored(replace(rig, truth=truth), found).inside
+    size = {"q": {"value": 3.0, "u": 0.1, "lower": 2.8, "upper": 3.2, "unit": "m3/h"}}
+    found = [finding("leak", "boiler.Q", 0.95, parameters=size)]
+    missing = Missing(("leak",), ("boiler",), (Size("q", value, 0.1, unit),))
+    assert (hits, 1) == told_of(rig, missing, effects=found).inside
 
 
 def test_a_name_in_a_class(rig: Rig) -> None:
     """One of two that coincide is right: in its class, not in the headline; DX scores between."""
     same = {"effect": "valve", "id": "boiler.valve@x", "probability": 0.3, "same": True}
-    told_ = [finding("line", "boiler.dp", 0.6, alternatives=[same], class_probability=0.9)]
-    truth = Truth((Missing(("valve",), ("boiler.x",)),), (), "hand")
-    result = scored(replace(rig, truth=truth), asked(told_))
+    found = [finding("line", "boiler.dp", 0.6, alternatives=[same], class_probability=0.9)]
+    result = told_of(rig, Missing(("valve",), ("boiler.x",)), effects=found)
     assert (1.0, 0.0, 1.0) == (result.place, result.headline, result.named)
     assert result.utility is not None
     assert 0.5 < result.utility < 1.0
@@ -296,14 +285,13 @@ def test_a_name_in_a_class(rig: Rig) -> None:
 
 def test_false_names(rig: Rig) -> None:
     """At another place, or of another id; sure from 0.9 on; what stands beside is not false."""
-    truth = Truth((Missing(("meter",), ("boiler.Q",)),), ("lag",), "hand")
-    told_ = [
+    found = [
         finding("meter", "boiler.p_1", 0.97),
         finding("lag", "boiler.Q", 0.99),
         finding("drift", "boiler.Q", 0.5),
         finding("curve", "boiler.Q", 0.99, sort="free"),
     ]
-    result = scored(replace(rig, truth=truth), asked(told_))
+    result = told_of(rig, Missing(("meter",), ("boiler.Q",)), beside=("lag",), effects=found)
     assert 0.0 == result.named
     assert ["meter", "drift"] == [f.causes[0].name for f in result.false]
     assert ["meter"] == [f.causes[0].name for f in result.sure]
@@ -314,19 +302,16 @@ def test_false_names(rig: Rig) -> None:
 
 @pytest.mark.parametrize(("verdict", "silent"), [("none", True), ("named", False)])
 def test_silence(rig: Rig, verdict: str, silent: bool) -> None:
-    found = asked([] if silent else [finding("leak", "boiler.Q", 0.95)])
-    found["form"]["verdict"] = verdict
-    result = scored(replace(rig, truth=Truth((), (), "hand")), found)
+    found = [] if silent else [finding("leak", "boiler.Q", 0.95)]
+    result = told_of(rig, effects=found, verdict=verdict)
     assert silent == result.silent
     assert (not silent) == bool(result.sure)
 
 
 def test_what_no_entry_names(rig: Rig) -> None:
     """The verdict is right, not a name."""
-    found = asked([])
-    found["form"]["verdict"] = "unnamed"
-    found["form"]["locations"] = [{"module": "boiler", "place": "Q"}]
-    result = scored(replace(rig, truth=Truth((Missing((), ("boiler.Q",)),), (), "x")), found)
+    there = [{"module": "boiler", "place": "Q"}]
+    result = told_of(rig, Missing((), ("boiler.Q",)), verdict="unnamed", locations=there)
     assert (1.0, 1.0) == (result.place, result.named)
 
 
@@ -394,9 +379,8 @@ def test_names_are_hidden_without_a_column_map(tmp_path: Path) -> None:
     names = hide(tmp_path)
     assert sorted(names) == sorted(names, key=lambda n: names[n], reverse=True)
     after = read_recording(tmp_path / "train-1.csv", compile_plant(tmp_path / "plant"))
-    assert {f"{names[n.split('.')[0]]}.{n.split('.')[1]}" for n in before.values} == set(
-        after.values
-    )
+    hidden = {f"{names[n.split('.')[0]]}.{n.split('.')[1]}" for n in before.values}
+    assert hidden == set(after.values)
 
 
 def test_differences_under_other_names() -> None:
@@ -446,36 +430,39 @@ def test_a_wrong_recipe_is_told(tmp_path: Path) -> None:
 
 def _made(tmp_path: Path, chosen: tuple[str, ...]) -> Path:
     """Rigs of some recipes, where the recordings are."""
-    if not recordings_folder().is_dir():
-        pytest.skip(f"no real recordings at {recordings_folder()} (set RULEC_RECORDINGS)")
+    source = real()
     few = tmp_path / "tests" / "rig" / "recipes"
     few.mkdir(parents=True)
     for name in ("plants", "tests/rig/plants"):
         (tmp_path / name).symlink_to(ROOT / name)
     for name in chosen:
         shutil.copyfile(RECIPES / f"{name}.yaml", few / f"{name}.yaml")
-    words = [str(few), str(recordings_folder()), str(tmp_path / "made")]
+    words = [str(few), str(source), str(tmp_path / "made")]
     assert 0 == main(["--make-rigs", *words])
     return tmp_path / "made"
 
 
-def test_recipes_make_rigs(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return _made(tmp_path_factory.mktemp("quick"), QUICK)
+
+
+def test_recipes_make_rigs(quick: Path) -> None:
     """That are in order; what is shipped is what its recipe makes."""
-    folder = _made(tmp_path, QUICK)
-    assert list(QUICK) == [rig.name for rig in rigs_in(folder)]
+    assert list(QUICK) == [rig.name for rig in rigs_in(quick)]
     for file in (SHIPPED / "rse-boiler").iterdir():
         if file.is_file():
-            assert file.read_bytes() == (folder / "rse-boiler" / file.name).read_bytes()
+            assert file.read_bytes() == (quick / "rse-boiler" / file.name).read_bytes()
 
 
-def test_unseen_rows_are_other_rows(tmp_path: Path) -> None:
+def test_unseen_rows_are_other_rows(quick: Path) -> None:
     """No row is shown and judges."""
 
     def rows(file: Path) -> Iterator[tuple[str, ...]]:
         with opened(file) as source:
             yield from map(tuple, csv.reader(source))
 
-    for rig in rigs_in(_made(tmp_path, QUICK)):
+    for rig in rigs_in(quick):
         shown = {row for file in rig.train for row in rows(file)}
         assert 1 == len(shown & set(rows(rig.test))), "the header alone"
 

@@ -56,21 +56,14 @@ def fault() -> SettledCase:
 
 def recipe_for(case: SettledCase) -> dict[str, Any]:
     """Two steps of 12 s and 9 s at the lowest and highest set points."""
-    sensors, ranges = case.scene.rig.sensors, case.scene.given
-    steps = [
-        {
-            "from": 0.0 if end == "min" else 12.0,
-            "until": 12.0 if end == "min" else 21.0,
-            "inputs": {
-                name: {
-                    "value": displayed(case, name, float(getattr(ranges[name], end)())),
-                    "unit": sensors[name].unit,
-                }
-                for name in case.scene.rig.inputs
-            },
+    sensors, steps = case.scene.rig.sensors, []
+    for end, begin, until in (("min", 0.0, 12.0), ("max", 12.0, 21.0)):
+        at = {n: float(getattr(case.scene.given[n], end)()) for n in case.scene.rig.inputs}
+        inputs = {
+            n: {"value": displayed(case, n, value), "unit": sensors[n].unit}
+            for n, value in at.items()
         }
-        for end in ("min", "max")
-    ]
+        steps.append({"from": begin, "until": until, "inputs": inputs})
     return {"steps": steps, "certainty": [0.6, 0.8, 0.95], "factors": [[0.0, 3.0], [3.0, 0.0]]}
 
 
@@ -181,17 +174,20 @@ def form_of(**sets: float) -> dict[str, Any]:
     ]
     best = max(sets, key=lambda name: sets[name])
     effect = {
-        "effect": best,
-        "id": f"A.{best}",
-        "module": "A",
-        "modules": ["A"],
-        "place": "bypass",
-        "sort": "fault",
-        "probability": sets[best],
-        "alternatives": [],
-        "parameters": {},
+        **{"effect": best, "id": f"A.{best}", "module": "A", "modules": ["A"], "place": "bypass"},
+        **{"sort": "fault", "probability": sets[best], "alternatives": [], "parameters": {}},
     }
     return {"verdict": "fault", "effects": [effect], "standing": named}
+
+
+def recipe_of(before: dict[str, Any], until: float = 60.0, covers: bool = False) -> dict[str, Any]:
+    """A recipe of one step that tells the explanations of an answer apart."""
+    step = {"until": until, "covers": covers}
+    told = {"certainty": [0.55, 0.9], "factors": [[0.0, 2.0], [3.0, 0.0]]}
+    return {"steps": [step], **told, "explanations": before["standing"]}
+
+
+MISSED = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
 
 
 def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
@@ -209,31 +205,20 @@ def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
 
 def test_gain_is_told_beside_what_was_expected() -> None:
     """Certainty of the true explanation, before and after."""
-    recipe = {
-        "steps": [{"until": 120.0, "covers": False}],
-        "certainty": [0.55, 0.9],
-        "factors": [[0.0, 2.0], [3.0, 0.0]],
-        "explanations": form_of(clogging=0.6, leakage=0.4)["standing"],
-    }
     before, after = form_of(clogging=0.6, leakage=0.4), form_of(leakage=0.9, clogging=0.1)
-    first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
-    found = further_of(OPEN, first, recipe, before, {"recipe": after, "same": {"not_run": "no"}})
+    arms = {"recipe": after, "same": {"not_run": "no"}}
+    found = further_of(OPEN, MISSED, recipe_of(before, 120.0), before, arms)
     assert (found.outcome, found.steps, found.minutes) == ("run", 1, 2.0)
     assert (found.sure_before, found.sure) == (0.4, {"recipe": 0.9, "same": 0.4})
     assert (found.stood, found.expected) == (True, (0.55, 0.9))
     assert found.after["recipe"].name_right == 1.0
-    assert found.after["same"] == first
+    assert found.after["same"] == MISSED
 
 
 def test_a_recipe_that_only_covers_predicts_nothing() -> None:
-    recipe = {
-        "steps": [{"until": 60.0, "covers": True}],
-        "certainty": [0.95],
-        "factors": [[0.0]],
-        "explanations": form_of(clogging=0.95)["standing"],
-    }
-    first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
-    found = further_of(OPEN, first, recipe, form_of(clogging=0.95), {"recipe": form_of(leakage=1)})
+    before = form_of(clogging=0.95)
+    recipe = recipe_of(before, covers=True) | {"certainty": [0.95], "factors": [[0.0]]}
+    found = further_of(OPEN, MISSED, recipe, before, {"recipe": form_of(leakage=1)})
     assert (found.outcome, found.expected) == ("covered", ())
     assert (found.sure_before, found.sure) == (0.0, {"recipe": 1.0})
     assert gained([found]) == []
@@ -241,10 +226,7 @@ def test_a_recipe_that_only_covers_predicts_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("recipe", "outcome"),
-    [
-        ({"error": "no input was changed"}, "refused"),
-        ({"steps": []}, "alike"),
-    ],
+    [({"error": "no input was changed"}, "refused"), ({"steps": []}, "alike")],
 )
 def test_without_a_recipe_the_first_answer_stays(recipe: dict[str, Any], outcome: str) -> None:
     first = planted("a case", "leakage", 50.0)
@@ -262,18 +244,12 @@ def test_a_second_round_is_told_within_80_columns() -> None:
     ]
     better, worse = cases[1], replace(cases[0], case="named")
     usual: dict[str, Any] = {"steps": 6, "minutes": 4.5, "expected": (0.6, 0.92), "stood": True}
-    further = (
-        Further(
-            case="missed", outcome="run", sure_before=0.3, sure=dict.fromkeys(ARMS, 0.8),
-            after=dict.fromkeys(ARMS, replace(better, case="missed")),
-            **usual,
-        ),
-        Further(
-            case="named", outcome="run", sure_before=0.5, sure=dict.fromkeys(ARMS, 0.2),
-            after=dict.fromkeys(ARMS, worse), **{**usual, "stood": False},
-        ),
-        Further(case="clean", outcome="refused"),
-    )  # fmt: skip
+    arms = [dict.fromkeys(ARMS, one) for one in (0.8, replace(better, case="missed"), 0.2, worse)]
+    ran = [
+        Further(case=name, outcome="run", sure_before=before, sure=sure, after=after, **usual)
+        for name, before, sure, after in (("missed", 0.3, *arms[:2]), ("named", 0.5, *arms[2:]))
+    ]
+    further = (ran[0], replace(ran[1], stood=False), Further(case="clean", outcome="refused"))
     (bin_,) = gained(further)
     assert (bin_.count, bin_.stood, bin_.found, bin_.found_of_stood) == (2, 1, 0.5, 0.8)
     out = Terminal(file=io.StringIO(), width=80, color_system=None)
@@ -295,15 +271,9 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     seals = run.sealed()
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
     before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
-    recipe = {
-        "steps": [{"until": 60.0, "covers": False}],
-        "certainty": [0.52, 0.9],
-        "factors": [[0.0, 2.0], [2.0, 0.0]],
-        "explanations": before["standing"],
-    }
     own = folder / ROUND / "recipe"
     own.mkdir(parents=True)
-    (folder / PLAN).write_text(json.dumps(recipe))
+    (folder / PLAN).write_text(json.dumps(recipe_of(before)))
     (folder / FORM).write_text(json.dumps(before))
     with pytest.raises(Changed, match="not the one that was sealed"):
         asked_again(run, ["0" * 64], arms)
@@ -313,7 +283,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     assert not (folder / ROUND / FIRST).exists()
     first = [judged(few.cases()[0].name, planted=("leak@A",), concealed=("open",))]
     (found,) = judged_again(run, seals, first, arms)
-    assert (found.outcome, found.steps, found.expected) == ("run", 1, (0.52, 0.9))
+    assert (found.outcome, found.steps, found.expected) == ("run", 1, (0.55, 0.9))
     assert (found.sure_before == 0.6) == (found.sure["recipe"] == 0.95)
 
 

@@ -34,18 +34,18 @@ def row(cases: list[Judged], start: str):  # type: ignore[no-untyped-def]
 
 @pytest.mark.parametrize(("hits", "count"), [(0, 5), (5, 5), (187, 200), (1, 1), (95, 100)])
 def test_intervals_are_those_of_wilson(hits: int, count: int) -> None:
-    """Against an implementation of somebody else."""
     expected = binomtest(hits, count).proportion_ci(method="wilson")
     assert pytest.approx((expected.low, expected.high), abs=1e-9) == wilson(hits, count)
 
 
 def test_a_share_without_case_is_not_met() -> None:
     """It says so, in the table, on the page and on the terminal."""
-    rows = table([judged(clean_right=1.0)])
-    assert ["no case", "no case", "met"] == [r.words.split(",")[0] for r in rows[:3]]
-    assert [None, None, True] == [r.met for r in rows[:3]]
-    assert "no case" in page(Run((judged(clean_right=1.0),)))
-    assert "no case" in text(Run((judged(clean_right=1.0),)))
+    made = Run((judged(clean_right=1.0),))
+    rows = table(made.judged)[:3]
+    assert ["no case", "no case", "met"] == [r.words.split(",")[0] for r in rows]
+    assert [None, None, True] == [r.met for r in rows]
+    assert "no case" in page(made)
+    assert "no case" in text(made)
 
 
 def test_goals_are_judged_with_their_doubt() -> None:
@@ -95,15 +95,8 @@ def test_the_worst_come_first() -> None:
         planted("very wrong", "leakage", 90.0, "x"),
         planted("unsure", "leakage", 90.0, "x", verdict="ambiguous"),
     ]
-    assert [
-        "very wrong",
-        "wrong",
-        "claimed",
-        "crashed",
-        "missed strong",
-        "unsure",
-        "missed weak",
-    ] == [bad.judged.case for bad in worst(cases)]
+    order = "very wrong, wrong, claimed, crashed, missed strong, unsure, missed weak"
+    assert order == ", ".join(bad.judged.case for bad in worst(cases))
     assert 3 == len(worst(cases, 3))
 
 
@@ -122,30 +115,19 @@ def test_final_cases_are_told() -> None:
     assert "opened 1 time" in page(made)
 
 
-@pytest.mark.parametrize(
-    "made",
-    [
-        Run(()),
-        Run((judged(),)),
-        Run((judged(clean_right=0.0),)),
-        Run((planted("a", "leakage", float("inf")),)),
-        Run((planted("a", "leakage", 0.0, ratio=1.0),)),
-        Run(
-            (
-                planted(
-                    "a",
-                    "leakage",
-                    9.0,
-                    errors=Heldout(
-                        shipped=None, recalibrated=1.0, repaired=None, noise=float("nan")
-                    ),
-                ),
-            )
-        ),
-        run(60),
-    ],
-    ids=["nothing", "no score", "one claim", "endless", "one", "unknown", "many"],
-)
+UNKNOWN = Heldout(shipped=None, recalibrated=1.0, repaired=None, noise=float("nan"))
+MADE = {
+    "nothing": Run(()),
+    "no score": Run((judged(),)),
+    "one claim": Run((judged(clean_right=0.0),)),
+    "endless": Run((planted("a", "leakage", float("inf")),)),
+    "one": Run((planted("a", "leakage", 0.0, ratio=1.0),)),
+    "unknown": Run((planted("a", "leakage", 9.0, errors=UNKNOWN),)),
+    "many": run(60),
+}
+
+
+@pytest.mark.parametrize("made", MADE.values(), ids=MADE)
 def test_every_run_gives_a_sound_page(made: Run) -> None:
     """Well-formed, without NaN, nothing from outside; the same bytes again."""
     written = page(made)
@@ -161,21 +143,13 @@ def test_hostile_names_are_escaped() -> None:
     names = {"plant": HOSTILE, "concealed": (HOSTILE,), "places": (HOSTILE,), "half": "dynamic"}
     bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, **names)
     lost = replace(bad, error=HOSTILE)
-    made = Run(
-        (bad, lost),
-        seeds={HOSTILE: HOSTILE},
-        openings=1,
-        digest=HOSTILE,
-        version=HOSTILE,
-        notes=(HOSTILE,),
-    )
-    written = page(made)
+    told = {"digest": HOSTILE, "version": HOSTILE, "notes": (HOSTILE,)}
+    written = page(Run((bad, lost), seeds={HOSTILE: HOSTILE}, openings=1, **told))
     tree(written)
     assert "<b>x" not in written
     assert "<script" not in written
-    assert "[red]" not in text(Run((replace(bad, case="[red]x[/nothing]"),))).replace(
-        "[red]x[/nothing]", ""
-    )
+    name = "[red]x[/nothing]"
+    assert "[red]" not in text(Run((replace(bad, case=name),))).replace(name, "")
 
 
 def test_the_terminal_shows_table_and_worst() -> None:
@@ -189,11 +163,7 @@ def test_the_terminal_shows_table_and_worst() -> None:
 
 def test_scores_stand_by_difficulty_with_coverage() -> None:
     """A case with two difficulties counts in both parts; runs without any have no parts."""
-    plain_one = Judged(
-        case="a", half="stationary", plant="p", profile="steps", partition="development",
-        verdict_true="none", verdict="none", concealed=("clean",), planted=(), places=(), said=(),
-        gain=0.0, margin=0.0, digest="", clean_right=1.0, inside=(1, 2),
-    )  # fmt: skip
+    plain_one = judged(clean_right=1.0, inside=(1, 2))
     hard = replace(plain_one, difficulties=("form", "drift"), clean_right=0.0, inside=(3, 4))
     assert not by_difficulty([plain_one])
     form, drift, rest = by_difficulty([plain_one, hard])

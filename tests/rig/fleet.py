@@ -15,7 +15,7 @@ import resource
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,7 +84,6 @@ def cpu() -> float:
 
 
 def kept(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
-    """All rows, kept as the command keeps them."""
     store, found = Store(fleet.results, fleet.plant_key, fleet.day_key), {}
     for task, row in results:
         store.keep(task, row)
@@ -93,32 +92,27 @@ def kept(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
     return found
 
 
-def with_kill(results: Iterator[tuple[Task, Row]], kill: Callable[[], None]) -> Iterator[Any]:
-    """The same, where a worker is killed behind the first result."""
-    for number, one in enumerate(results):
-        if not number:
-            kill()
-        yield one
-
-
 def on_a_cluster(fleet: Fleet, tasks: list[Task]) -> dict[Task, Row]:
-    """Judged by two workers, of which one is killed."""
+    """Judged by two workers, of which one is killed behind the first result."""
     import distributed
 
     with distributed.LocalCluster(
         n_workers=JOBS, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
-        victim = next(iter(cluster.workers.values())).pid
+        victim, found = next(iter(cluster.workers.values())).pid, {}
         there = Engine(kind=DASK, scheduler=cluster.scheduler_address)
-        run = judged(there, tasks, fleet.rulesets)
-        return dict(with_kill(run, lambda: os.kill(victim, signal.SIGKILL)))
+        for task, row in judged(there, tasks, fleet.rulesets):
+            if not found:
+                os.kill(victim, signal.SIGKILL)
+            found[task] = row
+        return found
 
 
-def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, Any]:
+def measured(folder: Path, plants: int, seconds: int) -> dict[str, Any]:
     models = run_passes(Compilation(path=ROOT / "plants" / "abc"))
     (folder / "abc.json").write_text(models.ruleset.to_json(), encoding="utf-8")
     made = [write_day(models, folder / "recordings", number, seconds) for number in range(plants)]
-    text = f"fleet: rig\nrecordings: recordings\njudged_by: abc.json\ntrace: {str(trace).lower()}\n"
+    text = "fleet: rig\nrecordings: recordings\njudged_by: abc.json\ntrace: false\n"
     (folder / "fleet.yaml").write_text(text)
     fleet = read_fleet(folder / "fleet.yaml", ruleset_of)
     tasks = tasks_of(fleet)
@@ -131,13 +125,10 @@ def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, 
     begun = time.perf_counter()
     elsewhere = on_a_cluster(fleet, tasks)
     return {
-        "plants": plants,
-        "seconds": seconds,
         "cpu": used / plants,
         "per-minute": 60.0 * plants / used,
         "elapsed": lasted,
         "elapsed-dask": time.perf_counter() - begun,
-        "faulty": len(faulty),
         "found": sum(own in names for own, names in faulty),
         "alarms": sum(bool(names) for own, names in zip(made, told, strict=True) if not own),
         "same": elsewhere == found,
@@ -148,14 +139,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plants", type=int, default=1000)
     parser.add_argument("--seconds", type=int, default=86_400)
-    parser.add_argument("--trace", action="store_true")
-    parser.add_argument("--folder", default=None)
-    parser.add_argument("--json", default="-")
+    parser.add_argument("--json", choices=["-"], help="standard output, as without it")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="rulec-fleet-", dir=options.folder) as folder:
-        told = measured(Path(folder), options.plants, options.seconds, options.trace)
-    text = json.dumps(told, indent=1)
-    print(text) if options.json == "-" else Path(options.json).write_text(text + "\n")
+    with tempfile.TemporaryDirectory(prefix="rulec-fleet-") as folder:
+        print(json.dumps(measured(Path(folder), options.plants, options.seconds), indent=1))
 
 
 if __name__ == "__main__":

@@ -109,10 +109,9 @@ def found_of(module: dict[str, Any]) -> set[tuple[str, str, str]]:
 
 
 def compared(file: Path) -> dict[str, Any]:
-    """Found of present, for one file."""
     found, _ = imported([file])
     whole = present(file)
-    row: dict[str, Any] = {"file": file.name, "refused": bool(found["refused"])}
+    row: dict[str, Any] = {"refused": bool(found["refused"])}
     counts = [module["counts"] for module in found["modules"]]
     nodes = set().union(*(found_of(module) for module in found["modules"]), set())
     right = sum(
@@ -121,10 +120,10 @@ def compared(file: Path) -> dict[str, Any]:
     )
     for name in ("tags", "units"):
         row[name] = Share(sum(c[name] for c in counts), whole[name])
-    row["online"] = sum(c["online"] for c in counts)
-    row["nodes"] = Share(right, len(whole["nodes"]))
-    row["services"] = sum(c["services"] for c in counts)
-    return row
+    return row | {
+        "online": sum(c["online"] for c in counts),
+        "nodes": Share(right, len(whole["nodes"])),
+    }
 
 
 def seconds(good: list[Path]) -> float:

@@ -65,8 +65,6 @@ class Degrees:
 
 @dataclass(frozen=True)
 class Station:
-    """The recording; degrees of every sample, and which samples lie in settled stretches."""
-
     recording: Recording
     stretches: int
     settled: NDArray[np.bool_]

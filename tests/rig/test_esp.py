@@ -10,7 +10,8 @@ from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from tests.conftest import ROOT, compiled, plain_yaml, recordings_folder
+from tests.conftest import ROOT, compiled, plain_yaml
+from tests.rig import real
 from tests.rig.esp import (
     FOLDER,
     IMPELLERS,
@@ -29,10 +30,7 @@ PLANT = ROOT / "plants" / "esp-pump"
 @pytest.fixture(scope="module")
 def folder() -> Path:
     """Folder of the measured points."""
-    found = recordings_folder() / FOLDER
-    if not found.is_dir():
-        pytest.skip(f"no real recordings at {found} (set RULEC_RECORDINGS)")
-    return found
+    return real(FOLDER)
 
 
 @pytest.mark.parametrize("impeller", IMPELLERS)

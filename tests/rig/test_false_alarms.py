@@ -11,7 +11,7 @@ from rulec.prove.real.make import made
 from rulec.prove.real.rig_folder import FalseAlarm, false_alarms_in, read_rig
 from rulec.prove.real.run_tool import ask, lay_out
 from rulec.prove.real.score import alarms, scored
-from tests.conftest import recordings_folder
+from tests.rig import real
 
 RECIPES = Path(__file__).parent / "recipes"
 
@@ -19,10 +19,8 @@ RECIPES = Path(__file__).parent / "recipes"
 @pytest.fixture(scope="session")
 def rigs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All rigs whose recordings are at hand."""
-    source, target = recordings_folder(), tmp_path_factory.mktemp("rigs")
-    if not source.is_dir():
-        pytest.skip(f"no real recordings at {source} (set RULEC_RECORDINGS)")
-    list(made(RECIPES, source, target))
+    target = tmp_path_factory.mktemp("rigs")
+    list(made(RECIPES, real(), target))
     return target
 
 

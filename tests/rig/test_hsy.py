@@ -12,6 +12,7 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 
 from tests.conftest import compiled, recordings_folder
+from tests.rig import real
 from tests.rig.station import (
     FILE,
     PLANT,
@@ -26,8 +27,7 @@ from tests.rig.station import (
 @pytest.fixture(scope="module")
 def station() -> Station:
     """The station, every sample judged."""
-    if not (recordings_folder() / FILE).is_file():
-        pytest.skip(f"no real recordings at {recordings_folder()} (set RULEC_RECORDINGS)")
+    real(str(FILE))
     return judge(recordings_folder())
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,38 +9,28 @@ import numpy as np
 import pytest
 
 from rulec.prove.truth import RIGS, Plant
-from tests.rig.isolation import __main__ as isolation
 from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, PLANTS, QUICK
 from tests.rig.mixing_rig.drawn import drawn
-from tests.rig.mixing_rig.judge import Answer, Named, run
-from tests.rig.mixing_rig.measure import counted, sample_figures, sound_form
+from tests.rig.mixing_rig.judge import Answer, run
+from tests.rig.mixing_rig.measure import FORMS, counted, sample_figures, sound_form
 
 
 def test_answers_are_counted() -> None:
-    """First, mentioned, surely wrong, unknown, silent; the bounds and errors of those named."""
-    right = Named("A.leakage", 0.21, 0.15, 0.25, 1.0, ())
-    narrow = Named("A.leakage", 0.23, 0.205, 0.25, 0.6, ())
-    other = Named("B.leakage", 0.2, 0.1, 0.3, 0.6, ("A.leakage",))
-    wrong = Named("B.leakage", 0.3, 0.1, 0.3, 0.99, ())
-    said: list[tuple[Named, ...]] = [(right,), (narrow,), (other,), (wrong,), (), ()]
-    answers = [
-        Answer("by hand", "default", 1, 0.2, {"A.leakage": 0.2}, named, not number)
-        for number, named in enumerate(reversed(said))
-    ]
-    found = counted(answers)
-    names = ("first", "mentioned", "surely_wrong", "unknown", "silent", "covered")
-    assert [(2, 6), (3, 6), (1, 6), (1, 6), (1, 6), (1, 2)] == [
-        (found[name]["count"], found[name]["of"]) for name in names
-    ]
-    assert (0.02, 0.035) == pytest.approx((found["error"], found["error_any"]))
+    """Shares named first, and errors of those and of all that are named."""
+    right, other = ("A.leakage", 0.21, 1.0), ("B.leakage", 0.3, 0.99)
+    close = ("A.leakage", 0.23, 0.6)
+    said = ((right,), (close, other), (other, close), (other,), ())
+    found = counted([Answer("", "", 1, 0.2, {"A.leakage": 0.2}, named) for named in said])
+    assert (2, 5) == (found["first"]["count"], found["first"]["of"])
+    assert (0.02, 0.06) == pytest.approx((found["error"], found["error_any"]))
 
 
 def test_size_of_the_full_runs() -> None:
     """At least 1200 stationary points of all faults, and 100,000 fault-free samples, no seed twice.
     540 recordings of abc, each fault and degree with ten calibrations; the fault begins with its
     plateau."""
-    degrees, alarms = (EXPERIMENTS[name](FULL) for name in ("degrees", "alarms"))
-    sound, start = isolation.sound(isolation.Scale()), isolation.sound_start(isolation.Scale())
+    names = ("degrees", "alarms", "sound", "sound-start")
+    degrees, alarms, sound, start = (EXPERIMENTS[name](FULL) for name in names)
     samples = [sum(t.case.run.operation.time.size for t in tasks) for tasks in (alarms, sound)]
     assert [100_000] * 2 == samples
     assert not any(t.case.faults for t in [*alarms, *sound])
@@ -70,31 +58,28 @@ def test_quick_runs_are_right(tmp_path: Path) -> None:
     for plant in PLANTS:
         own = [a for a in leakage.answers if (a.group, a.mode) == (plant, "default")]
         default = counted(own)
-        assert (3, 3) == (default["points"], default["first"]["count"])
+        assert (3, 3) == (default["first"]["of"], default["first"]["count"])
         assert default["error"] < 0.02
         samples = [s for s in leakage.samples if (s.group, s.mode) == (plant, "default")]
         figures = sample_figures(samples, "A.leakage")
-        assert 0.0 == figures.alarmed
-        assert figures.error < 0.0027  # 0.0017, and two standard deviations between calibrations
+        assert 0.0 == figures["alarmed"]
+        assert figures["error"] < 0.0027  # 0.0017, and two standard deviations between calibrations
     found = sound_form([c for c in healthy.covered if c.mode == "default"])
-    counts = (found["samples"], found["fault"]["count"], found["unknown"]["count"], found["named"])
-    assert (80, 0, 0, []) == counts
+    counts = (found["fault"]["of"], found["fault"]["count"], found["unknown"]["count"])
+    assert (80, 0, 0) == counts
 
 
-def test_small_faults_are_named_and_sound_plants_are_sound(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_small_faults_are_named_and_sound_plants_are_sound(tmp_path: Path) -> None:
     """Each small fault once, of which at most one may hide: it once went from 0.98 to 0.86 and
     nobody saw it. And sound samples, none called faulty."""
-    arguments = "--repetitions 1 --degrees 0.1 --draws 1 --samples 6000 --json -"
-    monkeypatch.setattr(sys, "argv", ["isolation", *arguments.split()])
-    isolation.main()
-    tables = json.loads(capsys.readouterr().out)
-    first = tables["sound-start"]["all"]["first"]
+    start, sound = (
+        FORMS[name](run(tmp_path, EXPERIMENTS[name](QUICK), workers=1))
+        for name in ("sound-start", "sound")
+    )
+    first = start["degree"]["0.1"]["first"]
     assert 18 == first["of"]
     assert first["count"] >= 17
-    assert "leakage 0.1" in tables["sound-start"]["kind_and_degree"]
-    assert 0 == tables["sound"]["fault"]["count"]
+    assert 0 == sound["default"]["fault"]["count"]
 
 
 def test_a_drawn_plant_is_off_inside_its_uncertainty() -> None:

@@ -5,10 +5,7 @@ The whole search takes minutes (`rulec mismatch`); here the explanations it foun
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
@@ -16,28 +13,25 @@ from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.fit import Fitted, plain_end
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.simulated import begun
-from tests.conftest import ROOT, recordings_folder
+from tests.conftest import ROOT
+from tests.rig import real
 from tests.runtime.mismatch.dynamic.benches import grow_by
 
 
-def recorded(name: str) -> Path:
-    folder = recordings_folder()
-    if not (folder / name).exists():
-        pytest.skip("no real recordings (set RULEC_RECORDINGS)")
-    return folder / name
-
-
-def fitted(plant: str, file: str, *joined: str) -> tuple[SimulationProblem, Fitted, Fitted]:
-    """The recalibrated and the repaired model on the blocks that are open."""
+def fitted(plant: str, file: str, *sets: tuple[str, ...]) -> tuple[SimulationProblem, list[Fitted]]:
+    """The recalibrated model and those repaired by sets, on the blocks that are open."""
     ruleset, builder = open_builder(ROOT / "plants" / plant)
-    record = record_of(read_recording(recorded(file), ruleset), ruleset, builder.given)
+    record = record_of(read_recording(real(file), ruleset), ruleset, builder.given)
     assert record is not None
     bench = SimulationProblem(ruleset, builder, record)
     search = begun(bench)
-    grow_by(search, *joined)
+    grow_by(search, *set().union(*sets))
     ends, plain = plain_end(bench, search.models[frozenset()].setting.values)
-    setting = search.models[frozenset(joined)].setting
-    return bench, plain, ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
+    found = [plain]
+    for joined in sets:
+        setting = search.models[frozenset(joined)].setting
+        found.append(ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain))
+    return bench, found
 
 
 def heldout(bench: SimulationProblem, model: Fitted, signal: str) -> float:
@@ -50,9 +44,8 @@ def test_cascaded_tanks() -> None:
     """A bent transmitter and an overflow hide each other: alone next to nothing, together most."""
     bend, rim = "lower.bent-characteristic@y", "upper.overflow-caught@inflow"
     file = "cascaded-tanks/estimation.csv"
-    bench, plain, bent = fitted("cascaded-tanks", file, bend)
-    _, _, both = fitted("cascaded-tanks", file, bend, rim)
-    errors = [heldout(bench, model, "lower.y") for model in (plain, bent, both)]
+    bench, models = fitted("cascaded-tanks", file, (bend,), (bend, rim))
+    errors = [heldout(bench, model, "lower.y") for model in models]
     assert errors[0] > 0.6
     assert errors[1] > 0.9 * errors[0]
     assert errors[2] < 0.3
@@ -62,10 +55,10 @@ def test_two_tanks_and_a_gravity_pipe() -> None:
     """An overflow of tank 2 and the delay of the pipe; the bad level sensor of the pipe is told."""
     file = "aau-wastewater-lab/onoff_2021-12-30.csv.gz"
     joined = ("tank2.overflow-lost@inflow", "pipe.transport-delay@outflow")
-    bench, plain, repaired = fitted("wastewater-lab", file, *joined)
+    bench, (plain, repaired) = fitted("wastewater-lab", file, joined)
     assert heldout(bench, plain, "tank2.l") > 0.025
     assert heldout(bench, repaired, "tank2.l") < 0.015
     assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
     assert 0.55 < repaired.values["tank2.overflow-lost@inflow.l_o"] < 0.65
-    told = list(failing(read_recording(recorded(file), bench.ruleset), bench.ruleset))
+    told = list(failing(read_recording(real(file), bench.ruleset), bench.ruleset))
     assert ["pipe.l2.drop-outs"] == [finding.id for finding in told]

@@ -11,21 +11,20 @@ from typing import Any
 import pytest
 
 from rulec.cli import main
-from tests.conftest import ROOT, recordings_folder
-from tests.rig.zema import Score, read_cycles, run, score, split, total
+from tests.conftest import ROOT
+from tests.rig import real
+from tests.rig.zema import Judged, by_label, read_cycles, run, score, split
 
+FOLDER = "zema-hydraulic"
 KINDS = {"viscosity": "pump-set-oil", "exponential": "pump-set-warm"}
 """Laws of the pump with the viscosity of a mineral oil, or with a fitted exponential. Which oil was
 in the rig is not known; HLP 46 is assumed, and its two points are not fitted."""
 
 
 @functools.cache
-def scored(law: str) -> Score:
-    """Score of a pump law over unseen blocks."""
-    folder = recordings_folder() / "zema-hydraulic"
-    if not folder.is_dir():
-        pytest.skip(f"no real recordings at {folder} (set RULEC_RECORDINGS)")
-    return run(folder, law)
+def scored(law: str) -> list[Judged]:
+    """Unseen blocks by a pump law."""
+    return run(real(FOLDER), law)
 
 
 def test_unseen_blocks() -> None:
@@ -34,32 +33,38 @@ def test_unseen_blocks() -> None:
     none < weak < severe, without overlap in settled cycles. Where something else acts on the
     working pressure the tool says so and names no fault."""
     warm = scored("with temperature")
-    assert (907, 0) == (total(warm.cycles, "none"), total(warm.alarmed, "none"))
-    assert total(warm.cycles, "severe") == total(warm.leak_named, "severe")
-    assert total(warm.leak_named, "weak") >= 0.99 * total(warm.cycles, "weak")
-    weak, severe = warm.degree_range["weak, settled"], warm.degree_range["severe, settled"]
-    assert 0.0 == warm.degree["none, settled"]
-    assert 0.0 < weak[0] <= weak[1] < severe[0]
-    off = warm.off_profile
-    assert off["cycles"] == off["cycles with unknown"]
-    assert 0 == off["seconds with a fault named"]
+    cycles = by_label(warm)
+    assert 907 == len(cycles["healthy"])
+    found_as_labelled(cycles)
+    none, weak, severe = (
+        [j.degree for j in own if j.cycle.settled and not j.cycle.off_profile]
+        for own in cycles.values()
+    )
+    assert 0.0 == max(none)
+    assert 0.0 < min(weak) <= max(weak) < min(severe)
+    off = [j for j in warm if j.cycle.off_profile]
+    assert all(j.unknown and not j.named_off for j in off)
+
+
+def found_as_labelled(cycles: dict[str, list[Judged]]) -> None:
+    assert not any(j.alarmed for j in cycles["healthy"])
+    assert all(j.leaks for j in cycles["severe"])
+    assert sum(j.leaks for j in cycles["weak"]) >= 0.99 * len(cycles["weak"])
 
 
 @pytest.mark.prove
 def test_temperature_in_the_pump_law_pays() -> None:
     """Without oil temperature half of the weak leakages are lost; still no false alarm."""
-    warm, cold = scored("with temperature"), scored("without temperature")
-    assert 0 == total(cold.alarmed, "none")
-    assert total(cold.leak_named, "weak") < 0.6 * total(warm.leak_named, "weak")
+    warm, cold = (by_label(scored(f"{word} temperature")) for word in ("with", "without"))
+    assert not any(j.alarmed for j in cold["healthy"])
+    assert sum(j.leaks for j in cold["weak"]) < 0.6 * sum(j.leaks for j in warm["weak"])
 
 
 @pytest.mark.prove
 def test_viscosity_explains_the_flow_better(tmp_path: Path) -> None:
     """With as many parameters, a laminar share of the slip fits better than an exponential. With it
     no healthy cycle of unseen blocks alarms, leakage is named in all severe and 99 % of weak."""
-    source = recordings_folder() / "zema-hydraulic"
-    if not source.is_dir():
-        pytest.skip(f"no real recordings at {source} (set RULEC_RECORDINGS)")
+    source = real(FOLDER)
     cycles = read_cycles(source)
     blocks = split(source, cycles, tmp_path)
     shutil.copy(ROOT / "plants" / "zema-hydraulic" / "columns.yaml", tmp_path)
@@ -75,10 +80,7 @@ def test_viscosity_explains_the_flow_better(tmp_path: Path) -> None:
         misfits[name] = data["modules"]["main"]["misfit"]["pump"]["value"]
     assert misfits["viscosity"] < misfits["exponential"]
     told = asked("diagnose", tmp_path / "viscosity.yaml", tmp_path / "unseen.csv")
-    result = score(told, cycles, blocks)
-    assert 0 == total(result.alarmed, "none")
-    assert total(result.cycles, "severe") == total(result.leak_named, "severe")
-    assert total(result.leak_named, "weak") >= 0.99 * total(result.cycles, "weak")
+    found_as_labelled(by_label(score(told, cycles, blocks)))
 
 
 def asked(command: str, plant: Path, *arguments: object) -> Any:

@@ -8,10 +8,8 @@ such block) and score; no method reads them otherwise.
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import gzip
-import io
 import json
 import shutil
 import tempfile
@@ -20,11 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from rulec.cli import main
 from tests.conftest import ROOT, recordings_folder
 from tests.figures.share import Share
+from tests.rig.called import called, commissioned
 
 CYCLE = 60.0
 PLANTS = {"with temperature": "plant.yaml", "without temperature": "without-temperature.yaml"}
@@ -47,15 +43,17 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class Score:
-    """Counts over unseen blocks, by (label, settled), and mean degree per label."""
+class Judged:
+    """A whole cycle of an unseen block: whether anything is found in it, and a leakage; the degree
+    of that, 0 without one; whether nothing known explains something; seconds off the profile in
+    which a fault is named."""
 
-    cycles: Mapping[str, int]
-    alarmed: Mapping[str, int]
-    leak_named: Mapping[str, int]
-    degree: Mapping[str, float]
-    degree_range: Mapping[str, tuple[float, float]]
-    off_profile: Mapping[str, int]
+    cycle: Cycle
+    alarmed: bool
+    leaks: bool
+    degree: float
+    unknown: bool
+    named_off: int
 
 
 def commission_and_diagnose(
@@ -66,13 +64,8 @@ def commission_and_diagnose(
     place = work / "plants" / "zema-hydraulic"
     shutil.copytree(ROOT / "plants" / "zema-hydraulic", place)
     file = place / PLANTS[plant]
-    lines = file.read_text(encoding="utf-8").splitlines()
-    kept = [line for line in lines if not line.startswith("calibration:")]
-    file.write_text("\n".join([*kept, f"kb: {ROOT / 'kb'}"]) + "\n", encoding="utf-8")
-    _call("calibrate", file, work / "commissioning.csv", "-o", place / "found.yaml")
-    with file.open("a", encoding="utf-8") as out:
-        out.write("calibration: [found.yaml]\n")
-    _call("diagnose", file, work / "unseen.csv", "--json", work / "diagnosis.json")
+    commissioned(file, work / "commissioning.csv")
+    called("diagnose", file, work / "unseen.csv", "--json", work / "diagnosis.json")
     return json.loads((work / "diagnosis.json").read_text(encoding="utf-8")), commissioning
 
 
@@ -84,12 +77,6 @@ def split(folder: Path, cycles: list[Cycle], work: Path) -> set[int]:
     write_cycles(folder, chosen, work / "commissioning.csv")
     write_cycles(folder, {c.number for c in cycles if c.block not in blocks}, work / "unseen.csv")
     return blocks
-
-
-def _call(*arguments: object) -> None:
-    with contextlib.redirect_stdout(io.StringIO()):
-        code = main([str(a) for a in arguments])
-    assert code == 0, arguments
 
 
 def read_cycles(folder: Path) -> list[Cycle]:
@@ -116,7 +103,6 @@ def read_cycles(folder: Path) -> list[Cycle]:
 
 
 def write_cycles(folder: Path, cycles: Iterable[int], target: Path) -> None:
-    """Copy some cycles of the recording."""
     wanted = {str(c) for c in cycles}
     with gzip.open(folder / "recording.csv.gz", "rt", encoding="utf-8") as source:
         rows = csv.reader(source)
@@ -128,37 +114,19 @@ def write_cycles(folder: Path, cycles: Iterable[int], target: Path) -> None:
             writer.writerows(row for row in rows if row[index] in wanted)
 
 
-def score(diagnosis: Mapping[str, Any], cycles: list[Cycle], commissioning: set[int]) -> Score:
-    """Per whole cycle: did anything alarm, was leakage among the causes named, how large."""
-    names = {0: "none", 1: "weak", 2: "severe"}
-    counts: dict[str, dict[str, int]] = {"cycles": {}, "alarmed": {}, "named": {}}
-    degrees: dict[str, list[float]] = {}
-    off = {"cycles": 0, "cycles with unknown": 0, "seconds": 0, "seconds with a fault named": 0}
+def score(
+    diagnosis: Mapping[str, Any], cycles: list[Cycle], commissioning: set[int]
+) -> list[Judged]:
+    judged = []
     for cycle in (c for c in cycles if c.block not in commissioning):
         start, end = CYCLE * cycle.number, CYCLE * (cycle.number + 1)
         found = _within(diagnosis["findings"], start, end)
-        key = f"{names[cycle.leakage]}, {'settled' if cycle.settled else 'unsettled'}"
-        if cycle.off_profile:
-            off["cycles"] += 1
-            off["cycles with unknown"] += bool(_within(diagnosis["unknown"], start, end))
-            off["seconds"] += len(cycle.off_profile)
-            off["seconds with a fault named"] += sum(
-                any(f["since"] <= t <= f["until"] for f in found) for t in cycle.off_profile
-            )
-            key += ", off profile"
-        _count(counts["cycles"], key, True)
-        _count(counts["alarmed"], key, bool(found))
-        leaks = [f for f in found if "main.leakage" in _causes(f)]
-        _count(counts["named"], key, bool(leaks))
-        degrees.setdefault(key, []).append(max((f["degree"] for f in leaks), default=0.0))
-    return Score(
-        counts["cycles"],
-        counts["alarmed"],
-        counts["named"],
-        {k: float(np.mean(v)) for k, v in degrees.items()},
-        {k: (min(v), max(v)) for k, v in degrees.items()},
-        off,
-    )
+        unknown = _within(diagnosis["unknown"], start, end)
+        leaks = [f["degree"] for f in found if "main.leakage" in _causes(f)]
+        off = [t for t in cycle.off_profile if any(f["since"] <= t <= f["until"] for f in found)]
+        told = bool(found), bool(leaks), max(leaks, default=0.0), bool(unknown), len(off)
+        judged.append(Judged(cycle, *told))
+    return judged
 
 
 def _within(entries: list[dict[str, Any]], start: float, end: float) -> list[dict[str, Any]]:
@@ -169,34 +137,26 @@ def _causes(finding: Mapping[str, Any]) -> set[str]:
     return {finding["fault"], *(a["fault"] for a in finding["alternatives"])}
 
 
-def _count(table: dict[str, int], key: str, hit: bool) -> None:
-    table[key] = table.get(key, 0) + hit
-
-
-def run(folder: Path, plant: str) -> Score:
+def run(folder: Path, plant: str) -> list[Judged]:
     """The whole experiment with one pump law."""
     with tempfile.TemporaryDirectory() as work:
         diagnosis, commissioning = commission_and_diagnose(folder, plant, Path(work))
     return score(diagnosis, read_cycles(folder), commissioning)
 
 
-def total(table: Mapping[str, int], word: str) -> int:
-    """Cycles of a label, settled or not."""
-    return sum(count for key, count in table.items() if key.startswith(word))
+def by_label(judged: list[Judged]) -> dict[str, list[Judged]]:
+    """Cycles without a leakage, with a weak and with a severe one."""
+    names = enumerate(("healthy", "weak", "severe"))
+    return {name: [j for j in judged if j.cycle.leakage == size] for size, name in names}
 
 
-def form(result: Score) -> dict[str, Any]:
-    """Machine form: whole cycles of unseen blocks, as the README counts them."""
-    off, found = result.off_profile, {"healthy alarmed": ("none", result.alarmed)}
-    found |= {f"{word} found": (word, result.leak_named) for word in ("weak", "severe")}
-    return {
-        **{
-            name: Share(total(table, word), total(result.cycles, word)).form()
-            for name, (word, table) in found.items()
-        },
-        "off profile unknown": Share(off["cycles with unknown"], off["cycles"]).form(),
-        "off profile named": Share(off["seconds with a fault named"], off["seconds"]).form(),
-    }
+def form(judged: list[Judged]) -> dict[str, Any]:
+    """Machine form, as the README counts."""
+    cycles, off = by_label(judged), [j.unknown for j in judged if j.cycle.off_profile]
+    found = {"healthy alarmed": [j.alarmed for j in cycles["healthy"]]}
+    found |= {f"{name} found": [j.leaks for j in cycles[name]] for name in ("weak", "severe")}
+    found["off profile unknown"] = off
+    return {name: Share(sum(flags), len(flags)).form() for name, flags in found.items()}
 
 
 if __name__ == "__main__":

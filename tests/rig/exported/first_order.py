@@ -3,8 +3,6 @@ whole and by results of modules that hold no readings."""
 
 from __future__ import annotations
 
-import contextlib
-import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,8 +11,8 @@ from pathlib import Path
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 
-from rulec.cli import main
 from tests.conftest import ROOT
+from tests.rig.called import called
 from tests.rig.exported.split import split
 
 DEGREES = (0.1, 0.6)
@@ -41,9 +39,7 @@ def judged(ruleset: Ruleset, work: Path) -> Iterator[tuple[Judged, Judged]]:
             folder.mkdir()
             file = folder / "recording.csv"
             acts = f"{fault.id}={degree}@{SINCE:g}:1000"
-            arguments = ["simulate", str(PLANT), str(INPUTS), "-o", str(file), "--fault", acts]
-            with contextlib.redirect_stdout(io.StringIO()):
-                assert main([*arguments, "--noise", str(SEED)]) == 0
+            called("simulate", PLANT, INPUTS, "-o", file, "--fault", acts, "--noise", SEED)
             found = split(ruleset, file, folder)
             yield (
                 _verdict(found.whole, fault.id, degree),
@@ -52,7 +48,6 @@ def judged(ruleset: Ruleset, work: Path) -> Iterator[tuple[Judged, Judged]]:
 
 
 def _verdict(diagnosis: Diagnosis, fault: str, degree: float) -> Judged:
-    """What the last finding says."""
     if not diagnosis.findings:
         return Judged(degree, False, degree)
     last = max(diagnosis.findings, key=lambda f: f.until)

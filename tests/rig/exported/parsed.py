@@ -19,8 +19,6 @@ FUNCTIONS |= {"MIN": "min", "MAX": "max"}
 
 
 class Block:
-    """A function block of a source text."""
-
     def __init__(self, block: st.FunctionBlock) -> None:
         self.name = str(block.name)
         kinds = {st.InputDeclarations: "inputs", st.OutputDeclarations: "outputs"}

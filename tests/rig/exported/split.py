@@ -17,18 +17,16 @@ from rulec.export.module_code import code_of
 from rulec.export.play_on_recording import Execute, played, results_csv
 from rulec.export.program import run
 from rulec.export.value_names import listed_undo
-from tests.rig.exported.asked import asking
 from tests.rig.exported.compiled import COMPILER, compiled
 
 
 @dataclass(frozen=True)
 class Split:
     """One recording judged as a whole and by way of its modules: with mean readings beside their
-    results, by asking them, and by slopes alone."""
+    results, and by slopes alone."""
 
     whole: Diagnosis
     given: Diagnosis
-    asked: Diagnosis
     first_order: Diagnosis
 
 
@@ -44,11 +42,9 @@ def split(ruleset: Ruleset, recording: Path, work: Path) -> Split:
     bare = {n: c for n, c in columns.items() if n.partition(" [")[0] not in ruleset.signal_by_id}
     (work / "bare.csv").write_text(results_csv(bare), encoding="utf-8")
     results = read_results(work / "results.csv", ruleset)
-    without = replace(ruleset, undo=asking(ruleset, codes, execute))
     return Split(
         diagnose(read, ruleset),
         diagnose_results(results, ruleset),
-        diagnose_results(results, without),
         diagnose_results(read_results(work / "bare.csv", ruleset), ruleset),
     )
 

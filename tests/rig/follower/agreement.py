@@ -29,7 +29,6 @@ class Followed:
 
 
 def followed(ruleset: Ruleset, recording: Recording, step: int) -> Followed:
-    """Follow a recording until it ends."""
     memory, events = nothing_yet(False), list[Event]()
     for first in range(0, len(recording), step):
         for told in follow(ruleset, memory, part_of(recording, first, first + step)):
@@ -82,7 +81,6 @@ def _untold(whole: Diagnosis, found: Followed, interval: float) -> Iterator[str]
 
 
 def first_rows(recording: Recording, rows: int) -> Recording:
-    """The beginning of a recording."""
     return replace(
         recording,
         time=recording.time[:rows],

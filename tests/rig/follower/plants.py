@@ -39,8 +39,6 @@ def side_by_side() -> Ruleset:
 
 @dataclass(frozen=True)
 class Planted:
-    """A fault of a recording, in rows."""
-
     fault: str
     degree: float
     first: int

@@ -7,22 +7,16 @@ import json
 
 from tests.rig.long_run import courses, pairs, rows, year
 
-ASKED = {
-    "rows": lambda: rows.form(rows.measure()),
-    "courses": lambda: courses.form(courses.measure()),
-    "pairs": lambda: pairs.form(pairs.measure()),
-    "year": year.measure,
-}
+ASKED = {module.__name__.rpartition(".")[2]: module for module in (rows, courses, pairs, year)}
 
 
 def main() -> None:
-    """Ask one question after the other."""
     parser = argparse.ArgumentParser(prog="python -m tests.rig.long_run", description=__doc__)
     parser.add_argument("questions", nargs="*", metavar="QUESTION", help=", ".join(ASKED))
     questions = parser.parse_args().questions or ASKED
     if strangers := set(questions) - set(ASKED):
         parser.error(f"no question {', '.join(sorted(strangers))}")
-    print(json.dumps({name: ASKED[name]() for name in questions}, indent=1))
+    print(json.dumps({name: ASKED[name].measure() for name in questions}, indent=1))
 
 
 if __name__ == "__main__":

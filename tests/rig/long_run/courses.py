@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from tests.rig.long_run.judged import last_of, names_of, now_of, within
-from tests.rig.long_run.plants import Form, asked, clock, constant, moving, recorded
+from tests.rig.long_run.plants import asked, clock, constant, moving, recorded
 from tests.rig.long_run.readings import Columns
 
 DRAWN = 60
-DAY = 86_400.0
 
 SCALES: dict[str, tuple[int, float]] = {
     "10 minutes": (600, 1.0),
@@ -35,9 +33,6 @@ FAULTS: dict[str, tuple[float, float]] = {
     "B.P_el.high": (0.1, 0.25),
 }
 """Least and largest degree at the end."""
-
-SECONDS = {"s": 1.0, "min": 60.0, "h": 3_600.0, "d": DAY, "w": 7 * DAY, "week": 7 * DAY}
-"""Of the units of a rate: `1/d`."""
 
 BEYOND = 20.0
 """Lengths of the recording within which the truth is followed on."""
@@ -70,10 +65,6 @@ class Course:
             return self.last * done / of
         return np.asarray(self.last * along**self.power)
 
-    def rate(self) -> float:
-        """At the end, 1/s; of steps on average."""
-        return self.power * self.last / (self.ends - self.begins)
-
     def reaches(self, degree: float) -> float:
         """When it truly is there, s; infinite where that is far behind the recording."""
         time = self.begins + np.linspace(0.0, BEYOND, 400_001) * (self.ends - self.begins)
@@ -95,24 +86,8 @@ class Drawn:
 
     @property
     def what(self) -> str:
-        """In words."""
         points = "moving" if self.moves else "constant"
         return f"{self.number} {self.rig}, {self.fault}, {self.scale}, {self.shape}, {points}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Said:
-    """What was told of one course; None where it was not."""
-
-    what: str
-    true: float
-    named: bool
-    now: tuple[float, float, float] | None
-    true_rate: float
-    rate: tuple[float, float, float] | None
-    target: float | None
-    reached: tuple[float, float] | None
-    truly: float | None
 
 
 def draw(number: int) -> Drawn:
@@ -136,7 +111,6 @@ def draw(number: int) -> Drawn:
 
 
 def readings_of(drawn: Drawn) -> Columns:
-    """Its recording."""
     rows, interval = SCALES[drawn.scale]
     time = clock(rows, interval)
     random = np.random.default_rng([51, drawn.number])
@@ -146,65 +120,28 @@ def readings_of(drawn: Drawn) -> Columns:
     return recorded(drawn.rig, time, 7_000 + drawn.number, {drawn.fault: degree}, speed=speed)
 
 
-def measure() -> list[Said]:
-    """What is told of courses, one after the other."""
-    return [said_of(draw(number)) for number in range(DRAWN)]
+def measure() -> dict[str, Any]:
+    """How often what is told is right, and what is told of every course."""
+    said = [said_of(draw(number)) for number in range(DRAWN)]
+    counted = ("named", "degree_right", "forecast_holds")
+    counts = {name: f"{sum(one[name] for one in said)} of {len(said)}" for name in counted}
+    return {"counts": counts, "courses": said}
 
 
-def said_of(drawn: Drawn) -> Said:
-    """What is told of one."""
-    columns = readings_of(drawn)
-    form, course = asked(drawn.rig, columns), drawn.course
-    finding = last_of(form, drawn.fault)
-    told = (finding or {}).get("reaches")
-    target = None if told is None else float(told["degree"])
-    return Said(
-        what=drawn.what,
-        true=float(course(np.array(course.ends))),
-        named=any(drawn.fault in names_of(f) for f in form["findings"]),
-        now=None if finding is None else now_of(finding),
-        true_rate=course.rate() * _usual_unit(drawn),
-        rate=None if finding is None else _rate(finding, _usual_unit(drawn)),
-        target=target,
-        reached=None if told is None else (float(told["earliest"]), float(told["latest"])),
-        truly=None if target is None else course.reaches(target),
-    )
-
-
-def form(courses: Sequence[Said]) -> dict[str, Any]:
-    """Counts, and every course."""
-    rates = [s for s in courses if s.rate is not None]
-    shares = {
-        "named": (sum(s.named for s in courses), courses),
-        "degree_right": (
-            sum(s.now is not None and within(s.now, s.true) for s in courses),
-            courses,
-        ),
-        "rate_bounds_hold": (sum(_holds(s.rate, s.true_rate) for s in rates), rates),
-        "forecast_holds": (sum(_forecast(s) for s in courses), courses),
+def said_of(drawn: Drawn) -> dict[str, Any]:
+    """What is told of one: its degree with bounds, when it reaches another one; and the truth."""
+    form, course = asked(drawn.rig, readings_of(drawn)), drawn.course
+    finding = last_of(form, drawn.fault) or {}
+    true, now = float(course(np.array(course.ends))), now_of(finding) if finding else None
+    told = finding.get("reaches")
+    truly = None if told is None else course.reaches(float(told["degree"]))
+    return {
+        "what": drawn.what,
+        "true": true,
+        "now": now,
+        "reaches": told,
+        "truly": truly,
+        "named": any(drawn.fault in names_of(f) for f in form["findings"]),
+        "degree_right": now is not None and within(now, true),
+        "forecast_holds": truly is not None and told["earliest"] <= truly <= told["latest"],
     }
-    counts = {name: f"{count} of {len(of)}" for name, (count, of) in shares.items()}
-    return {"counts": counts, "courses": [asdict(s) for s in courses]}
-
-
-def _holds(told: tuple[float, float, float] | None, true: float) -> bool:
-    return told is not None and told[1] <= true <= told[2]
-
-
-def _forecast(said: Said) -> bool:
-    if said.reached is None or said.truly is None:
-        return False
-    return said.reached[0] <= said.truly <= said.reached[1]
-
-
-def _rate(finding: Form, unit: float) -> tuple[float, float, float] | None:
-    """Rate with bounds in the unit of the table, 1 per so many seconds."""
-    told = finding.get("rate")
-    if told is None:
-        return None
-    per = unit / SECONDS[str(told["unit"]).partition("/")[2]]
-    return float(told["value"]) * per, float(told["lower"]) * per, float(told["upper"]) * per
-
-
-def _usual_unit(drawn: Drawn) -> float:
-    return 60.0 if drawn.scale == "10 minutes" else DAY

@@ -66,24 +66,17 @@ def now_of(finding: Form) -> tuple[float, float, float]:
 
 
 def width_of(finding: Form) -> float:
-    """Half the width of the bounds of the degree at the end."""
     _, lower, upper = now_of(finding)
     return (upper - lower) / 2.0
 
 
-def fits(finding: Form, degree: float) -> bool:
-    """Is the degree close to the true one, or do its bounds hold it?"""
-    return within(now_of(finding), degree)
-
-
 def within(told: tuple[float, float, float], degree: float) -> bool:
-    """The same of a degree with its bounds."""
+    """Is a degree close to the true one, or do its bounds hold it?"""
     said, lower, upper = told
     return abs(said - degree) <= CLOSE * degree or lower <= degree <= upper
 
 
 def complaints(right: Right, form: Form) -> list[str]:
-    """What is wrong with an answer; nothing if it is right."""
     found = [*_faults(right, form), *_sensors(right, form), *_blind(right, form)]
     for pattern in right.states:
         told = [*form["findings"], *form["regimes"]]
@@ -115,7 +108,7 @@ def _faults(right: Right, form: Form) -> Iterator[str]:
         finding = last_of(form, fault)
         if finding is None:
             continue
-        if not fits(finding, degree):
+        if not within(now_of(finding), degree):
             said, lower, upper = now_of(finding)
             yield f"{fault} is {degree:.3g}, told {said:.3g} ({lower:.3g} to {upper:.3g})"
         if right.grows and "now" not in finding:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from rulec_runtime.contract.plan import Array
 from tests.figures.share import Share
 from tests.rig.long_run import physics, readings
 from tests.rig.long_run.judged import LIQUID, Right, names_of, surely_wrong, told
-from tests.rig.long_run.plants import Form, asked, clock, constant, moving, plant, recorded
+from tests.rig.long_run.plants import asked, clock, constant, moving, plant, recorded
 from tests.rig.long_run.readings import Columns, changed
 
 DRAWN = 300
@@ -79,23 +79,8 @@ class Pair:
 
     @property
     def what(self) -> str:
-        """In words."""
         points = "moving" if self.moves else "constant"
         return f"{self.rig}, {points}: {self.fault} {self.degree:.2f}, {self.problem} {self.signal}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Judged:
-    """What was said of a pair."""
-
-    number: int
-    what: str
-    problem: str
-    verdict: str
-    first: bool
-    wrong_beside: bool
-    sensor_told: bool
-    said: str
 
 
 def draw(number: int) -> Pair:
@@ -125,17 +110,15 @@ def draw(number: int) -> Pair:
     )
 
 
-def readings_of(pair: Pair, sound: bool = False) -> Columns:
-    """Its recording; `sound`: without the fault."""
+def readings_of(pair: Pair) -> Columns:
     random = np.random.default_rng([53, pair.number])
     time, rig, built = clock(ROWS), pair.rig, plant(pair.rig)
     speed = moving(rig, time, 45, random) if pair.moves else constant(rig, time)
     is_cold = pair.problem == "cold liquid"
     faults = physics.everywhere(built, np.full(ROWS, 0.15)) if is_cold else {}
-    if not sound:
-        there = np.where(time >= LEAKS, pair.degree, 0.0)
-        before = faults.get(pair.fault, np.zeros(ROWS))
-        faults[pair.fault] = (1.0 + before) * (1.0 + there) - 1.0 if before.any() else there
+    there = np.where(time >= LEAKS, pair.degree, 0.0)
+    before = faults.get(pair.fault, np.zeros(ROWS))
+    faults[pair.fault] = (1.0 + before) * (1.0 + there) - 1.0 if before.any() else there
     backflow = False
     if pair.problem == "pump off":
         off = str(random.choice([n for n in built.modules if n != pair.fault.split(".")[0]]))
@@ -155,81 +138,32 @@ def readings_of(pair: Pair, sound: bool = False) -> Columns:
     return READINGS[pair.problem](columns, pair.signal, random) if pair.signal else columns
 
 
-def right_of(pair: Pair, sound: bool = False) -> Right:
+def right_of(pair: Pair) -> Right:
     """What may be told."""
-    faults = {} if sound else {pair.fault: pair.degree}
     also = [rf"{pair.signal}\."] if pair.signal else []
     if pair.problem in ("swapped", "unit"):
         also = [r".*\.dp\."]
     states = {"cold liquid": (LIQUID,), "pump off": ("off|stands",)}.get(pair.problem, ())
-    return Right(faults=faults, states=states, also=(*also, r"time\."))
+    return Right(faults={pair.fault: pair.degree}, states=states, also=(*also, r"time\."))
 
 
-def measure() -> list[Judged]:
-    """Pairs, and a fifth as many recordings of a problem alone."""
-    pairs = [_judged(draw(number)) for number in range(DRAWN)]
-    return pairs + [_sound(draw(number)) for number in range(DRAWN // 5)]
-
-
-def form(judged: Sequence[Judged]) -> dict[str, Any]:
-    """Machine form."""
-    pairs = [j for j in judged if j.verdict in VERDICTS]
-    sound = [j for j in judged if j.verdict not in VERDICTS]
-    verdicts = Counter(j.verdict for j in pairs)
-    by_problem = {
-        problem: dict.fromkeys(VERDICTS, 0)
-        | dict(Counter(j.verdict for j in pairs if j.problem == problem))
-        for problem in PROBLEMS
-    }
+def measure() -> dict[str, Any]:
+    """How often each verdict is given, and all that is not right."""
+    pairs, misses, verdicts = [draw(number) for number in range(DRAWN)], [], Counter[str]()
+    for pair in pairs:
+        said = asked(pair.rig, readings_of(pair))
+        if any(pair.fault in names_of(f) for f in said["findings"]):
+            verdict = "right"
+        elif any(surely_wrong(right_of(pair), said)):
+            verdict = "wrong"
+        else:
+            verdict = "ok" if said["status"] == "ok" else "without a name"
+        verdicts[verdict] += 1
+        if verdict != "right":
+            misses.append({"what": pair.what, "verdict": verdict, "said": told(said)})
     shares = {verdict: Share(verdicts[verdict], len(pairs)) for verdict in VERDICTS}
-    shares["wrong_beside_right"] = Share(sum(j.wrong_beside for j in pairs), len(pairs))
-    shares["right_first"] = Share(sum(j.first for j in pairs), len(pairs))
-    broken = [j for j in pairs if j.problem in READINGS]
-    shares["sensor_told"] = Share(sum(j.sensor_told for j in broken), len(broken))
-    shares["false_alarms_of_sound"] = Share(sum(j.verdict == "alarm" for j in sound), len(sound))
-    return {
-        "counts": {name: f"{s.count} of {s.of} ({s.value:.1%})" for name, s in shares.items()},
-        "by_problem": by_problem,
-        "misses": [asdict(j) for j in judged if j.verdict not in ("right", "quiet")],
-    }
-
-
-def _judged(pair: Pair) -> Judged:
-    said = asked(pair.rig, readings_of(pair))
-    named = [f for f in said["findings"] if pair.fault in names_of(f)]
-    wrong = any(surely_wrong(right_of(pair), said))
-    if named:
-        verdict = "right"
-    elif wrong:
-        verdict = "wrong"
-    else:
-        verdict = "ok" if said["status"] == "ok" else "without a name"
-    first = any(f["fault"] == pair.fault for f in named)
-    return _of(pair, said, verdict, first=first, wrong_beside=wrong and bool(named))
-
-
-def _sound(pair: Pair) -> Judged:
-    """A problem alone: an alarm is a fault of a module that is told as sure."""
-    said = asked(pair.rig, readings_of(pair, sound=True))
-    alarm = any(surely_wrong(right_of(pair, sound=True), said))
-    return _of(pair, said, "alarm" if alarm else "quiet")
-
-
-def _of(
-    pair: Pair, said: Form, verdict: str, *, first: bool = False, wrong_beside: bool = False
-) -> Judged:
-    names = {name for f in said["findings"] for name in names_of(f)}
-    sensor_told = bool(pair.signal) and any(n.startswith(f"{pair.signal}.") for n in names)
-    return Judged(
-        number=pair.number,
-        what=pair.what,
-        problem=pair.problem,
-        verdict=verdict,
-        first=first,
-        wrong_beside=wrong_beside,
-        sensor_told=sensor_told,
-        said=told(said),
-    )
+    counts = {name: f"{s.count} of {s.of} ({s.value:.1%})" for name, s in shares.items()}
+    return {"counts": counts, "misses": misses}
 
 
 def _noise(values: Array, share: float, random: Random) -> Array:

@@ -67,7 +67,6 @@ class Idle:
 
 
 def with_pump(plant: Plant, name: str, pump: Pump) -> Plant:
-    """The plant with another pump in a module."""
     changed = replace(plant.modules[name], pump=pump)
     return replace(plant, modules={**plant.modules, name: changed})
 

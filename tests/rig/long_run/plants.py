@@ -11,20 +11,18 @@ from typing import Any
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.live.follower import concluded, follow, nothing_yet
-from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form
 
 from rulec.cli import main
 from rulec.commands.arguments import recording_given
-from rulec.passes.compile_cache import ruleset_of_plant
-from rulec.prove.truth import RIGS, TABLE_1, Plant, record, write_csv
+from rulec.prove.truth import TABLE_1, Plant, record, write_csv
 from rulec.prove.truth.plant import Operation
 from rulec.prove.truth.runs import HIGHEST, LOWEST, Run, approach
-from tests.conftest import ROOT
+from tests.conftest import compiled
+from tests.method.readings import built as plant
+from tests.rig.follower.agreement import followed
 from tests.rig.long_run.readings import Columns
 
 Form = Mapping[str, Any]
@@ -37,20 +35,7 @@ QUICK = 5.0
 """Seconds between rows below which a speed is seen on its way to a new set point."""
 
 
-@functools.cache
-def ruleset(rig: str) -> Ruleset:
-    """A shipped plant, compiled."""
-    return ruleset_of_plant(ROOT / "plants" / rig)
-
-
-@functools.cache
-def plant(rig: str) -> Plant:
-    """What stands there in truth."""
-    return RIGS[rig]()
-
-
 def clock(rows: int, interval: float = 1.0) -> Array:
-    """Times of a recording, s."""
     return interval * np.arange(rows, dtype=np.float64)
 
 
@@ -89,27 +74,17 @@ def recorded(
 
 
 def given(rig: str, columns: Columns) -> Recording:
-    """The columns as the reader takes them."""
-    return recording_given([dict(columns)], ruleset(rig))
+    return recording_given([dict(columns)], compiled(rig))
 
 
 def asked(rig: str, columns: Columns) -> Form:
     """What the tool says of a whole recording."""
-    return diagnosis_form(diagnose(given(rig, columns), ruleset(rig)))
+    return diagnosis_form(diagnose(given(rig, columns), compiled(rig)))
 
 
 def watched(rig: str, columns: Columns) -> Form:
     """What a watch says when the recording has been played through it to its end."""
-    rules, recording = ruleset(rig), given(rig, columns)
-    memory, diagnosis = nothing_yet(False), None
-    for low in range(0, len(recording), BLOCK):
-        part = {name: v[low : low + BLOCK] for name, v in recording.values.items()}
-        for told in follow(rules, memory, Rows(recording.time[low : low + BLOCK], part)):
-            memory, diagnosis = told.memory, told.diagnosis
-    if (last := concluded(rules, memory)) is not None:
-        diagnosis = last.diagnosis
-    assert diagnosis is not None
-    return diagnosis_form(diagnosis)
+    return diagnosis_form(followed(compiled(rig), given(rig, columns), BLOCK).diagnosis)
 
 
 @functools.cache
@@ -122,7 +97,7 @@ def command(rig: str, columns: Columns) -> Form:
     folder = Path(_folder().name)
     rules, file, said = folder / f"{rig}.json", folder / "recording.csv", folder / "said.json"
     if not rules.exists():
-        rules.write_text(ruleset(rig).to_json(), encoding="utf-8")
+        rules.write_text(compiled(rig).to_json(), encoding="utf-8")
     write_csv(file, columns, digits=8)
     words: Sequence[object] = ("diagnose", rules, file, "--quiet", "--json", said)
     try:

@@ -22,7 +22,6 @@ def changed(columns: Columns, signal: str, change: Callable[[Array], Array]) -> 
 
 
 def absent(columns: Columns, signal: str) -> Columns:
-    """No such column."""
     return {name: v for name, v in columns.items() if name != title(columns, signal)}
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -32,41 +32,17 @@ SHORT = 300
 HERE = SHORT // 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """A recording and the right answer to it.
-
-    Attributes
-    ----------
-    how : `asked`, `watched` or `command` of `tests.rig.long_run.plants`
-    """
-
-    variant: str
-    rig: str
-    columns: Columns
-    right: Right
-    how: Callable[[str, Columns], Form] = asked
-
-
-@dataclass(frozen=True, kw_only=True)
-class Answer:
-    """What was said of one recording, and what is wrong with that."""
-
-    row: str
-    variant: str
-    rig: str
-    said: str
-    complaints: tuple[str, ...]
+Asked = tuple[str, Columns, Right] | tuple[str, Columns, Right, Callable[[str, Columns], Form]]
+"""A variant, its recording, the right answer, and the way to ask: else `asked` of `plants`."""
 
 
 def growth(rig: str, seed: int) -> Iterator[Asked]:
-    """A leakage or a clogging grows within an hour, nothing else changes."""
     time = clock(HOUR)
     for fault, degree in (("A.leakage", 0.5), ("A.clogging", 2.0)):
         columns = recorded(rig, time, seed, {fault: np.linspace(0.0, degree, HOUR)})
         right = Right(faults={fault: degree}, grows=True)
-        for name, how in (("file", asked), ("live", watched)):
-            yield Asked(variant=f"{fault} {name}", rig=rig, columns=columns, right=right, how=how)
+        yield f"{fault} file", columns, right
+        yield f"{fault} live", columns, right, watched
 
 
 def drifts(rig: str, seed: int) -> Iterator[Asked]:
@@ -77,8 +53,8 @@ def drifts(rig: str, seed: int) -> Iterator[Asked]:
         columns = recorded(rig, clock(rows), seed, course)
         half = {name: column[HOUR:] for name, column in columns.items()}
         right = Right(sensors=(f"A.{signal}.",))
-        yield Asked(variant=f"{signal}, two hours", rig=rig, columns=columns, right=right)
-        yield Asked(variant=f"{signal}, second hour", rig=rig, columns=half, right=right)
+        yield f"{signal}, two hours", columns, right
+        yield f"{signal}, second hour", half, right
 
 
 def fast_reading(rig: str, seed: int) -> Iterator[Asked]:
@@ -86,8 +62,7 @@ def fast_reading(rig: str, seed: int) -> Iterator[Asked]:
     for share in (0.1, 0.2, 0.3):
         columns = recorded(rig, clock(SHORT), seed)
         columns = readings.changed(columns, "A.n", partial(np.multiply, 1.0 + share))
-        right = Right(sensors=("A.n.",))
-        yield Asked(variant=f"n {share:.0%} high", rig=rig, columns=columns, right=right)
+        yield f"n {share:.0%} high", columns, Right(sensors=("A.n.",))
 
 
 def blind(rig: str, seed: int) -> Iterator[Asked]:
@@ -101,12 +76,9 @@ def blind(rig: str, seed: int) -> Iterator[Asked]:
     }
     hidden = Right(blind=("A.leakage",), also=("A.", "C.", "M1."))
     for name, without in cells.items():
-        yield Asked(
-            variant=f"A.dp {name}", rig=rig, columns=without("A.dp"), right=hidden, how=command
-        )
+        yield f"A.dp {name}", without("A.dp"), hidden, command
     seen = Right(faults={"A.leakage": 0.6}, blind=("B.leakage",), also=("B.",))
-    beside = cells["no column"]("B.dp")
-    yield Asked(variant="B.dp no column", rig=rig, columns=beside, right=seen, how=command)
+    yield "B.dp no column", cells["no column"]("B.dp"), seen, command
 
 
 def comes_and_goes(rig: str, seed: int) -> Iterator[Asked]:
@@ -116,8 +88,7 @@ def comes_and_goes(rig: str, seed: int) -> Iterator[Asked]:
     leak = np.where((time % 10.0 < 2.0) & (time >= 20.0), degree, 0.0)
     columns = recorded(rig, time, seed, {"A.leakage": leak})
     events = (int(np.sum(np.diff(leak) > 0.0)), 2.0)
-    right = Right(faults={"A.leakage": degree}, events=events)
-    yield Asked(variant="2 s of 10", rig=rig, columns=columns, right=right)
+    yield "2 s of 10", columns, Right(faults={"A.leakage": degree}, events=events)
 
 
 def cold(rig: str, seed: int) -> Iterator[Asked]:
@@ -129,7 +100,7 @@ def cold(rig: str, seed: int) -> Iterator[Asked]:
     right = Right(states=(LIQUID,))
     for variant, temperature in (("T recorded", falls), ("T as usual", {})):
         columns = recorded(rig, clock(SHORT), seed, faults, built=built, temperature=temperature)
-        yield Asked(variant=variant, rig=rig, columns=columns, right=right)
+        yield variant, columns, right
 
 
 def pump_states(rig: str, seed: int) -> Iterator[Asked]:
@@ -141,18 +112,18 @@ def pump_states(rig: str, seed: int) -> Iterator[Asked]:
     back = physics.with_pump(plant(rig), "A", passage)
     columns = recorded(rig, time, seed, speed=off, built=back, backflow=True)
     right = Right(states=("reverse|back ?flow|runs back",), also=("A.",))
-    yield Asked(variant="A off, reverse flow", rig=rig, columns=columns, right=right)
+    yield "A off, reverse flow", columns, right
     # A displacement pump would burst the line at its usual speed; at a third it stays in range.
     slow = {**speed, "A": np.full(SHORT, 5.0)} if rig == "abc" else speed
     shut = {f"{name}.clogging": _step(1e4)}
     columns = recorded(rig, time, seed, shut, speed=slow)
     right = Right(states=("dead.?head|closed valve|shut",), also=(f"{name}.clogging",))
-    yield Asked(variant=f"{name} dead-heading", rig=rig, columns=columns, right=right)
+    yield f"{name} dead-heading", columns, right
     dry = physics.Idle(plant(rig).modules[name].pump, time >= HERE)
     built = physics.with_pump(plant(rig), name, dry)
     columns = recorded(rig, time, seed, built=built, backflow=True)
     right = Right(states=(r"\bdr(y|ies)\b|runs.dry|dry.run",), also=(f"{name}.leakage",))
-    yield Asked(variant=f"{name} dry", rig=rig, columns=columns, right=right)
+    yield f"{name} dry", columns, right
 
 
 def leak_behind_sensor(rig: str, seed: int) -> Iterator[Asked]:
@@ -168,8 +139,7 @@ def leak_behind_sensor(rig: str, seed: int) -> Iterator[Asked]:
             "clipped": readings.clipped(columns, "A.dp", 0.02 if speeds == "constant" else 0.3),
         }
         for name, shown in broken.items():
-            variant = f"A.dp {name}, {speeds} speeds"
-            yield Asked(variant=variant, rig=rig, columns=shown, right=right)
+            yield f"A.dp {name}, {speeds} speeds", shown, right
 
 
 def mistaken_table(rig: str, seed: int) -> Iterator[Asked]:
@@ -182,7 +152,7 @@ def mistaken_table(rig: str, seed: int) -> Iterator[Asked]:
         ("dp in MPa", readings.all_in(columns, "dp", 0.1), "dp.unit"),
     ):
         right = Right(faults={"A.leakage": 0.4}, states=(mistake,), also=(r".*\.dp\.",))
-        yield Asked(variant=variant, rig=rig, columns=shown, right=right)
+        yield variant, shown, right
 
 
 def three_leaks(rig: str, seed: int) -> Iterator[Asked]:
@@ -190,9 +160,7 @@ def three_leaks(rig: str, seed: int) -> Iterator[Asked]:
     degrees = {f"{name}.leakage": d for name, d in zip("ABC", (0.3, 0.4, 0.2), strict=True)}
     faults = {name: d for name, d in degrees.items() if name[0] in plant(rig).modules}
     columns = recorded(rig, clock(SHORT), seed, {name: _step(d) for name, d in faults.items()})
-    yield Asked(
-        variant=f"{len(faults)} leaks", rig=rig, columns=columns, right=Right(faults=faults)
-    )
+    yield f"{len(faults)} leaks", columns, Right(faults=faults)
 
 
 ROWS: Mapping[str, Callable[[str, int], Iterator[Asked]]] = {
@@ -209,41 +177,16 @@ ROWS: Mapping[str, Callable[[str, int], Iterator[Asked]]] = {
 }
 
 
-def measure() -> list[Answer]:
-    """All rows on both rigs."""
-    return [
-        _answered(row, question)
-        for row, questions in ROWS.items()
-        for rig in RIGS
-        for question in questions(rig, 0)
-    ]
-
-
-def form(answers: list[Answer]) -> dict[str, Any]:
-    """Machine form."""
-    right = [a for a in answers if not a.complaints]
-    rows = {
-        row: all(not a.complaints for a in answers if a.row == row)
-        for row in dict.fromkeys(a.row for a in answers)
-    }
-    return {
-        "recordings": len(answers),
-        "right": len(right),
-        "rows_right": sum(rows.values()),
-        "rows": rows,
-        "answers": [asdict(a) for a in answers],
-    }
-
-
-def _answered(row: str, question: Asked) -> Answer:
-    said = question.how(question.rig, question.columns)
-    return Answer(
-        row=row,
-        variant=question.variant,
-        rig=question.rig,
-        said=told(said),
-        complaints=tuple(complaints(question.right, said)),
-    )
+def measure() -> dict[str, Any]:
+    """All rows on both rigs: what was said of each recording, and what is wrong with that."""
+    answers = []
+    for (row, questions), rig in product(ROWS.items(), RIGS):
+        for variant, columns, right, *how in questions(rig, 0):
+            said = (how[0] if how else asked)(rig, columns)
+            about = {"row": row, "variant": variant, "rig": rig, "said": told(said)}
+            answers.append({**about, "complaints": complaints(right, said)})
+    fine = sum(not answer["complaints"] for answer in answers)
+    return {"recordings": len(answers), "right": fine, "answers": answers}
 
 
 def _step(degree: float, first: int = HERE) -> np.ndarray:

@@ -17,7 +17,7 @@ from rulec.prove.truth.runs import HIGHEST, LOWEST, Run
 from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS
 from rulec.prove.truth.smooth import Drift
 from tests.rig.long_run import physics
-from tests.rig.long_run.judged import LIQUID, told
+from tests.rig.long_run.judged import told
 from tests.rig.long_run.plants import asked, plant
 from tests.rig.long_run.readings import Columns
 
@@ -57,16 +57,11 @@ def day_of(day: int) -> Columns:
 def measure() -> dict[str, Any]:
     """All that is told of the days of a year, each on its own, as false alarms."""
     alarms = []
-    blamed = {"fault": 0, "sensor": 0, "unknown": 0, "liquid": 0}
     for day in range(YEAR):
         form = asked(RIG, day_of(day))
-        for finding in form["findings"]:
-            liquid = any(word in str(finding["fault"]) for word in LIQUID.split("|"))
-            blamed["liquid" if liquid else str(finding["kind"])] += 1
-        blamed["unknown"] += len(form["unknown"])
         if form["findings"] or form["unknown"]:
             alarms.append({"day": day, "said": told(form)})
-    return {"days": YEAR, "with_an_alarm": len(alarms), "blamed": blamed, "alarms": alarms}
+    return {"days": YEAR, "with_an_alarm": len(alarms), "alarms": alarms}
 
 
 def _with_drifts(columns: Columns, day: int) -> Columns:

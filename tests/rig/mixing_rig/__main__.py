@@ -13,7 +13,6 @@ from tests.rig.mixing_rig.measure import FORMS
 
 
 def main() -> None:
-    """Run the experiments one after the other."""
     parser = argparse.ArgumentParser(prog="python -m tests.rig.mixing_rig", description=__doc__)
     parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
     parser.add_argument("--quick", action="store_true", help="few recordings of each kind")

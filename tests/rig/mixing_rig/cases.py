@@ -22,10 +22,17 @@ BOTH = ("default", "paper")
 PLANTS = ("abc", "mixing-rig")
 
 
-@dataclass(frozen=True)
+START = "abc"
+"""Plant of the experiments that begin sound."""
+
+STRIDE = 1_003
+"""Seeds between two repetitions: more than the plant has cases, and no multiple of the draws."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scale:
     """How many of everything. Draws are calibrations, each from a recording of its own; of lists
-    of faults every `step`-th is taken."""
+    of faults every `step`-th is taken. Those with `start` are of experiments that begin sound."""
 
     draws: int
     step: int
@@ -33,6 +40,10 @@ class Scale:
     points: int
     alarm_recordings: int
     alarm_points: int
+    start_draws: int
+    start_degrees: tuple[float, ...]
+    start_repetitions: int
+    start_samples: int
 
 
 FULL = Scale(
@@ -42,6 +53,10 @@ FULL = Scale(
     points=4,
     alarm_recordings=100,
     alarm_points=25,
+    start_draws=61,
+    start_degrees=(0.1, 0.2, 0.3),
+    start_repetitions=10,
+    start_samples=100_000,
 )
 QUICK = Scale(
     draws=1,
@@ -50,6 +65,10 @@ QUICK = Scale(
     points=1,
     alarm_recordings=1,
     alarm_points=2,
+    start_draws=1,
+    start_degrees=(0.1,),
+    start_repetitions=1,
+    start_samples=6_000,
 )
 ALARM_HOLD = 40  # samples at each operating point of a fault-free recording
 
@@ -114,8 +133,35 @@ def alarms(scale: Scale) -> list[Task]:
     return tasks
 
 
+def sound_start(scale: Scale) -> list[Task]:
+    """Every fault with every degree, at one operating point that is sound for 10 s before."""
+    plant = RIGS[START]()
+    visit, tasks = operating_points(plant, 1), []
+    for repetition in range(scale.start_repetitions):
+        for k, fault in enumerate(single_faults(plant, scale.start_degrees)):
+            seed = 100_000 + STRIDE * repetition + k
+            (case,) = campaign(plant, [fault], [visit], seed, HOLD)
+            draw, plateaus = seed % scale.start_draws, ((HOLD, 2 * HOLD),)
+            tasks.append(Task(START, "sound-start", draw, case, TABLE_1, plateaus, BOTH[:1]))
+    return tasks
+
+
+def sound(scale: Scale) -> list[Task]:
+    """Fault-free tours of drawn plants, sensors inside their bounds."""
+    plant, stops = RIGS[START](), FULL.alarm_points
+    recordings = -(-scale.start_samples // (stops * ALARM_HOLD))
+    points, tasks = operating_points(plant, recordings * stops), []
+    for k in range(recordings):
+        visit, draw = points[k::recordings], k % scale.start_draws
+        (case,) = campaign(plant, [{}], [visit], 500_000 + k, lead_in=0, hold=ALARM_HOLD)
+        tasks.append(Task(START, "sound", draw, case, INSIDE, (), BOTH[:1], spread=True))
+    return tasks
+
+
 EXPERIMENTS: Mapping[str, Callable[[Scale], list[Task]]] = {
     "leakage": leakage,
     "degrees": degrees,
     "alarms": alarms,
+    "sound-start": sound_start,
+    "sound": sound,
 }

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import io
+import shutil
 from pathlib import Path
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
-from rulec.cli import main
 from rulec.prove.truth import RIGS, Plant, Sensing, calibration_run, record, write_csv
 from tests.conftest import ROOT
+from tests.rig.called import called, commissioned
 from tests.rig.mixing_rig.cases import Task
 from tests.rig.mixing_rig.drawn import drawn
 
@@ -26,7 +25,6 @@ def key_of(task: Task) -> Key:
 
 
 def plant_of(key: Key) -> Plant:
-    """What stands there in truth."""
     plant, _, draw, spread = key
     return drawn(RIGS[plant](), draw) if spread else RIGS[plant]()
 
@@ -36,16 +34,12 @@ def commission(folder: Path, key: Key) -> None:
     plant, sensing, draw, _ = key
     place = folder / _name(key)
     place.mkdir()
-    text = (ROOT / "plants" / plant / "plant.yaml").read_text(encoding="utf-8")
-    kept = [line for line in text.splitlines() if not line.startswith("calibration:")]
-    plain = "\n".join([*kept, f"kb: {ROOT / 'kb'}"]) + "\n"
-    (place / "plant.yaml").write_text(plain, encoding="utf-8")
+    shutil.copy(ROOT / "plants" / plant / "plant.yaml", place)
     made = record(calibration_run(plant_of(key)), sensing, BENCH_SEED + draw)
     write_csv(place / "bench.csv", made.readings)
     # About one bench in a hundred is refused; what its values do to a diagnosis counts here too.
-    _call("calibrate", place, place / "bench.csv", "-o", place / "found.yaml", "--force")
-    (place / "plant.yaml").write_text(plain + "calibration: [found.yaml]\n", encoding="utf-8")
-    _call("compile", place, "-o", ruleset_file(folder, key))
+    commissioned(place / "plant.yaml", place / "bench.csv", "--force")
+    called("compile", place, "-o", ruleset_file(folder, key))
 
 
 @functools.lru_cache(maxsize=128)
@@ -55,17 +49,9 @@ def ruleset_of(folder: Path, key: Key) -> Ruleset:
 
 
 def ruleset_file(folder: Path, key: Key) -> Path:
-    """Where `commission` writes."""
     return folder / f"{_name(key)}.ruleset.json"
 
 
 def _name(key: Key) -> str:
     plant, sensing, draw, spread = key
     return f"{plant}-{sensing.law}-{draw}" + "-spread" * spread
-
-
-def _call(*arguments: object) -> None:
-    shown = io.StringIO()
-    with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(shown):
-        code = main([str(a) for a in arguments])
-    assert code == 0, shown.getvalue()

@@ -26,52 +26,37 @@ from tests.rig.mixing_rig.commission import commission, key_of, ruleset_file, ru
 
 
 @dataclass(frozen=True)
-class Named:
-    """A fault said to be there, with the other faults that would explain the same."""
-
-    fault: str
-    degree: float
-    lower: float
-    upper: float
-    probability: float
-    alternatives: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Answer:
-    """What is said at the end of a plateau; the most probable fault first."""
+    """What is said at the end of a plateau: faults with degree and probability, the most probable
+    first."""
 
     group: str
     mode: str
     case: int
     set_degree: float
     true: Mapping[str, float]
-    named: tuple[Named, ...]
-    unknown: bool
+    named: tuple[tuple[str, float, float], ...]
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Every sample on its own: verdict, and what the sample says about one fault."""
+    """Every sample on its own: verdict, the true degree of one fault, and the one told."""
 
     group: str
     mode: str
     verdict: tuple[str, ...]
     true: Array
     degree: Array
-    lower: Array
-    upper: Array
 
 
 @dataclass(frozen=True)
 class Covered:
-    """Samples of a recording by what the findings say about them; and how many findings."""
+    """Samples of a recording by what the findings say about them."""
 
     mode: str
     samples: int
     fault: int
     unknown: int
-    findings: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -107,7 +92,6 @@ def run(folder: Path, tasks: Sequence[Task], workers: int) -> Judged:
 
 
 def judge(folder: Path, task: Task) -> Judged:
-    """Make the recording of a task and ask the tool in each mode."""
     rules = ruleset_of(folder, key_of(task))
     made = truth.record(task.case.run, task.sensing, task.case.seed)
     readings = recording(rules, made.readings)
@@ -141,25 +125,13 @@ def _answer(
     since = max([float(time[span[0]]), *(float(f["since"]) for f in said)])
     part = (time >= since) & (time <= time[span[1] - 1])
     true = {name: float(columns[f"{name} [1]"][part].mean()) for name in task.case.faults}
-    return Answer(
-        task.group,
-        mode,
-        task.case.seed,
-        next(iter(task.case.faults.values())),
-        true,
-        tuple(_named(f) for f in said),
-        bool(_in_force(form.get("unknown", ()), now)),
-    )
+    named = ((f["fault"], float(f["degree"]), float(f["probability"])) for f in said)
+    set_degree = next(iter(task.case.faults.values()))
+    return Answer(task.group, mode, task.case.seed, set_degree, true, tuple(named))
 
 
 def _in_force(entries: Any, now: float) -> list[Mapping[str, Any]]:
     return [e for e in entries if e["since"] <= now <= e["until"]]
-
-
-def _named(finding: Mapping[str, Any]) -> Named:
-    others = tuple(str(a["fault"]) for a in finding.get("alternatives", ()))
-    degree, lower, upper = (float(finding[key]) for key in ("degree", "lower", "upper"))
-    return Named(finding["fault"], degree, lower, upper, float(finding["probability"]), others)
 
 
 def _covered(mode: str, form: Mapping[str, Any], readings: Recording) -> Covered:
@@ -172,21 +144,13 @@ def _covered(mode: str, form: Mapping[str, Any], readings: Recording) -> Covered
         return flags
 
     fault, unknown = inside(form["findings"]), inside(form.get("unknown", ()))
-    return Covered(
-        mode,
-        len(readings),
-        int(fault.sum()),
-        int((unknown & ~fault).sum()),
-        tuple(f["fault"] for f in form["findings"]),
-    )
+    return Covered(mode, len(readings), int(fault.sum()), int((unknown & ~fault).sum()))
 
 
 def _samples(
     task: Task, mode: str, rules: Ruleset, result: Trace, columns: Mapping[str, Array]
 ) -> Samples:
-    """The trace of the task's fault."""
     fault = next(iter(task.case.faults))
     k = [f.id for f in rules.faults].index(fault)
     true = columns[f"{fault} [1]"]
-    found = (result.degree[k], result.lower[k], result.upper[k])
-    return Samples(task.group, mode, result.verdict, true, *found)
+    return Samples(task.group, mode, result.verdict, true, result.degree[k])

@@ -51,7 +51,6 @@ class Case:
 
     @property
     def stores(self) -> bool:
-        """Does the plant store?"""
         return self.rules.dynamics is not None
 
     @property

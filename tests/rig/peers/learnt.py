@@ -17,26 +17,21 @@ from numpy.typing import NDArray
 
 from tests.rig.peers import limits
 from tests.rig.peers.limits import FOLDS
-from tests.rig.peers.sparse import Array, Course, mended_by_law, rms, standardised
+from tests.rig.peers.sparse import Array, Course, Predict, best_of, mended_by_law, rms, standardised
 
-Predict = Callable[[Array], Array]
 Fit = Callable[[Array, Array], Predict]
-"""Learn from a table, shape (n, inputs), and residuals of size 1, shape (n,)."""
 
 
 def gaussian_process(inputs: Mapping[str, Array], course: Course) -> Array:
-    """Correction of all rows, shape (n,)."""
     return _learnt(inputs, course, [_process], limits.GP_ROWS)
 
 
 def neural(inputs: Mapping[str, Array], course: Course) -> Array:
-    """Correction of all rows, shape (n,)."""
     fits = [lambda x, y, p=p: _ensemble(x, y, p) for p in limits.PENALTIES]
     return _learnt(inputs, course, fits, limits.NETWORK_ROWS)
 
 
 def sparse(inputs: Mapping[str, Array], course: Course) -> Array:
-    """Correction of all rows, shape (n,)."""
     return mended_by_law(inputs, course) - course.recalibrated
 
 
@@ -54,14 +49,10 @@ def _learnt(inputs: Mapping[str, Array], course: Course, fits: Sequence[Fit], mo
         return np.zeros(len(course.time))
     table = standardised(inputs, course.learnt)
     x, y, folds = table[rows], course.residual[rows] / size, course.folds[rows]
-    squares = [float(np.sum(y**2))]
-    for fit in fits:
-        parts = [(folds == k, folds != k) for k in range(FOLDS)]
-        squares.append(sum(np.sum((fit(x[o], y[o])(x[k]) - y[k]) ** 2) for k, o in parts))
-    best = int(np.argmin(squares))
-    if not best:
+    best = best_of(fits, x, y, folds)
+    if best is None:
         return np.zeros(len(table))
-    predict = fits[best - 1](x, y)
+    predict = best(x, y)
     # In parts: a kernel between all rows and the learnt ones would take much memory.
     pieces = np.array_split(table, max(len(table) // limits.NETWORK_ROWS, 1))
     return size * np.concatenate([predict(piece) for piece in pieces])

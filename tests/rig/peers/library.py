@@ -58,7 +58,6 @@ class Library:
 
 
 def libraries(case: Case) -> Iterator[Library]:
-    """One for each reading that our plants predict."""
     ruleset, builder = open_builder(case.base)
     system = _system(ruleset, builder, case)
     n = len(case.course.time) - len(case.train)

@@ -8,10 +8,11 @@ Source: Brunton, Proctor, Kutz 2016, with sequentially thresholded least squares
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ from tests.rig.peers.limits import (
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
+Predict = Callable[[Array], Array]
+F = TypeVar("F", bound=Callable[[Array, Array], Predict])
+"""Learn from a table, shape (n, inputs), and residuals of size 1, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,6 @@ class Course:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square; NaN of no values."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
@@ -82,32 +85,53 @@ def one_thread() -> AbstractContextManager[Any]:
 
 def mended_by_law(drivers: Columns, course: Course) -> Array:
     """Model the residual as a polynomial of the readings; returns the corrected prediction."""
-    residual, folds = course.residual, course.folds
-    size = rms(residual[folds >= 0])
-    if not drivers or (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
+    folds = course.folds
+    learnt = folds >= 0
+    if not drivers or learnt.sum() < FEWEST_SAMPLES:
         return course.recalibrated
-    columns = standardised(_most_correlated(drivers, course), folds >= 0)
-    library = _library().fit(columns)
-    terms = np.asarray(library.transform(columns))
+    columns = standardised(_most_correlated(drivers, course), learnt)
+    terms = np.asarray(_library().fit(columns).transform(columns))
+    weights = weights_of(terms[learnt], course.residual[learnt], folds[learnt], SPARSE_THRESHOLDS)
+    return course.recalibrated + terms @ weights
+
+
+def weights_of(
+    table: Array, residual: Array, folds: NDArray[np.intp], thresholds: Sequence[float]
+) -> Array:
+    """Weights of the columns of a table, shape (columns,), by the threshold that predicts blocks
+    best from the others; none where that is better."""
+    size = rms(residual)
+    if not size > 0:
+        return np.zeros(table.shape[1])
+
+    def fit(threshold: float, x: Array, y: Array) -> Predict:
+        weights = _weights(x, y, threshold)
+        return lambda table: table @ weights
+
     target = residual / size
+    best = best_of([partial(fit, threshold) for threshold in thresholds], table, target, folds)
+    return np.zeros(table.shape[1]) if best is None else size * _weights(table, target, *best.args)
 
-    def predicted(threshold: float, part: NDArray[np.bool_]) -> Array:
-        optimizer = optimizer_of(threshold)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a threshold that drops every term is a result
-            optimizer.fit(terms[part], target[part, None])
-        law: Array = terms @ np.asarray(optimizer.coef_)[0]
-        return law
 
-    squares = [np.sum(target[folds >= 0] ** 2)]
-    for threshold in SPARSE_THRESHOLDS:
-        parts = ((folds == k, (folds >= 0) & (folds != k)) for k in range(FOLDS))
-        wrong = (np.sum((predicted(threshold, o) - target)[k] ** 2) for k, o in parts)
-        squares.append(sum(wrong))
+def best_of(fits: Sequence[F], x: Array, y: Array, folds: NDArray[np.intp]) -> F | None:
+    """The way of learning that predicts blocks best from the others, None where zero does."""
+    squares = [float(np.sum(y**2))]
+    parts = [(folds == k, folds != k) for k in range(FOLDS)]
+    for fit in fits:
+        squares.append(sum(float(np.sum((fit(x[o], y[o])(x[k]) - y[k]) ** 2)) for k, o in parts))
     best = int(np.argmin(squares))
-    if not best:
-        return course.recalibrated
-    return course.recalibrated + size * predicted(SPARSE_THRESHOLDS[best - 1], folds >= 0)
+    return fits[best - 1] if best else None
+
+
+def _weights(x: Array, y: Array, threshold: float) -> Array:
+    import pysindy
+
+    optimizer = pysindy.STLSQ(threshold=threshold, alpha=SPARSE_RIDGE, max_iter=SPARSE_ROUNDS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a threshold that drops every term is a result
+        optimizer.fit(x, y[:, None])
+    weights: Array = np.asarray(optimizer.coef_)[0]
+    return weights
 
 
 def _most_correlated(drivers: Columns, course: Course) -> dict[str, Array]:
@@ -148,9 +172,3 @@ def _library() -> Any:
     import pysindy
 
     return pysindy.PolynomialLibrary(degree=SPARSE_DEGREE)
-
-
-def optimizer_of(threshold: float) -> Any:
-    import pysindy
-
-    return pysindy.STLSQ(threshold=threshold, alpha=SPARSE_RIDGE, max_iter=SPARSE_ROUNDS)

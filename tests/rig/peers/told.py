@@ -29,7 +29,6 @@ def summary(found: Sequence[Judged]) -> dict[str, Any]:
 
 
 def form(found: Sequence[Judged]) -> dict[str, Any]:
-    """Machine form."""
     rigs = {j.rig: dataclasses.asdict(j) for j in found}
     return {"summary": summary(found), "rigs": rigs}
 

@@ -1,1 +1,0 @@
-"""Is the right fault named first? Counted on recordings of the truth, each table one question."""
