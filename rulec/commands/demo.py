@@ -99,6 +99,11 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float 
     with ExitStack() as stack:
         playing = stack.enter_context(servers(place / "played.csv", step))
         endpoints = playing.wait_for("servers", limits.STARTING)
+        if endpoints is None:
+            raise SourceRefused(
+                f"the servers of the demo did not start within {limits.STARTING:.0f} s; "
+                "is this machine busy?"
+            )
         names = [s.id for s in ruleset.signals if s.id in ruleset.read]
         write_map(place / "map.yaml", endpoints, names, step)
         for module, endpoint in endpoints.items():

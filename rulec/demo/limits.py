@@ -7,7 +7,7 @@ FASTEST = 50.0
 """Largest speed. Origin: assumed; a row every 20 ms, about as fast as three servers in one process
 publish."""
 
-STARTING = 30.0
+STARTING = 60.0
 """Time for servers to start, and for the watch to subscribe, s. Origin: assumed; both take some
 seconds on a busy machine."""
 

@@ -103,6 +103,18 @@ def test_what_waits_outlives_the_process(tmp_path: Path) -> None:
                 Outbox(journal, "abc", sink.said.append, file=file)
 
 
+def test_the_last_event_is_in_the_file_at_the_end(tmp_path: Path) -> None:
+    """Also if the file was written a moment ago."""
+    sink, file = Frail(), tmp_path / "waiting.json"
+    sink.broken = JournalTrouble("frail: gone")
+    outbox = sink.outbox(file)
+    for number in (1, 2):
+        outbox.put([event(number)], b"%d" % number)
+        outbox.step()
+    assert outbox.close(0.0) == 2
+    assert sink.outbox(file).left == (2, b"2")
+
+
 def test_refused_for_good(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MOST_PENDING", 4)
     sink, file = Frail(), tmp_path / "waiting.json"

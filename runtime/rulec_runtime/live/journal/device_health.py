@@ -79,7 +79,7 @@ class DeviceHealth:
         except BaseException as error:
             self._end()
             if isinstance(error, Exception):
-                reason = getattr(error, "strerror", None) or error or type(error).__name__
+                reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
                 raise JournalRefused(f"device health at {self.place}: {reason}") from None
             raise
 

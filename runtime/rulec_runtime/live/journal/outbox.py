@@ -255,9 +255,7 @@ class Outbox:
     def step(self) -> float:
         """Try to write, if that is due; returns the s until the next attempt."""
         now = self._clock()
-        with self._changed:
-            pending = Pending(tuple(self._events), self._state, self.dated)
-            changes = self._changes
+        pending, changes = self._waiting()
         idle = not pending.events and pending.state is None and now < self._written + limits.RENEWED
         if idle or self._refused is not None:
             return limits.RENEWED
@@ -288,9 +286,16 @@ class Outbox:
                 closing = self._ends < float("inf")
                 over = self._idle() or self._refused is not None or self._clock() >= self._ends
                 if closing and over:
-                    return
+                    break
                 if self._changes == changes:
                     self._changed.wait(min(wait, limits.FIRST_RETRY) if closing else wait)
+        self._spill_due = self._clock()  # nothing comes after this: the file must have all
+        self._keep(*self._waiting())
+
+    def _waiting(self) -> tuple[Pending, int]:
+        """What is pending, and the number of calls of `put` until then."""
+        with self._changed:
+            return Pending(tuple(self._events), self._state, self.dated), self._changes
 
     def _idle(self) -> bool:
         return not self._events and self._state is None
