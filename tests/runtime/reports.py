@@ -31,8 +31,6 @@ NEEDS_MORE = re.compile(r"https?:|//\w|<script|<img|<link|@import|url\(|\ssrc=|\
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """A recording with everything a report is made of."""
-
     recording: Recording
     diagnosis: Diagnosis
     trace: Trace
@@ -43,7 +41,6 @@ class Judged:
         return self._named(name) if name else self._usual
 
     def curves(self) -> Curves:
-        """What the figures over time show; made once."""
         return self._curves
 
     @functools.cached_property
@@ -66,7 +63,6 @@ def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
 
 
 def tree(page: str) -> ET.Element:
-    """The page as XML, which is stricter than HTML."""
     return ET.fromstring(page)
 
 

@@ -66,7 +66,6 @@ def made(
 def _true(
     values: Mapping[str, float], u: Mapping[str, float], random: np.random.Generator, spread: float
 ) -> dict[str, float]:
-    """Parameters as they truly are."""
     errors = {n: float(np.clip(random.standard_normal(), -2.0, 2.0)) * spread for n in values}
     sizes = {n: np.log1p(u[n] / abs(v)) if v else u[n] for n, v in values.items()}
     return {
@@ -76,7 +75,6 @@ def _true(
 
 
 def given(name: str, random: np.random.Generator, time: Array) -> dict[str, Array]:
-    """Courses of the readings that are given, SI."""
     if name == "cascaded-tanks":
         return {"pump.u": _steps(random, time, 15, 1.5, 3.2)}
     litre = 1e-3 / 60.0

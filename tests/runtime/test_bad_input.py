@@ -28,7 +28,6 @@ LEAKING = example("leakage_A").text()
 
 @pytest.fixture(scope="module")
 def ruleset_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The plant abc, compiled."""
     file = tmp_path_factory.mktemp("ruleset") / "abc.ruleset.json"
     file.write_text(compiled("abc").to_json(), encoding="utf-8")
     return file
@@ -43,7 +42,6 @@ def diagnose(ruleset: Path, recording: Path, *more: str) -> tuple[int, str, dict
 
 
 def strict(text: str) -> Any:
-    """JSON without NaN and infinity."""
     return json.loads(text, parse_constant=pytest.fail)
 
 
@@ -77,7 +75,6 @@ class Case(NamedTuple):
     because: str = ""
 
     def write(self, folder: Path) -> Path:
-        """The recording as a file."""
         of = self.content
         return write(folder, of.text() if isinstance(of, Sheet) else of)
 
@@ -192,7 +189,6 @@ def test_a_real_fault_is_found_beside_a_dead_sensor(tmp_path: Path, ruleset_file
 
 
 def test_recording_of_another_plant_with_the_same_names(tmp_path: Path, ruleset_file: Path) -> None:
-    """Its C is a dosing module, ours a mixer: that is said."""
     sheet = Sheet((*SHEET.header, "C.n [rpm]"), tuple((*row, "900") for row in SHEET.rows))
     _, _, data = diagnose(ruleset_file, write(tmp_path, sheet.text()))
     assert any("is this a recording of another plant?" in n for n in data["notes"])
@@ -238,7 +234,6 @@ def test_a_leakage_in_json_and_trace(
 def test_wrong_calls_give_a_message(
     tmp_path: Path, ruleset_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Exit code and message, no exception; argparse leaves by itself for wrong usage."""
     texts = {"healthy": SHEET.text(), "empty": "", "other": "time [s],PS1 [bar]\n0,160\n"}
     healthy, empty, other = (write(tmp_path, t, f"{name}.csv") for name, t in texts.items())
     for arguments, code, message in (

@@ -23,7 +23,6 @@ SAMPLES = 40
 
 
 def with_fault(fault: str, degree: float, seed: int, lead: int = LEAD) -> Diagnosis:
-    """A fault that begins after some healthy samples."""
     rules = ruleset("abc")
     run = healthy_run(built("abc"), SAMPLES)
     degrees = np.where(run.operation.time >= lead, degree, 0.0)
@@ -80,7 +79,6 @@ def test_bounds_hold_the_truth() -> None:
 
 
 def test_a_healthy_start_narrows_the_bounds() -> None:
-    """Against the same fault from the first sample on, bounds are several times narrower."""
     (late,), (always,) = (with_fault("A.leakage", 0.3, 1, lead).findings for lead in (LEAD, 0))
     assert always.upper - always.lower > 3 * (late.upper - late.lower)
     assert (1, 0) == (late.baseline, always.baseline)

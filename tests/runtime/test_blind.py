@@ -41,19 +41,16 @@ GONE_WITH_DP = {
 
 @cache
 def run_of(hold: int = 25) -> Recording:
-    """Several operating points."""
     rig = RIGS["abc"]()
     run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, hold=hold)
     return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
 
 
 def without(recording: Recording, *names: str) -> Recording:
-    """Without some columns."""
     return replace(recording, values={n: v for n, v in recording.values.items() if n not in names})
 
 
 def gone(recording: Recording, name: str, rows: slice | Array) -> Recording:
-    """Without some readings of a column."""
     values = recording.values[name].copy()
     values[rows] = np.nan
     return put(recording, name, values)
@@ -134,7 +131,6 @@ def test_a_pump_at_rest_hides_nothing() -> None:
 
 
 def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
-    """Only the lower of two tanks has a level sensor; that of the upper one is no loss."""
     rules = compiled("cascaded-tanks")
     time = np.arange(100.0)
     values = {"pump.u": 2.5 + np.sin(time), "lower.y": 5.0 + np.cos(time)}
@@ -144,7 +140,6 @@ def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
 
 
 def test_the_watch_says_the_same() -> None:
-    """Same faults, reason and reading as of the whole recording, from one function."""
     rules = compiled("abc")
     recording = gone(run_of(hold=75), "A.dp", slice(100, None))
     memory, texts = nothing_yet(False), set[str]()
@@ -178,7 +173,6 @@ def test_what_each_sensor_is_needed_for() -> None:
 
 
 def test_a_large_plant_asks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the nearest estimates say of a rig is what all of them say."""
     rules: Ruleset = compiled("mixing-rig")
     lost = {"A.dp"}
     every = set(visible_of(rules).unseen(lost))

@@ -50,7 +50,6 @@ def said(fault: str, degree: np.ndarray, seed: int, interval: float = 5.0) -> Di
     ids=["accelerating", "linear", "late"],
 )
 def test_the_degree_is_that_of_the_end(fault: str, degree: np.ndarray) -> None:
-    """Its bounds hold the truth, and the truth's growth lies within those of the rate."""
     (finding,) = said(fault, degree, 8401).findings
     assert (fault, True) == (finding.fault.id, finding.active)
     growth, size = finding.growth, float(degree[-1])
@@ -95,7 +94,6 @@ def test_a_meter_that_drifts_teaches_no_baseline() -> None:
 
 @pytest.mark.parametrize("interval", [1.0, 10.0, 3600.0])
 def test_nothing_grows_in_a_sound_plant(interval: float) -> None:
-    """For minutes, hours, or a month."""
     for seed in range(2):
         assert "ok" == said("", 0.0 * SHARE, 8410 + seed, interval).status
 
@@ -111,7 +109,6 @@ def test_steps_stay_findings_of_their_own() -> None:
 
 
 def test_a_fault_that_stays_does_not_grow() -> None:
-    """Constant from the middle on: the rate may be none."""
     (finding,) = said("A.leakage", np.where(SHARE > 0.5, 0.3, 0.0), 8404).findings
     growth = finding.growth
     assert growth.rate[1] <= 0.0 <= growth.rate[2]
@@ -132,7 +129,6 @@ def read(run: Run, seed: int) -> Recording:
 
 @pytest.mark.parametrize(("points", "hold", "fewest"), [(1, 200, 17), (6, 60, 27)])
 def test_a_leakage_that_comes_and_goes(points: int, hold: int, fewest: int) -> None:
-    """At one operating point, and while set points move from time to time."""
     found = diagnose(read(coming(points, hold, DEGREE), 1), ruleset("abc"))
     (finding,) = found.findings
     assert finding.fault.id == "A.leakage"

@@ -49,7 +49,6 @@ def listed(ruleset: Ruleset) -> Ruleset:
 
 
 def said_of(ruleset: Ruleset, words: Mapping[str, str]) -> Ruleset:
-    """The plant told how often faults come, without compiling."""
     faults = (replace(f, frequency=words.get(f.id, f.frequency)) for f in ruleset.faults)
     return replace(ruleset, faults=tuple(faults))
 
@@ -68,7 +67,6 @@ def recorded(rules: Ruleset, fault: str, course: str) -> Recording:
 
 @pytest.fixture(scope="module")
 def leaking() -> Recording:
-    """A tenth of the flow is lost from a time on."""
     return recorded(listed(compiled(RIG)), LEAK, "step")
 
 
@@ -78,7 +76,6 @@ def only(recording: Recording, ruleset: Ruleset) -> Finding:
 
 
 def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> None:
-    """Frequencies swapped: the headline swaps; what each fault measures stays as it was."""
     plain = listed(compiled(RIG))
     before, measured = only(leaking, plain), trace(leaking, plain)
     assert before.probability == pytest.approx(0.5)
@@ -96,7 +93,6 @@ def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> No
 
 
 def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
-    """In words, as data, on the page, and in what a watch tells."""
     rules = said_of(listed(compiled(RIG)), {LOW: "common"})
     diagnosis = diagnose(leaking, rules)
     (finding,) = diagnosis.findings
@@ -119,7 +115,6 @@ def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
 
 @pytest.mark.parametrize(("true", "course"), [(LEAK, "ramp"), (LOW, "step")])
 def test_what_no_reading_tells_apart_is_told_together(true: str, course: str) -> None:
-    """All estimates move alike, at once or slowly: both have the same probability."""
     rules = compiled(RIG)
     findings = diagnose(recorded(rules, true, course), rules).findings
     assert findings
@@ -131,7 +126,6 @@ def test_what_no_reading_tells_apart_is_told_together(true: str, course: str) ->
 
 
 def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:
-    """However rare the fault, and however common all others."""
     recording = read_recording(ROOT / "plants" / "abc" / "examples" / "leakage_A.csv", abc)
     words = {f.id: "rare" if f.id == "A.leakage" else "common" for f in abc.faults}
     plain, weighed = (diagnose(recording, rules) for rules in (abc, said_of(abc, words)))
@@ -182,7 +176,6 @@ def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) 
 def test_beside_the_plant_the_more_usual_is_named_first_too(
     leaking: Recording, tmp_path: Path
 ) -> None:
-    """By the watch, in its event, and by what controllers hand over."""
     rules = said_of(listed(compiled(RIG)), {LOW: "common", LEAK: "rare"})
     whole = only(leaking, rules)
     seen = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))

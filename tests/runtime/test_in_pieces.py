@@ -85,7 +85,6 @@ def test_same_findings(
 
 
 def assert_alike(one: Any, other: Any) -> None:
-    """The same JSON, numbers but for rounding."""
     if isinstance(one, dict):
         assert one.keys() == other.keys()
         for key in one:
@@ -101,7 +100,6 @@ def assert_alike(one: Any, other: Any) -> None:
 
 
 def cells(row: Callable[[int], str], first: int = 0, header: str = "time [s],A.dp [bar]") -> str:
-    """A small recording."""
     return "\n".join([header, *map(row, range(first, 40))]) + "\n"
 
 
@@ -119,7 +117,6 @@ CELLS = {
 
 @pytest.mark.parametrize("name", CELLS)
 def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[], None]) -> None:
-    """Times of all kinds, and rows that are left out or put in order."""
     rules = compiled("abc")
     file = write(tmp_path, gzip.compress(CELLS[name].encode()), "made.csv.gz")
     whole = read_recording(file, rules)

@@ -75,13 +75,11 @@ def said(rig: str, seed: int, *change: float, **degrees: float) -> Diagnosis:
 
 
 def named(found: Diagnosis) -> set[str]:
-    """Faults that are named."""
     return {f.fault.id for f in found.findings}
 
 
 @RIGS
 def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> None:
-    """The viscosity everywhere, from when it changed, and it alone."""
     for seed in range(2):
         found = said(rig, seed, *COLD)
         (finding,) = found.findings
@@ -110,7 +108,6 @@ def test_what_modules_have_is_not_the_liquid(rig: str) -> None:
 
 @RIGS
 def test_a_leakage_is_seen_beside_a_cold_liquid(rig: str) -> None:
-    """Both are named, with the degree of the leakage."""
     for seed in range(2):
         found = said(rig, seed, *COLD, A_leakage=0.2)
         assert {"A.leakage", "liquid.viscosity.high"} == named(found)
@@ -133,14 +130,12 @@ def test_remarks() -> None:
     "seeds", [range(4), pytest.param(range(4, 20), marks=pytest.mark.prove)], ids=["few", "more"]
 )
 def test_sound_plants_say_nothing(seeds: range) -> None:
-    """Twenty sets of sensor errors within their bounds, four of them in every run."""
     for seed in seeds:
         found = said("mixing-rig", 500 + seed)
         assert ("ok", (), ()) == (found.status, found.findings, found.unknown)
 
 
 def test_a_trace_names_the_liquid() -> None:
-    """Sample by sample; faults of modules have the columns."""
     words = trace(recorded("abc", 1, *COLD), calibrated(ruleset("abc"))).verdict
     assert ("ok", "liquid.viscosity.high") == (words[HOLD // 2], words[-2])
 

@@ -78,7 +78,6 @@ def test_what_is_in_the_mended_reading_is_told(case: str) -> None:
 
 
 def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
-    """One cause is told, and nothing of the plant."""
     made = leaking()
     values = {n: v[:80] for n, v in made.values.items()}
     sound = replace(made, time=made.time[:80], values=values, segment=made.segment[:80])

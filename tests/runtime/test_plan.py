@@ -50,7 +50,6 @@ B = np.array([2.0, 0.5, 0.0, 2.0, 1.0, -1.0, np.nan])
 
 
 def single(name: str) -> Plan:
-    """One operation on the inputs a and b."""
     return Plan(("a", "b"), (), ((name, 0, 1),), {"y": 2})
 
 
@@ -94,7 +93,6 @@ def test_chunk_borders_leave_no_trace(n: int) -> None:
 
 
 def test_a_real_plan_in_chunks_and_parts(abc: Ruleset, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All outputs, bit for bit, at other chunk sizes, in any order, and some of them alone."""
     inputs, names = readings_of(abc, 40), list(abc.plan.outputs)
     expected = abc.plan.run(inputs)
     random.Random(3).shuffle(names)
@@ -109,7 +107,6 @@ def test_a_real_plan_in_chunks_and_parts(abc: Ruleset, monkeypatch: pytest.Monke
 
 
 def readings_of(ruleset: Ruleset, n: int) -> dict[str, Any]:
-    """Readings around the reference point, some of them missing."""
     generator = np.random.default_rng(5)
     inputs: dict[str, Any] = {"u:parameters": 1.0, "u:model": 1.0}
     for signal in ruleset.signals:
@@ -134,7 +131,6 @@ def test_inputs_of_any_kind() -> None:
 
 
 def test_select_keeps_what_is_needed() -> None:
-    """Fewer operations; unknown names are an error."""
     chosen = longer().select(["y"])
     assert (3, {"y"}) == (len(chosen.operations), set(chosen.outputs))
     assert {"a", "b"} == chosen.used_inputs - {"c"}
@@ -242,7 +238,6 @@ def test_round_trip_gives_the_same_bytes(abc: Ruleset, tmp_path: Path) -> None:
 
 
 def test_order_of_yaml_keys_changes_only_order(abc: Ruleset, tmp_path: Path) -> None:
-    """Shuffled keys and connections: the same rows and values, in another order."""
     data = yaml.safe_load((ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8"))
     data["connections"].reverse()
     data["modules"] = dict(reversed(data["modules"].items()))
@@ -302,7 +297,6 @@ DIGITS = 40
 
 
 def lowered(expression: sympy.Expr, at: tuple[float, ...]) -> float:
-    """Value of an expression by way of a graph and its plan."""
     graph = Graph(["a", "b", "c"])
     nodes = {symbol: graph.input(symbol.name) for symbol in SYMBOLS}
     graph.outputs["y"] = lower(graph, expression, nodes)

@@ -28,7 +28,6 @@ def read(content: str | bytes, folder: Path, ruleset: Ruleset, name: str = "x.cs
 
 @pytest.fixture
 def expected(abc: Ruleset) -> Recording:
-    """The example as shipped."""
     return read_recording(ROOT / "plants" / "abc" / "examples" / "healthy.csv", abc)
 
 
@@ -101,7 +100,6 @@ DATES = {
 
 
 def test_dates_count_from_the_first(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """Dates become seconds; a note says when 0 s was."""
     for date in DATES.values():
         sheet = SHEET.mapped("time", lambda k, _, date=date: date(k)).renamed("time", "Zeit")  # type: ignore[misc]
         found = read(sheet.text(";"), tmp_path, abc)
@@ -126,7 +124,6 @@ def test_no_hour_is_lost_when_clocks_change(
 
 
 def titled(title: str, column: str = "A.dp") -> str:
-    """With another title for a column."""
     return SHEET.renamed(column, title).text()
 
 
@@ -166,7 +163,6 @@ REFUSED: list[tuple[str, str | bytes]] = [
 def test_what_cannot_be_a_recording_is_refused(
     message: str, content: str | bytes, tmp_path: Path, abc: Ruleset
 ) -> None:
-    """The message begins with the file and says what is wrong, and mostly what to do."""
     with pytest.raises(RecordingRefused) as caught:
         read(content, tmp_path, abc)
     assert str(caught.value).startswith(str(tmp_path / "x.csv"))
@@ -194,7 +190,6 @@ NOTED: list[tuple[str, Sheet]] = [
 def test_what_can_be_read_in_part_is_noted(
     message: str, sheet: Sheet, tmp_path: Path, abc: Ruleset
 ) -> None:
-    """The rest is read; a note with file name and place says what was not."""
     found = read(sheet.text(), tmp_path, abc)
     assert any(message in note for note in found.notes), found.notes
     assert np.all(np.diff(found.time) > 0)
@@ -202,7 +197,6 @@ def test_what_can_be_read_in_part_is_noted(
 
 
 def test_blank_words_need_no_remark(tmp_path: Path, abc: Ruleset) -> None:
-    """What historians write for "no value" is no surprise."""
     words = ("", "NA", "n/a", "NaN", "null", "None", "-")
     sheet = SHEET.mapped("A.dp", lambda k, c: words[k] if k < len(words) else c)
     found = read(sheet.text(), tmp_path, abc)
@@ -211,7 +205,6 @@ def test_blank_words_need_no_remark(tmp_path: Path, abc: Ruleset) -> None:
 
 
 def test_ragged_rows_are_left_out(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """A row that is cut off, or has a cell too many, may hold anything anywhere."""
     lines = SHEET.text().splitlines()
     lines[5] = lines[5][:60]
     lines[9] = lines[9].replace(",", ",1,", 1)
@@ -233,7 +226,6 @@ def test_columns_by_their_names(tmp_path: Path, abc: Ruleset, expected: Recordin
 
 
 def test_foreign_column_map(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """Foreign names with the units of the map; native names go on being read."""
     columns = (
         ColumnMap("A.dp", "PT 101 Ist", 100.0, 0.0),
         ColumnMap("A.T", "TT-101", 1.0, 273.15),
@@ -259,7 +251,6 @@ def test_one_column_for_several_signals(tmp_path: Path, abc: Ruleset) -> None:
 
 
 def test_folder_in_order_of_time(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """Files whose times follow one another are joined by time, not by name."""
     first, second = Sheet(SHEET.header, SHEET.rows[:25]), Sheet(SHEET.header, SHEET.rows[25:])
     write(tmp_path, second.german(), "run1.CSV")
     write(tmp_path, gzip.compress(first.text().encode()), "run10.csv.gz")
@@ -267,6 +258,7 @@ def test_folder_in_order_of_time(tmp_path: Path, abc: Ruleset, expected: Recordi
     found = read_recording(tmp_path, abc)
     same(expected, found)
     assert [25, 35] == np.bincount(found.segment).tolist()
+    assert found.one_clock
     assert () == found.notes
 
 
@@ -277,6 +269,7 @@ def test_folder_with_times_that_start_anew(tmp_path: Path, abc: Ruleset) -> None
         write(tmp_path, (SHEET.without("A.dp") if name == "b.csv" else SHEET).text(), name)
     found = read_recording(tmp_path, abc)
     np.testing.assert_array_equal(np.arange(180.0), found.time)
+    assert not found.one_clock
     assert "a.csv from 0 s, b.csv from 60 s, c.csv from 120 s" in found.notes[0]
     readable = np.isfinite(found.values["A.dp"])
     assert [True] * 60 + [False] * 60 + [True] * 60 == readable.tolist()
@@ -297,7 +290,6 @@ def test_no_file_and_folders_that_are_refused(tmp_path: Path, abc: Ruleset) -> N
 def test_batches_leave_no_trace(
     tmp_path: Path, abc: Ruleset, expected: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rows are read in batches; where one ends shows nowhere, also not in words and row numbers."""
     monkeypatch.setattr(text_table, "BATCH", 7)
     same(expected, read(SHEET.text(), tmp_path, abc))
     found = read(SHEET.filled("A.dp", "Bad", 30, 32).text(), tmp_path, abc)
@@ -305,7 +297,6 @@ def test_batches_leave_no_trace(
 
 
 def test_compound_units(abc: Ruleset) -> None:
-    """Products, quotients, brackets and powers of the closed list, and nothing else."""
     for text, factor in {
         "bar/(l/h)": 1e5 * 3.6e6,
         "bar/(l/h)**2": 1e5 * 3.6e6**2,
@@ -323,7 +314,6 @@ def test_compound_units(abc: Ruleset) -> None:
 
 
 def test_noise_is_that_of_the_readings() -> None:
-    """White noise is found again beside steps, slopes and gaps; a constant has none."""
     random = np.random.default_rng(4)
     values = random.normal(0.0, 0.3, 4000)
     values[1000:] += 50.0

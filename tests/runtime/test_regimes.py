@@ -130,14 +130,12 @@ def test_a_regime_is_told_and_no_other(
 
 
 def test_sound_plants_run_in_no_regime() -> None:
-    """Ten sets of sensor errors, at nominal speed and at half of it."""
     for seed in range(10):
         for speed in (1.0, 0.5):
             assert not said("mixing-rig", "C", 100 + seed, speed=speed).regimes
 
 
 def test_a_regime_is_told_on_terminal_page_and_in_data() -> None:
-    """With its conditions, how far beyond doubt they are, and what to do."""
     found = said("abc", "A", 1, speed=0.0, passage=OPEN)
     (regime,) = diagnosis_form(found)["regimes"]
     assert ("A.reverse-flow", "A", True) == (regime["regime"], regime["module"], regime["active"])

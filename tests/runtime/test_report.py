@@ -82,7 +82,6 @@ def test_page_needs_nothing_else(leaking: Judged, abc: Ruleset) -> None:
 
 
 def test_hostile_names_stay_text(abc: Ruleset) -> None:
-    """Titles, texts, remarks and file names come out as written, never as markup."""
     words = dict.fromkeys(("title", "text", "action", "meaning", "origin"), HOSTILE)
     ruleset = dataclasses.replace(
         abc,
@@ -107,7 +106,6 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
 
 
 def test_faults_are_titled_with_their_module(abc: Ruleset) -> None:
-    """Also where the module's name is a letter of the title; not where the title holds it."""
     titles = {name: titled(abc.fault_by_id[name]) for name in ("C.clogging", "C.dp.high")}
     assert {"C.clogging": "clogging in C", "C.dp.high": "C.dp reads high"} == titles
 
@@ -170,7 +168,6 @@ def test_residuals_fire_where_they_exceed_their_threshold(leaking: Judged) -> No
 
 
 def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
-    """Distance of the two estimates as drawn, how much of it is new, and the threshold of that."""
     plain, values, thresholds = seen_alone(leaking)
     ruleset, last = leaking.diagnosis.ruleset, slice(51, 60)
     index = ruleset.observer_index
@@ -212,7 +209,6 @@ def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
 
 
 def test_long_recordings_give_small_files(leaking: Judged) -> None:
-    """2000 samples instead of 80: a few hundred kB, and the estimates of a part only."""
     recording, ruleset, n = leaking.recording, leaking.diagnosis.ruleset, 80 * 25
     repeated = dataclasses.replace(
         recording,

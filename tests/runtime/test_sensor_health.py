@@ -40,7 +40,6 @@ def plant(name: str) -> Ruleset:
 
 @cache
 def recorded(name: str, seed: int = 5) -> Recording:
-    """A sound recording of several operating points."""
     rig = RIGS[name]()
     points = operating_points(rig, 6)
     readings = record(visiting_run(rig, points, {}, hold=25), TABLE_1, seed).readings
@@ -134,7 +133,6 @@ OF_EACH_KIND = ("dead", "broken wire", "given, frozen", "bar under mbar", "swapp
     ],
 )
 def test_a_sensor_that_fails_is_told(case: str, name: str) -> None:
-    """By its name, with letter and remedy, and as nothing else: the plant is sound."""
     bend, how, told, letter = CASES[case]
     ruleset = plant(name)
     found = diagnose(bend(recorded(name), ruleset, *how), ruleset)
@@ -161,7 +159,6 @@ def test_a_sound_recording_has_sound_sensors(name: str) -> None:
     ("name", "level"), [("cascaded-tanks", "lower.y"), ("wastewater-lab", "tank1.l")]
 )
 def test_levels_that_fail(name: str, level: str) -> None:
-    """Dead at the live zero, below it, stuck behind a time and from the first sample on."""
     ruleset, recording = tanks.plant(name), tanks.made(name, 1)
     low = ruleset.signal_by_id[level].lowest
     for bent, told in (
@@ -178,7 +175,6 @@ def test_levels_that_fail(name: str, level: str) -> None:
 
 @pytest.mark.parametrize("length", [9, 45])
 def test_a_voltage_set_in_steps_is_not_stuck(length: int) -> None:
-    """Steps of 36 and of 180 s, some of them short, as a controller sets them."""
     ruleset, recording = tanks.plant("cascaded-tanks"), tanks.made("cascaded-tanks", 2)
     random = np.random.default_rng(3)
     levels = np.round(random.uniform(1.5, 3.2, len(recording)), 3)
@@ -188,7 +184,6 @@ def test_a_voltage_set_in_steps_is_not_stuck(length: int) -> None:
 
 
 def test_noise_tells_a_measured_input_from_a_set_one() -> None:
-    """Noise of the class that stops is a failure, moves far beyond it are somebody's doing."""
     random = np.random.default_rng(4)
     noisy = np.round(900.0 + 2.0 * random.standard_normal(200), 2)
     noisy[120:] = noisy[120]

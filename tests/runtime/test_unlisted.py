@@ -71,7 +71,6 @@ def test_both_are_named_where_no_reading_tells(signal: str, size: float) -> None
 
 
 def test_a_speed_too_high_is_no_leakage_alone() -> None:
-    """At one operating point it may look like a leakage: it is named, or stands beside it."""
     for share in (0.1, 0.3):
         finding = only(misread("A.n", 1, share))
         assert "A.n.high" in {finding.fault.id, *dict(finding.alternatives)}
@@ -92,7 +91,6 @@ def test_what_a_ruleset_lists() -> None:
 
 
 def test_the_matrix_folds_them_into_a_row_for_each_reading() -> None:
-    """JSON has all of them."""
     rules = compiled("abc")
     readings = ("A.n", "A.dp", "A.P_el", "B.n", "B.dp", "B.P_el", "C.dp")
     assert readings == tuple(rules.moved_by_reading)
@@ -102,7 +100,6 @@ def test_the_matrix_folds_them_into_a_row_for_each_reading() -> None:
 
 
 def test_controllers_undo_listed_faults_alone() -> None:
-    """The plan that modules get has no degree of another one, and the same values."""
     rules = compiled("abc")
     undo = listed_undo(rules)
     assert not {f"x:{f.id}" for f in rules.unlisted} & set(undo.inputs)

@@ -50,7 +50,6 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
 
 
 def test_one_law_may_be_off_by_more_than_the_others() -> None:
-    """A bend in the power law is an error of that law, not of all."""
     geometry = Geometry(rippled("A.P_el", 0.06, 1.0))
     laws = refitted(geometry, Configuration()).sizes.laws
     assert laws["definition:A.P_law"] > 1.5 * max(laws[n] for n in laws if "P_law" not in n)
@@ -68,14 +67,12 @@ def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, tol
 
 @pytest.mark.parametrize("fresh", [(), (0, 1)])
 def test_a_climb_ends_where_there_are_no_numbers(fresh: tuple[int, ...]) -> None:
-    """Whatever is compared with what is no number, nothing is more than it."""
     assert climbed(lambda place: np.nan, (1, 1), (3, 3), fresh) in {(1, 1), (0, 0)}
     beside = {(0, 0): 0.0, (1, 0): np.nan, (0, 1): 1.0, (1, 1): 2.0}
     assert climbed(lambda place: beside[place], (0, 1), (2, 2), ()) == (1, 1)
 
 
 def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those who try sets leave it out, and go on with the others."""
     start = fitted(alone(), warmed({}, 120))
     steep = SimpleNamespace(residual=start.residual, jacobian=np.full_like(start.jacobian, np.inf))
     monkeypatch.setattr(Geometry, "evaluated", lambda *_: steep)
@@ -84,8 +81,6 @@ def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_plant_that_runs_away_cannot_be_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sentence with a remedy instead of a traceback."""
-
     def runs_away(*args: object) -> None:
         raise np.linalg.LinAlgError
 

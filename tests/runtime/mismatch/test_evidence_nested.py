@@ -58,7 +58,6 @@ class Integral:
 
     @cached_property
     def free(self) -> Array:
-        """Places of the values that are not held."""
         return np.flatnonzero(self.model.prior.highest > self.model.prior.lowest)
 
     @cached_property
@@ -107,7 +106,6 @@ class Integral:
         return known + geometry.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
 
     def _residual(self, at: Array) -> Array:
-        """Rows of the model at some coordinates, without the slopes of `Evidence.evaluated`."""
         setting, geometry = self.model.setting, self.geometry
         there = replace(setting, values={**setting.values, **self.model.prior.values(at)})
         if isinstance(geometry, StoresGeometry):
@@ -180,12 +178,10 @@ def knowing(builder: ModelBuilder, *unknown: str, values: Mapping[str, float]) -
 
 
 def with_values(joined: Values) -> dict[str, dict[str, float]]:
-    """Values by their whole names, per candidate."""
     return {c: {f"{c}.{name}": v for name, v in own.items()} for c, own in joined.items()}
 
 
 def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) -> Integral:
-    """A dosing module at settled points, refitted with what is joined."""
     rules, builder = alone()
     there = rules, cast(ModelBuilder, knowing(builder, "A.C0", "A.k2", values={}))
     recording = recorded(there, {**tour(rules, 240), "A.T": warming(240)}, built)
@@ -199,7 +195,6 @@ def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) 
 
 
 def stores(begin: Values, built: Values) -> Integral:
-    """Two tanks, 150 samples, refitted with what is joined."""
     rules, builder = benches.tanks()
     unknown = ("pump.k", "upper.a", "upper.h0", "lower.a", "lower.h0")
     more = {n: v for own in with_values(built).values() for n, v in own.items()}
@@ -247,7 +242,6 @@ FAST = ("settled, an amplitude", "stores, nothing joined")
     "name", [pytest.param(n, marks=() if n in FAST else pytest.mark.prove) for n in PROBLEMS]
 )
 def test_laplace_finds_the_evidence(name: str) -> None:
-    """Within a nat of the whole integral."""
     integral = PROBLEMS[name]()
     nested, u = integral.sampled(LIVE.get(name, 120))
     assert abs(integral.model.evidence - nested) < 1.0

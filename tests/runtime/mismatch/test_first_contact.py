@@ -33,7 +33,6 @@ connections: []
 
 
 def shifted(there: tuple[Ruleset, ModelBuilder], signal: str, by: float) -> Mismatch:
-    """What is told where a reading is off by a constant, SI."""
     given = {**tour(there[0], 144), "A.T": warming(144)}
     recording = recorded(there, given)
     return compared(there, changed(recording, {signal: recording.values[signal] + by}))
@@ -48,7 +47,6 @@ def test_power_that_no_law_says_has_no_tick() -> None:
 
 
 def test_a_pressure_reading_with_a_zero_error_is_told_as_that(tmp_path: Path) -> None:
-    """There is no line that a check valve could be in."""
     shutil.copytree(ROOT / "kb", tmp_path / "kb")
     (tmp_path / "plant.yaml").write_text(PUMP, encoding="utf-8")
     found = shifted(open_builder(tmp_path), "A.dp", 0.15e5)

@@ -44,7 +44,6 @@ B = f"{SLIP}.b"
 
 
 def setting(name: str, start: Mapping[str, float], **fixed: float) -> Configuration:
-    """The plain model with a candidate in it."""
     candidate = next(c for c in alone()[1].candidates if c.id == name)
     values, held = ({f"{name}.{k}": v for k, v in part.items()} for part in (start, fixed))
     return Configuration().joining(candidate, values, held)
@@ -88,7 +87,6 @@ def test_what_vanishes_in_the_last_fit_is_not_told(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_base_values_come_back(seed: int) -> None:
-    """True parameters are drawn from what is stated: the refit errs as its covariance says."""
     known = alone()[1].parameters
     draw = np.random.default_rng(seed + 1000).multivariate_normal(
         known.values, known.covariance, method="eigh"
@@ -99,7 +97,6 @@ def test_base_values_come_back(seed: int) -> None:
 
 
 def test_the_prior_holds_where_nothing_is_said() -> None:
-    """One operating point does not tell parameters apart: they stay where they were stated."""
     rules, builder = alone()
     given = {"A.n": np.full(60, rules.signal_by_id["A.n"].reference)}
     found = fitted(alone(), recorded(alone(), given, moved=False))
@@ -130,7 +127,6 @@ def test_values_stay_where_they_must() -> None:
 
 @pytest.mark.parametrize("size", [3.0, 30.0])
 def test_gross_errors_do_not_bend_the_model(size: float) -> None:
-    """Every tenth pressure reading is wrong by a share of the range; the value is still found."""
     clean = warmed(TRUE)
     wrong = np.random.default_rng(8).random(SAMPLES) < 0.1
     dp = clean.values["A.dp"] + np.where(wrong, size * 0.01e5, 0.0)
@@ -155,7 +151,6 @@ def test_a_bent_valley_is_followed_to_its_end() -> None:
 
 
 def test_a_sheet_gives_way_and_still_counts() -> None:
-    """Where a recording shows another value, it is found; how far the sheet is off is counted."""
     rules, builder = alone()
     known = builder.parameters
     i = known.ids.index("A.eta")
@@ -170,7 +165,6 @@ def test_a_sheet_gives_way_and_still_counts() -> None:
 
 
 def test_where_a_law_has_no_value_it_is_not_right() -> None:
-    """A reading of which nothing is left has no flow: there is nothing that could be wrong."""
     rows = rows_at(alone(), recorded(alone(), tour(alone()[0], SAMPLES), moved=False))
     nothing = setting("A.dp.low", {"x": 1.0})
     assert fit(rows, nothing, rows.system.data.open, steps=0).objective == np.inf
@@ -194,7 +188,6 @@ def test_sets_of_terms_gain_what_each_gains_alone() -> None:
 
 
 def test_a_calibration_at_another_temperature_bends_no_law() -> None:
-    """The plain law holds at 20 degC, and is known well; the recording is warmer by far."""
     rules, builder = alone()
     known = builder.parameters
     sure = Sure(builder, replace(known, covariance=known.covariance * 1e-4))

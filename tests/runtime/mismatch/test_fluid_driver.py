@@ -33,7 +33,6 @@ SAMPLES = 240
 
 @functools.cache
 def oily() -> tuple[Ruleset, ModelBuilder]:
-    """One dosing module, pumping an oil that the plant names."""
     return open_builder(Path(__file__).parent / "oily.yaml")
 
 
@@ -100,7 +99,6 @@ def test_an_experiment_knows_the_property_where_the_temperature_is_set() -> None
 
 
 def test_the_planted_law_is_among_the_best_and_fits_better_than_a_temperature() -> None:
-    """Refitted, its exponent is near 1, and less is left than by an exponential."""
     rows = planted()
     plain = fit(rows, Configuration(), rows.system.data.open)
     trials = {t.candidate.id: t for t in screen(plain, rows.system.candidates)}
@@ -117,7 +115,6 @@ def test_the_planted_law_is_among_the_best_and_fits_better_than_a_temperature() 
 
 
 def test_of_a_property_that_is_read_the_reading_counts(tmp_path: Path) -> None:
-    """A pump with a viscosity among its signals: recorded it drives, else the fluid does."""
     shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "plant")
     file = tmp_path / "plant" / "p100.yaml"
     file.write_text(f"{file.read_text()}fluid: glycerol\nkb: {ROOT / 'kb'}\n")

@@ -51,7 +51,6 @@ def test_a_region_is_found(low: float | None, high: float | None) -> None:
 
 
 def test_periods_are_told_where_there_are_few() -> None:
-    """Two spans of time; none for what is always there, or nowhere."""
     time = np.arange(float(N))
 
     def course(*spans: tuple[int, int]) -> Array:
@@ -68,7 +67,6 @@ def test_periods_are_told_where_there_are_few() -> None:
 
 @pytest.mark.parametrize("plant", ["alone", "abc"])
 def test_predictions_solve_the_residual(plant: str) -> None:
-    """The predicted reading is that of the simulation where readings are free of noise."""
     where = alone() if plant == "alone" else opened(plant)
     found = rows_at(where, recorded(where, tour(where[0], 240), seed=None)).system
     predictor = predictors_for(found, tuple(o.id for o in found.observers), frozenset())[0]

@@ -130,7 +130,6 @@ def test_what_was_found_is_concealed_at_its_size() -> None:
 def test_command_tells_it_behind_the_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In words and in the JSON. The shipped example, by the independent truth, is healthy."""
     file = tmp_path / "m.json"
     assert 0 == main(["mismatch", *HEALTHY, "--power", "A.leakage", SLIP, "--json", str(file)])
     form = json.loads(file.read_text(encoding="utf-8"))
@@ -153,14 +152,12 @@ def test_command_tells_it_behind_the_report(
 
 
 def test_ids_that_nothing_has_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """Before the search, with what may be meant."""
     assert 1 == main(["mismatch", *HEALTHY, "--power", "A.leak"])
     said = "--power A.leak: no effect of this plant has that id; did you mean 'A.leakage'?"
     assert said in capsys.readouterr().err
 
 
 def test_plants_that_store_are_replayed_too() -> None:
-    """A strong overflow is told, and nothing is called missing where nothing is."""
     place = bench(made())
     proof = self_proof(of_stores.begun(place).posterior(), place.candidates, [OVERFLOW])
     (seen,) = proof.effects

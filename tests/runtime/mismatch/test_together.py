@@ -9,17 +9,16 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer.findings import of_recordings, update_sentence, updates_of
+from rulec.mismatch.answer.findings import of_recordings
 from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration, own_error
 from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.operating_state_means import averaged
 from rulec.mismatch.evidence.steady.repaired_model import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.grow_sets import explain
-from rulec.mismatch.search.settled.later_refits import ByRecording, SingleRecording, by_recording
+from rulec.mismatch.search.settled.later_refits import by_recording
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -45,7 +44,6 @@ LENGTH = 144
 
 
 def joined(*parts: Recording) -> Recording:
-    """Recordings one behind the other, each with a clock of its own."""
     lengths = [len(part) for part in parts]
     begins = np.cumsum([0, *lengths[:-1]]).astype(float)
     number = np.repeat(np.arange(len(parts)), lengths)
@@ -61,20 +59,17 @@ def joined(*parts: Recording) -> Recording:
 
 
 def healthy(low: float = 0.6) -> Recording:
-    """A recording of the plant as it is described, over some speeds."""
     plant = opened(PLANT)
     return recorded(plant, tour(plant[0], LENGTH, low=low), moved=False)
 
 
 def shifted(recording: Recording, name: str, by: float) -> Recording:
-    """A reading off by so many uncertainties of its class."""
     u = float(np.median(rows_at(opened(PLANT), recording).system.shared[name]))
     return changed(recording, {name: recording.values[name] + by * u})
 
 
 @pytest.fixture(scope="module")
 def rows() -> Rows:
-    """Two healthy recordings together."""
     return rows_at(opened(PLANT), joined(healthy(), healthy(0.65)))
 
 
@@ -204,19 +199,3 @@ def test_the_answer_tells_of_each_recording() -> None:
     (finding,) = found.findings
     assert before[1] < 0.1 < 0.4 < after[1] == pytest.approx(finding.probability, abs=1e-3)
     assert SLIP == finding.id
-
-
-MOVED = (Moved("a", "slip", 0.52, 0.97), Moved("b", "friction", 0.45, 0.02))
-
-
-def test_updates_are_told_by_name() -> None:
-    """Of the second and each later one, in one sentence each."""
-    own = SingleRecording(0, "ambiguous", (Likely("a", "slip", 0.52),))
-    found = ByRecording((own, own, own), {1: MOVED, 2: MOVED[:1]})
-    updates = updates_of(("a.csv", "b.csv", "c.csv"), found)
-    assert [("b.csv", MOVED), ("c.csv", MOVED[:1])] == [(u.recording, u.moved) for u in updates]
-    for moved, text in (
-        (MOVED, "With b.csv: slip 52 % -> 97 %; friction 45 % -> 2 %"),
-        ((Moved("a", "slip", None, 0.97),), "With b.csv: slip 97 %"),
-    ):
-        assert text == update_sentence("b.csv", moved).replace("\xa0", " ")

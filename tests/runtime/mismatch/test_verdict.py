@@ -78,7 +78,6 @@ def test_verdict_and_headline(
 
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
-    """Not where something beside it has one, were it larger."""
     at: Any = {"module": UNSURE.module, "place": UNSURE.place, "title": ""}
     large = Location(**at, share=0.8, region=(), periods=())
     small = replace(large, module="B", place="Q_imp", share=0.2)
@@ -122,7 +121,6 @@ def test_what_is_about_as_likely_stands_in_the_headline() -> None:
 
 
 def test_alternatives_of_one_title_are_one() -> None:
-    """Zero and gain of one reading have one title; it appears once, with the sum."""
     others = tuple(Alternative(f"x{i}", "x", "A.dp reads high", 0.25) for i in range(2))
     finding = replace(WARM, title="Gap flow", probability=0.5, alternatives=others)
     headline = headline_of("ambiguous", (finding,), (), SOUND)
@@ -177,7 +175,6 @@ def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> N
     ],
 )
 def test_next_step(verdict: str, findings: Sequence[Finding], expected: str) -> None:
-    """One for each verdict; a hidden driver is to be recorded, whatever else was found."""
     assert next_step(verdict, findings, None, (NO_SENSOR,)).startswith(expected)
     assert UNNAMED.hidden is not None
     step = next_step("named", (SURE,), UNNAMED.hidden, ())

@@ -128,7 +128,6 @@ def test_place_and_driver_are_found(thin: Path) -> None:
 
 @pytest.mark.prove
 def test_the_whole_answer(thin: Path) -> None:
-    """Text and machine form are those of settled plants."""
     recording = flapping(thin, 2)
     found = analyse(recording, *tanks())
     assert "unnamed" == found.verdict

@@ -38,7 +38,6 @@ FORGOTTEN = 150
 
 @functools.cache
 def plain() -> SimulationProblem:
-    """The plain plant."""
     return bench(made())
 
 
@@ -50,7 +49,6 @@ def shown(tau: float | None = None, **moved: float) -> Array:
 
 @pytest.mark.parametrize(("samples", "off"), [(0, 0.02), (5, 0.01), (25, 0.01)])
 def test_a_dead_time_shifts(samples: int, off: float) -> None:
-    """The level is the same, only later, but for what a sample resolves."""
     late, first = shown(samples * STEP), FORGOTTEN if samples else 0
     error = late[first + samples :] - shown()[first : len(late) - samples]
     assert np.abs(error).max() < off * np.std(shown())
@@ -114,7 +112,6 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
 
 @pytest.mark.parametrize("spot", ["balance:upper.h", "balance:lower.h", "reading:lower.y"])
 def test_the_place_of_an_error_is_found(spot: str) -> None:
-    """An error that comes and goes, in a balance or a sensor: its place is suspected first."""
     size = 0.5 if spot.startswith("reading") else 2e-4
     course = size * np.sin(np.arange(1024) / 60.0) ** 3
     place = bench(made(n=1024, seed=6, errors={spot: course}))
@@ -142,7 +139,6 @@ def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize("least", [0.0, -0.4])
 def test_a_sensor_shows_what_the_recording_proves(least: float) -> None:
-    """A range that begins at zero ends there, unless readings below zero were recorded."""
     recording = made(200)
     y = recording.values["lower.y"]
     own = bench(changed(recording, {"lower.y": y - y.min() + least}) if least else recording)
