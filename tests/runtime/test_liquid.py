@@ -38,11 +38,8 @@ def thicker_run(
     cooled: float,
     faults: Faults,
 ) -> Run:
-    """Run at nominal speed; while `later`, shape (n,), friction losses and slips are multiplied by
-    factors, and the liquid is colder by `cooled`, K. Parameters become arrays.
-
-    Source: the factors are independent, as a plant has laminar and turbulent paths.
-    """
+    """Run at nominal speed; while `later`, friction losses and slips are multiplied by factors (of
+    their own, as a plant has laminar and turbulent paths), and the liquid is colder, K."""
     rubbed: Any = np.where(later, friction, 1.0)
     slipped: Any = np.where(later, slip, 1.0)
     modules = {}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rulec_runtime.contract.ruleset import Junction, Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
@@ -55,6 +55,7 @@ def test_dates_have_sensible_steps(length: float, first: str, step: float) -> No
     assert 25 * 3600.0 in np.diff(days)
 
 
+@settings(max_examples=50)
 @given(st.floats(-1e6, 1e6), st.floats(0, 1e6), st.integers(2, 9))
 def test_axes_have_sensible_ticks(low: float, span: float, wanted: int) -> None:
     scale = axis(low, low + span, wanted)
@@ -64,6 +65,7 @@ def test_axes_have_sensible_ticks(low: float, span: float, wanted: int) -> None:
     assert len(scale.ticks) == len(set(scale.labels()))
 
 
+@settings(max_examples=30)
 @given(st.lists(st.floats(-1e3, 1e3) | st.just(float("nan")), min_size=1, max_size=4000))
 def test_thin_series_keeps_the_extremes(values: list[float]) -> None:
     time, series = np.arange(float(len(values))), np.array(values)

@@ -1,9 +1,7 @@
 """The evidence of sets of explanations, by Laplace's approximation, against nested sampling.
 
-What a refit chooses stays as it chose: noise, sizes of random columns, forms of effects. Values are
-drawn from a wide Student distribution about the model and weighed by what that is less than the
-prior; the model is evaluated anew for each. Random columns are integrated out exactly where noise
-is normal, and drawn too where it is not.
+What a refit chooses stays as it chose: noise, sizes of random columns, forms of effects. Random
+columns are integrated out exactly where noise is normal, and drawn too where it is not.
 
 Source: Skilling 2006 (nested sampling); Speagle 2020 (dynesty); Petrosyan and Handley 2022 (another
 prior leaves the evidence as it is).
@@ -27,7 +25,7 @@ from rulec.knowledge.parameter_belief import peak_of
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.screen import references
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.evidence import Evidence
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.geometry import Geometry
@@ -52,23 +50,19 @@ class Integral:
     geometry: Evidence
     model: Model
 
-    @property
+    @cached_property
     def drawn(self) -> bool:
         return isinstance(self.geometry, Geometry)
 
     @cached_property
     def free(self) -> Array:
+        """Places of the values that are not held."""
         return np.flatnonzero(self.model.prior.highest > self.model.prior.lowest)
 
     @cached_property
     def columns(self) -> Array:
         """Random columns, whitened, each of its size, shape (rows, columns)."""
         return self.model.table[:, len(self.model.at) :]
-
-    @cached_property
-    def _inner(self) -> Array:
-        """Lower factor of what integrates the columns out."""
-        return np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
 
     @cached_property
     def about(self) -> tuple[Array, Array]:
@@ -94,24 +88,23 @@ class Integral:
         geometry, model = self.geometry, self.model
         if np.any(at < model.prior.lowest) or np.any(at > model.prior.highest):
             return IMPOSSIBLE
-        residual = self._residual(at)
+        setting = replace(model.setting, values={**model.setting.values, **model.prior.values(at)})
+        if isinstance(geometry, StoresGeometry):
+            residual = geometry.simulated(setting)[0]
+        else:
+            assert isinstance(geometry, Geometry)
+            rows = geometry.rows
+            residual = rows.errors(rows.system.flows(setting))[0][geometry.seen]
         if not np.isfinite(residual).all():
             return IMPOSSIBLE
         known = model.prior.near(at).density - 0.5 * float(numbers @ numbers)
         white = geometry.whitened(residual, model.noise)
         if self.drawn:
             return known + geometry.likelihood(white + self.columns @ numbers, model.noise)
-        gone = np.linalg.solve(self._inner, self.columns.T @ white)
-        size = float(np.sum(np.log(np.diag(self._inner))))
+        lower = np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
+        gone = np.linalg.solve(lower, self.columns.T @ white)
+        size = float(np.sum(np.log(np.diag(lower))))
         return known + geometry.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
-
-    def _residual(self, at: Array) -> Array:
-        setting, geometry = self.model.setting, self.geometry
-        there = replace(setting, values={**setting.values, **self.model.prior.values(at)})
-        if isinstance(geometry, StoresGeometry):
-            return geometry.simulated(there)[0]
-        assert isinstance(geometry, Geometry)
-        return geometry.rows.errors(geometry.rows.system.flows(there))[0][geometry.seen]
 
     def weight(self, share: Array) -> float:
         """Log density at a place of the unit cube, over that with which it is drawn:
@@ -177,7 +170,7 @@ def knowing(builder: ModelBuilder, *unknown: str, values: Mapping[str, float]) -
     return Sure(builder, few)
 
 
-def with_values(joined: Values) -> dict[str, dict[str, float]]:
+def whole_names(joined: Values) -> dict[str, dict[str, float]]:
     return {c: {f"{c}.{name}": v for name, v in own.items()} for c, own in joined.items()}
 
 
@@ -187,7 +180,7 @@ def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) 
     recording = recorded(there, {**tour(rules, 240), "A.T": warming(240)}, built)
     rows = rows_of_states(rows_at(there, recording).system)
     setting = Configuration()
-    for name, values in with_values(begin).items():
+    for name, values in whole_names(begin).items():
         candidate = next(c for c in builder.candidates if c.id == name)
         setting = setting.joining(candidate, values, references(rows.system, candidate))
     geometry = Geometry(rows, exact=True)
@@ -197,21 +190,20 @@ def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) 
 def stores(begin: Values, built: Values) -> Integral:
     rules, builder = benches.tanks()
     unknown = ("pump.k", "upper.a", "upper.h0", "lower.a", "lower.h0")
-    more = {n: v for own in with_values(built).values() for n, v in own.items()}
-    record = record_of(benches.made(150, joined=tuple(built), more=more), rules, builder.given)
-    assert record is not None
+    more = {n: v for own in whole_names(built).values() for n, v in own.items()}
+    record = benches.bench(benches.made(150, joined=tuple(built), more=more)).record
     there = cast(ModelBuilder, knowing(builder, *unknown, values=benches.TRUE))
     bench = SimulationProblem(rules, there, record)
     search = begun(bench)
     geometry, plain = search.geometry, search.models[frozenset()]
     assert isinstance(geometry, StoresGeometry)
-    if not begin:
-        return Integral(geometry, plain)
     setting = plain.setting
-    for name, values in with_values(begin).items():
+    for name, values in whole_names(begin).items():
         candidate = bench.candidate(name)
         setting = setting.joining(candidate, values, geometry.references(setting, candidate))
-    return Integral(geometry, refitted(geometry, from_afar(geometry.bench, setting), plain))
+    if begin:
+        plain = refitted(geometry, from_afar(geometry.bench, setting), plain)
+    return Integral(geometry, plain)
 
 
 PROBLEMS: Mapping[str, Callable[[], Integral]] = {

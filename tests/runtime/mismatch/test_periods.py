@@ -16,7 +16,7 @@ from rulec.mismatch.answer.terminal_and_page import report
 from rulec.mismatch.evidence.steady.configuration import Configuration, lasting
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
-from rulec.mismatch.result import Finding, Mismatch
+from rulec.mismatch.result import Mismatch
 from rulec.mismatch.search.intermittent_fault import Segments, apart, cut, degree_course, in_periods
 from rulec.mismatch.search.limits import ODD, STEP_PENALTY
 from rulec.mismatch.search.settled.scan import at_points
@@ -40,8 +40,7 @@ def states(values: Array, odd: float = 0.0) -> list[tuple[int, int]]:
     flags = np.zeros(len(values) + 2, dtype=int)
     for first, length in zip(segments.first[on], segments.length[on], strict=True):
         flags[first + 1 : first + length + 1] = 1
-    edges = np.flatnonzero(np.diff(flags))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    return [(int(a), int(b)) for a, b in np.flatnonzero(np.diff(flags)).reshape(-1, 2)]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -144,16 +143,11 @@ def answer(shape: str) -> Mismatch:
     return compared(alone(), recorded(alone(), GIVEN, {CLOGGING: {"x": degree(shape)}}))
 
 
-def clogging(shape: str) -> Finding:
-    (finding,) = answer(shape).findings
-    assert CLOGGING == finding.id
-    return finding
-
-
 def test_a_fault_that_grows_is_told_with_its_rate() -> None:
     """Onset within three of its uncertainties, rate within its bounds, nothing at first. It is to
     be mended, not adopted."""
-    finding = clogging("grows")
+    (finding,) = answer("grows").findings
+    assert CLOGGING == finding.id
     (period,) = finding.periods
     growth = period.growth
     assert growth is not None
@@ -171,10 +165,11 @@ def test_a_fault_that_grows_is_told_with_its_rate() -> None:
 
 @pytest.mark.prove
 def test_a_step_and_what_is_always_there_do_not_grow() -> None:
-    (period,) = clogging("begins").periods
+    (begun,), (always,) = (answer(shape).findings for shape in ("begins", "lasts"))
+    assert (CLOGGING, CLOGGING, ()) == (begun.id, always.id, always.periods)
+    (period,) = begun.periods
     assert period.growth is None
     assert abs(period.since - SINCE) <= 2.0
-    assert () == clogging("lasts").periods
 
 
 def test_growth_is_told_in_words_and_in_json() -> None:

@@ -53,12 +53,7 @@ def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **mor
         ((SURE,), True, "named", "The model lacks gap flow that follows the temperature in A"),
         ((AGEING,), False, "named", "The model lacks wear in A."),
         ((UNSURE,), False, "ambiguous", "Not decided: gap flow"),
-        (
-            (FAULT, SENSOR),
-            False,
-            "fault",
-            "The model is right; the plant has a fault: flow lost in",
-        ),
+        ((FAULT, SENSOR), False, "fault", "The model is right; the plant has a fault: flow lost"),
         ((SENSOR, FAULT), False, "sensor", "The model is right; a sensor is not: reading shifted"),
         ((FAULT, SURE), False, "named", "The model lacks gap flow"),
         ((replace(FAULT, probability=0.5), SURE), False, "named", "The model lacks"),

@@ -14,13 +14,7 @@ from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.best_set import search as searched
 from rulec.mismatch.search.stores.grow_sets import begun, grow, prune
 from rulec.mismatch.stores import until_of
-from tests.runtime.mismatch.dynamic.benches import (
-    TRUE,
-    bench,
-    explained,
-    joined_to,
-    made,
-)
+from tests.runtime.mismatch.dynamic.benches import TRUE, bench, explained, joined_to, made
 
 SINCE, DEGREE = 900.0, 0.15
 
