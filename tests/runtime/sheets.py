@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
 
 from tests.conftest import ROOT
 
@@ -62,3 +66,17 @@ def write(folder: Path, content: str | bytes, name: str = "x.csv") -> Path:
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
+
+
+def sampled(
+    values: Mapping[str, Array], time: Array | None = None, missing: tuple[str, ...] = ()
+) -> Recording:
+    """A recording in one piece, SI; one sample per second unless there are times."""
+    n = len(next(iter(values.values())))
+    return Recording(
+        time=np.arange(n, dtype=float) if time is None else time,
+        values=dict(values),
+        segment=np.zeros(n, dtype=int),
+        missing=missing,
+        notes=(),
+    )

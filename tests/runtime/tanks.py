@@ -14,6 +14,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.prediction import SensorErrors, sense
 from tests.conftest import ROOT
+from tests.runtime.sheets import sampled
 
 Fault = tuple[str, float, float]
 """Id, degree, and the share of the recording behind which it is there."""
@@ -58,9 +59,7 @@ def made(
     for signal in (ruleset.signal_by_id[n] for n in readings):
         readings[signal.id] = np.clip(readings[signal.id], signal.lowest, signal.highest)
     missing = tuple(n for n in dynamics.outputs if n not in readings)
-    return Recording(
-        time=time, values=readings, segment=np.zeros(count, dtype=int), missing=missing, notes=()
-    )
+    return sampled(readings, time, missing)
 
 
 def _true(

@@ -108,8 +108,7 @@ def test_a_fault_that_goes_is_found_with_its_end() -> None:
 
 
 def test_evidence_and_frequencies() -> None:
-    """A tank that gets too little stands lower than predicted, told in the unit of its reading; the
-    other is as it should be. Of what fits alike the more usual is named first."""
+    """Of what fits alike the more usual is named first."""
     rules, lost = plant("wastewater-lab"), {"tank1.lost-inflow", "supply.Q.high"}
     recording = made("wastewater-lab", 0, ("tank1.lost-inflow", 0.2, 0.5))
     for usual in lost:

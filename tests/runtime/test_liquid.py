@@ -89,8 +89,7 @@ def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> Non
 
 @RIGS
 def test_what_modules_have_is_not_the_liquid(rig: str) -> None:
-    """Named, and the liquid no alternative to it. A change of all lines with a tolerance comes near
-    two cloggings; two come nearer."""
+    """A change of all lines comes near two cloggings; two come nearer."""
     clogged = f"{MIXERS[rig]}_clogging"
     for fault in (clogged, "A_leakage", "A_P_el.high"):
         found = said(rig, 0, **{fault: 0.2})
@@ -113,8 +112,7 @@ def test_a_leakage_is_seen_beside_a_cold_liquid(rig: str) -> None:
 
 
 def test_remarks() -> None:
-    """A liquid thicker by a fifth, as 7 K make it: told, and no finding. A temperature that fell as
-    the change needs speaks for it, one that stayed speaks against."""
+    """A liquid thicker by a fifth, as 7 K make it; a temperature speaks for or against."""
     found = said("abc", 0, 1.2**0.125**2, 1.2**-0.7)
     assert ("ok", ()) == (found.status, found.findings)
     assert any("the liquid is thicker" in note and "weather" in note for note in found.notes)

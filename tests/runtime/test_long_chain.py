@@ -78,8 +78,7 @@ def test_fault_of_a_long_chain_is_found_in_time() -> None:
     "fault", ["M0.clogging", pytest.param("M13.dp.high", marks=pytest.mark.prove)]
 )
 def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
-    """From its beginning to its end, and not as another one in the whole recording: of hundreds of
-    residuals most say nothing against that."""
+    """Of hundreds of residuals most say nothing against that."""
     rules, first, last = rules_of(LONG), ROWS // 3, 2 * ROWS // 3
     finding = found(rules, leaking(rules, fault, first, last), fault)
     assert finding.since == pytest.approx(first, abs=5.0)

@@ -94,8 +94,6 @@ def test_every_verdict_is_told(case: str) -> None:
 
 
 def test_rows_are_counted() -> None:
-    """What was used and what was not, and why, in the terminal, the machine form and the report;
-    many reasons are told in a few lines, whose counts still sum to all of them."""
     told = words(NAMED)
     assert "400 of 427 rows used: 300 for search and fit; 100 held out" in told
     assert "not used 19: A.n is below 60 rpm" in told
@@ -119,8 +117,7 @@ def test_what_speaks_against_a_repair_is_told() -> None:
 
 
 def test_named_effect_is_told_in_words_and_numbers() -> None:
-    """Slots are filled, place and region named, alternatives weighed; 1 - 0.93/4.4 is 79 %. Each
-    part stands below the one that it rests on."""
+    """1 - 0.93/4.4 is 79 %; each part stands below the one that it rests on."""
     text = words(NAMED)
     for expected in (
         "the gap flow grows by 0.0231 1/K with A.T",
@@ -154,8 +151,7 @@ def test_a_repair_that_makes_worse_is_said_to() -> None:
 
 
 def test_periods_of_a_fault() -> None:
-    """The four largest of six in order of time, and how many there are besides; the machine form
-    has all. One may have no end."""
+    """The four largest of six in order of time; the machine form has all."""
     text = words(FAULT)
     assert "when 80 to 105 s: degree 0.150 ± 0.004" in text
     assert "200 to 225 s: degree 0.300 ± 0.004" in text
@@ -169,8 +165,6 @@ def test_periods_of_a_fault() -> None:
 
 
 def test_hidden_driver_shows_course_and_sensor() -> None:
-    """Its course in characters, what it could be and what to fit; in the table beside the JSON
-    unknown values are empty cells."""
     text = words(UNNAMED)
     assert "could be the liquid's temperature and the level of the tank" in text
     assert "sensor a thermometer at the inlet of A" in text
@@ -288,8 +282,7 @@ def drawn(mismatch: Mismatch) -> ReadingCourses:
 
 
 def test_captions_are_computed() -> None:
-    """From the curves alone: over the temperature the median error spans much before the repair and
-    little after it; errors over time inside the located region and outside it, which is shaded."""
+    """From the curves alone."""
     c, page = curves(), report(NAMED)
     before, after = c.measured - c.recalibrated, c.measured - c.repaired
     title, readings = next(iter(c.drivers.items()))

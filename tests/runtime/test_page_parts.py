@@ -76,8 +76,7 @@ def test_thin_series_keeps_the_extremes(values: list[float]) -> None:
 
 
 def test_layers_run_with_the_flow_and_loops_run_back(abc: Ruleset) -> None:
-    """A recirculating line comes back below. At tanks no flows balance, and yet they are
-    connected."""
+    """At tanks no flows balance, and yet they are connected."""
     found = topology_of(
         "ABCD", [Junction(("A", "D"), ("B",)), Junction(("B",), ("C",)), Junction(("C",), ("D",))]
     )
@@ -118,8 +117,7 @@ def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
 def test_a_matrix_has_a_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All residuals and faults, a row per reading, and each group of faults that are alike. The
-    time can be given, for those who want the same bytes again."""
+    """The time can be given, for those who want the same bytes again."""
     monkeypatch.setenv(EPOCH, "1790078400")
     file = tmp_path / "matrix.html"
     assert 0 == main(["matrix", str(ROOT / "plants" / "abc"), "--report", str(file)])

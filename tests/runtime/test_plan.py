@@ -75,8 +75,6 @@ def longer() -> Plan:
 
 @pytest.mark.parametrize("n", [0, 1, CHUNK - 1, CHUNK, CHUNK + 1, 3 * CHUNK + 7])
 def test_chunk_borders_leave_no_trace(n: int) -> None:
-    """Results are those of numpy at once, whatever the length; written into the arrays that are
-    given, and no input is changed."""
     a, b = np.linspace(1.0, 5.0, n), np.linspace(2.0, 3.0, n) ** 2
     out = {name: np.full(n, -1.0) for name in longer().outputs}
     found = longer().run({"a": a, "b": b, "c": 4.0})
@@ -116,8 +114,6 @@ def readings_of(ruleset: Ruleset, n: int) -> dict[str, Any]:
 
 
 def test_inputs_of_any_kind() -> None:
-    """What does not depend on an absent input is there all the same; other numbers are calculated
-    in double precision; different lengths are refused."""
     plan = Plan(("a", "b"), (), (("add", 0, 0), ("mul", 0, 1)), {"twice": 2, "product": 3})
     found = plan.run({"a": np.array([1.0, 2.0])})
     np.testing.assert_array_equal([2.0, 4.0], found["twice"])
@@ -197,8 +193,7 @@ DAMAGES: tuple[Callable[[dict[str, Any]], object], ...] = (
 
 @pytest.mark.parametrize("part", ["plan", "undo", ""])
 def test_damaged_rulesets_are_refused(abc: Ruleset, part: str) -> None:
-    """Nothing of a damaged plan is run, and what names what is not there is no KeyError later; the
-    message says what to do."""
+    """Nothing of a damaged plan is run; what names what is not there is no KeyError later."""
     text = abc.to_json()
     for number, damage in enumerate(DAMAGES_OF_PLANS if part else DAMAGES):
         data = json.loads(text)
@@ -208,8 +203,6 @@ def test_damaged_rulesets_are_refused(abc: Ruleset, part: str) -> None:
 
 
 def test_what_is_no_ruleset_is_refused(abc: Ruleset, tmp_path: Path) -> None:
-    """Older and newer formats are named with what to do; any other file gives a message with its
-    name, no traceback."""
     for version in (None, 0, FORMAT_VERSION + 1, "1", [1]):
         data = json.loads(abc.to_json()) | {"format_version": version}
         with pytest.raises(RulesetRefused, match=r"format version .* compile the plant again"):
@@ -222,8 +215,7 @@ def test_what_is_no_ruleset_is_refused(abc: Ruleset, tmp_path: Path) -> None:
 
 
 def test_round_trip_gives_the_same_bytes(abc: Ruleset, tmp_path: Path) -> None:
-    """Compiled again by another process, from another folder, with another order of sets; what is
-    read is equal, and is JSON without NaN."""
+    """Compiled by another process, in another folder, with another order of sets."""
     file = tmp_path / "abc.ruleset.json"
     command = [sys.executable, "-m", "rulec", "compile", str(ROOT / "plants" / "abc")]
     environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": SOURCES}
@@ -297,8 +289,7 @@ def test_lowered_expressions_evaluate_like_sympy(outer: Callable[[Any, Any], Any
 
 
 def test_folding_and_signs_keep_values() -> None:
-    """A graph of operations, built with and without its shortcuts, gives the same values: constants
-    0, 1 and -1 and negations stand among the operands of operations on operations."""
+    """With constants 0, 1 and -1 and negations among the operands."""
     at, constants = (1.25, -0.75, 1.75), (0.0, 1.0, -1.0, 2.5)
     graph = Graph(["a", "b", "c"])
     nodes = [*map(graph.input, "abc"), *map(graph.constant, constants)]

@@ -85,8 +85,6 @@ FORMS = {
 def test_form_of_the_file_changes_nothing(
     name: str, tmp_path: Path, abc: Ruleset, expected: Recording
 ) -> None:
-    """Any unit of the right quantity, separators, decimal signs, encodings and line ends: the same
-    readings in SI, without a remark."""
     found = read(FORMS[name] if name in FORMS else UNITS[name].text(), tmp_path, abc)
     same(expected, found)
     assert () == found.notes
@@ -178,10 +176,7 @@ NOTED: list[tuple[str, Sheet]] = [
     ("30 rows repeat the time", SHEET.mapped("time", lambda k, _: str(k // 2))),
     ("2 rows have no usable time", SHEET.filled("time", "Bad", 4, 6)),
     ("not in order of time; they are now", Sheet(SHEET.header, SHEET.rows[::-1])),
-    (
-        "matches no signal of this plant; is this a rec",
-        SHEET.renamed("A.Q", "A.flow [l/h]"),
-    ),
+    ("matches no signal of this plant; is this a rec", SHEET.renamed("A.Q", "A.flow [l/h]")),
     ("belong to no signal of this plant: 'A_dp [bar]'", SHEET.renamed("A.dp", "A_dp [bar]")),
 ]
 
@@ -216,8 +211,7 @@ def test_ragged_rows_are_left_out(tmp_path: Path, abc: Ruleset, expected: Record
 
 
 def test_columns_by_their_names(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
-    """Missing ones that an observer reads are named, in the order of the plant; a column T that
-    stands before that of times is a temperature, by its symbol."""
+    """A column T that stands before that of times is a temperature."""
     found = read(SHEET.without("A.dp", "B.P_el", "A.T").text(), tmp_path, abc)
     assert ("A.dp", "B.P_el") == found.missing
     times, *others = SHEET.renamed("time", "t").text().splitlines()
@@ -263,8 +257,6 @@ def test_folder_in_order_of_time(tmp_path: Path, abc: Ruleset, expected: Recordi
 
 
 def test_folder_with_times_that_start_anew(tmp_path: Path, abc: Ruleset) -> None:
-    """Otherwise they stand one behind the other by name, and a note says where each begins; what
-    one file lacks is no reading there."""
     for name in ("c.csv", "a.csv", "b.csv"):
         write(tmp_path, (SHEET.without("A.dp") if name == "b.csv" else SHEET).text(), name)
     found = read_recording(tmp_path, abc)
@@ -341,10 +333,7 @@ STRETCHES: dict[str, tuple[Sheet, list[tuple[int, int]]]] = {
         SHEET.mapped("A.n", lambda k, c: str(float(c) + 200 * (k >= 20))),
         [(0, 20), (21, 60)],
     ),
-    "long ones are cut": (
-        LONG.mapped("time", lambda k, _: str(k)),
-        [(0, 50), (50, 100), (100, 150)],
-    ),
+    "long ones are cut": (LONG, [(0, 50), (50, 100), (100, 150)]),
 }
 
 

@@ -71,8 +71,7 @@ def said(
     dry: bool = False,
     closed: float = 0.0,
 ) -> Diagnosis:
-    """What is said where a module, sound in the first half, runs at a share of its nominal speed in
-    the second, lets liquid back where it stands, is dry, or has its line nearly closed."""
+    """A module, sound in the first half, at a share of its nominal speed in the second."""
     plant, rules = built(rig), calibrated(ruleset(rig))
     later = np.arange(2 * HOLD) >= HOLD
     own = plant.modules[module]
@@ -105,8 +104,6 @@ def said(
 def test_a_regime_is_told_and_no_other(
     rig: str, module: str, how: dict[str, float], regime: str
 ) -> None:
-    """Liquid that runs back through a standing pump, from the first to the last settled sample of
-    the second half; a pump that runs dry; one against a closed way."""
     for seed in range(2):
         found = said(rig, module, seed, **how)  # type: ignore[arg-type]
         assert {r.regime.id for r in found.regimes} == ({f"{module}.{regime}"} if regime else set())

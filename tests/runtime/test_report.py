@@ -59,8 +59,6 @@ BENT = {
 
 @pytest.mark.parametrize("case", BENT)
 def test_every_recording_gives_a_sound_page(case: str, abc: Ruleset, tmp_path: Path) -> None:
-    """Whatever could be judged of it: well-formed, with all figures over time, without NaN. Where
-    nothing was, the reason stands above the pictures, and no figure claims anything."""
     bent: Sheet = BENT[case](SHEET)
     page = judge(write(tmp_path, bent.text()), abc).page()
     assert USUAL == figures(page)
@@ -71,8 +69,7 @@ def test_every_recording_gives_a_sound_page(case: str, abc: Ruleset, tmp_path: P
 
 
 def test_page_needs_nothing_else(leaking: Judged, abc: Ruleset) -> None:
-    """References lead to shapes of the page itself; same input, same bytes: no date, no order by
-    chance."""
+    """Same input, same bytes: no date, no order by chance."""
     page = leaking.page()
     assert [] == NEEDS_MORE.findall(page)
     names = {e.get("id") for e in tree(page).iter("symbol")}
@@ -111,8 +108,6 @@ def test_faults_are_titled_with_their_module(abc: Ruleset) -> None:
 
 
 def test_finding_comes_first(leaking: Judged) -> None:
-    """Order: the verdict as heading, when and by what; why, pictures, matrix, origin. The module is
-    marked by colour and symbol, and of all rows exactly that of the fault stands out."""
     page, found = leaking.page(), tree(leaking.page())
     parts = ("Internal leakage in A", "What to do", "Why</h2>", "<figure", 'matrix">')
     places = [page.index(words) for words in parts]
@@ -183,8 +178,7 @@ def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
 
 
 def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
-    """Rate, error and coverage, from the trace and the truth file alone; the largest finding with
-    its bounds, as in the diagnosis."""
+    """From the trace and the truth file alone."""
     table = np.genfromtxt(EXAMPLES / "leakage_A.truth.csv", delimiter=",", skip_header=1)
     true, words = table[:, 1], np.array(leaking.trace.verdict)
     row = [f.id for f in leaking.diagnosis.ruleset.faults].index("A.leakage")

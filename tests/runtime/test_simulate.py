@@ -59,8 +59,6 @@ def test_every_fault_as_the_truth_has_it(plant: str) -> None:
 
 @pytest.mark.parametrize("plant", ["abc-centrifugal", "mixing-rig"])
 def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
-    """The plan that diagnoses sees nothing in a healthy simulation at random inputs; an offset of a
-    law is how far the truth lies above what its observer says."""
     rules, random = ruleset(plant), np.random.default_rng(7)
     given = {
         name: rules.signal_by_id[name].reference * random.uniform(0.9, 1.1, 20)
@@ -88,8 +86,7 @@ def test_inputs_far_from_the_reference() -> None:
 
 
 def test_no_operating_point() -> None:
-    """A pump too slow against the other one, whose neighbours in the batch are as alone; one that
-    loses everything."""
+    """A pump too slow against the other one; one that loses everything."""
     rules = ruleset("abc-centrifugal")
     speeds = rules.signal_by_id["A.n"].reference * np.array([1.0, 0.3, 0.9])
     together = simulate_with(equations_of(rules), {"A.n": speeds}, {"B.clogging": 0.2})
@@ -164,8 +161,6 @@ def test_bad_arguments() -> None:
 
 
 def test_sensor_errors_are_those_of_the_class() -> None:
-    """Without the statistical part a sensor is off by one value, drawn by its class; bounded ones
-    by no more than two standard uncertainties, and unbounded ones go there."""
     rules, true = ruleset("abc"), {"A.dp": np.full(5, 1.8e5)}
     standard = float(systematic_u(rules.signal_by_id["A.dp"], 1.8e5))
 

@@ -45,8 +45,7 @@ def refused(capsys: pytest.CaptureFixture[str], code: int, *arguments: object) -
 
 
 def test_columns_keep_name_order_and_unit(tmp_path: Path) -> None:
-    """Predicted columns are replaced, whatever was measured, and all else stands as it was written,
-    to the letter; what the inputs lack comes behind, in the order of the plant."""
+    """All else stands as it was written, to the letter."""
     before = table(HEALTHY)
     after = table(simulated(HEALTHY, tmp_path / "out.csv"))
     assert (before[0], len(before)) == (after[0], len(after))
@@ -77,8 +76,6 @@ def test_decimal_commas_stay(tmp_path: Path) -> None:
 
 
 def test_a_folder_becomes_a_folder(tmp_path: Path) -> None:
-    """One file per file, packed ones packed, the noise of a sensor's class drawn once for all, by
-    the seed alone."""
     (tmp_path / "in").mkdir()
     shutil.copy(HEALTHY, tmp_path / "in" / "a.csv")
     (tmp_path / "in" / "b.csv.gz").write_bytes(gzip.compress(HEALTHY.read_bytes()))
@@ -101,8 +98,6 @@ def test_a_folder_becomes_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fault", ["", "A.leakage", "C.clogging", "B.P_el.high"])
 def test_what_was_put_in_is_found(fault: str, tmp_path: Path) -> None:
-    """A simulated fault of 20 % with sensor errors is named by the diagnosis, with its degree;
-    sensor errors alone are no fault."""
     options = (*(("--fault", f"{fault}=0.2@20:40") if fault else ()), "--noise", "5")
     made = simulated(HEALTHY, tmp_path / "made.csv", *options)
     found = tmp_path / "found.json"
@@ -128,10 +123,7 @@ def test_rows_without_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_against_a_closed_valve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A flow of zero is a legal operating point: its readings are the limit at small flows.
-
-    A meter may show a little less than nothing where nothing flows; much less is none.
-    """
+    """A meter may show a little less than nothing where nothing flows."""
     knowledge = shutil.copytree(ROOT / "kb", tmp_path / "kb")
     plant = shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "pump")
     module = knowledge / "modules" / "multistage-centrifugal.yaml"
@@ -223,10 +215,6 @@ def test_bad_targets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_real_pump_set(tmp_path: Path) -> None:
-    """Unseen leak-free cycles: flow and power from pressure and oil temperature, on plateaus.
-
-    Root mean square 0.33 % of the flow (0.026 l/min) and 0.24 % of the power (5.8 W).
-    """
     folder = recordings_folder() / "zema-hydraulic"
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder} (set RULEC_RECORDINGS)")

@@ -167,8 +167,7 @@ def with_course(plain: Recording, signal: str, course: Array) -> Recording:
 
 
 def added(made: Recording) -> float:
-    """Variance of the residuals of two stretches by what their halves differ, over that by noise:
-    the mean over all directions, of the stretch with more."""
+    """Of two stretches: variance of the residuals by what halves differ, over that by noise."""
     rules, half = ruleset("abc"), SAMPLES // 2
     stretches = Stretches(np.array([0, half]), np.array([half, SAMPLES]))
     (seen,) = evaluate_stretches(made, rules, stretches, settle(made, rules)[1], "default")

@@ -74,8 +74,7 @@ def test_corners(name: str, x: float, y: float, by_x: float, by_y: float | None)
 
 
 def test_what_has_a_slope() -> None:
-    """Unknown seeds and constants have none; an input as output has slope 1; an absent input is no
-    number; (-2)**2 has the slope -4, as only a searched exponent needs a positive base."""
+    """(-2)**2 has the slope -4: only a searched exponent needs a positive base."""
     _, slopes = run_with_slopes(one("pow"), {"x": -2.0, "y": 2.0}, ("x",))
     assert {"x": -4.0} == {k: float(v) for k, v in slopes["out"].items()}
     plan = Plan(("x", "y"), (3.0,), (("mul", 0, 2),), {"three x": 3, "y": 1})

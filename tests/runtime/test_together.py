@@ -24,6 +24,7 @@ from rulec.prove.truth import abc as abc_rig
 from rulec.prove.truth import calibration_run, record, write_csv
 from tests.conftest import compiled
 from tests.runtime.reports import EXAMPLES
+from tests.runtime.sheets import sampled
 
 COLUMNS = ("A.n [rpm]", "A.dp [bar]", "A.T [degC]")
 STEP = 2.0
@@ -56,8 +57,6 @@ def speeds(recording: Recording) -> list[int]:
 
 
 def test_without_dates_they_stand_one_behind_the_other(tmp_path: Path, abc: Ruleset) -> None:
-    """In the order given; the clock of each begins anew, and the answer says so. A part of them is
-    what was read."""
     paths = [written(tmp_path / "b.csv", 900), written(tmp_path / "a.csv", 700, rows=20)]
     found = read_recordings(paths, abc)
     assert ("b.csv", "a.csv") == found.sources
@@ -114,8 +113,6 @@ def test_zones_of_all_recordings_count(tmp_path: Path, abc: Ruleset) -> None:
 
 
 def test_names_of_recordings(tmp_path: Path, abc: Ruleset) -> None:
-    """Files called alike are told apart by their folders; one alone has no number and its own
-    clock."""
     paths = [Path("/x/monday/run.csv"), Path("/x/tuesday/run.csv"), Path("/x/other.csv")]
     assert ("monday/run.csv", "tuesday/run.csv", "other.csv") == names_of(paths)
     found = read_recordings([written(tmp_path / "a.csv", 700)], abc)
@@ -123,8 +120,6 @@ def test_names_of_recordings(tmp_path: Path, abc: Ruleset) -> None:
 
 
 def test_what_does_not_suit_is_refused(tmp_path: Path, abc: Ruleset) -> None:
-    """The same file, a copy of it, two files of one time; columns that one lacks, other units:
-    which file, which column, what to do."""
     first = written(tmp_path / "first.csv", 700)
     copy = written(tmp_path / "copy.csv", 700)
     one = written(tmp_path / "one.csv", 700, stamps=stamps(2))
@@ -171,11 +166,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
     """Some rows, in a new order, one second apart."""
-    values = {name: readings[rows] for name, readings in recording.values.items()}
-    segment = np.zeros(len(rows), dtype=int)
-    return Recording(
-        time=np.arange(len(rows), dtype=float), values=values, segment=segment, missing=(), notes=()
-    )
+    return sampled({name: readings[rows] for name, readings in recording.values.items()})
 
 
 def _points(recording: Recording) -> NDArray[np.intp]:
@@ -188,8 +179,7 @@ def _points(recording: Recording) -> NDArray[np.intp]:
 
 
 def test_tables_are_told_from_runs(run: Recording, abc: Ruleset) -> None:
-    """A table moves on at every row, in any order; what is held changes by its noise alone, and a
-    single reading that jumps at every row is a bad sensor."""
+    """A single reading that jumps at every row is a bad sensor."""
     points, random = _points(run), np.random.default_rng(5)
     table = _rows(run, points)
     for one in (table, _rows(run, random.permutation(points))):

@@ -220,8 +220,6 @@ CASES = [(kind, point) for kind in (*KINDS, CALIBRATED) for point in POINTS]
 
 @pytest.mark.parametrize(("kind", "point"), CASES)
 def test_against_uncertainties(kind: str, point: str, folder: Path) -> None:
-    """Every residual and its standard uncertainty, all correlations, to 1e-9; every linear degree,
-    whose uncertainty is first-order propagation and a linearisation term."""
     at = case(kind, point, folder)
     found, system = at.results(), Abc(at.kinds(), with_uncertainties(at))
     observers = system.observers()

@@ -34,6 +34,7 @@ from rulec.mismatch.inference.prove import series_csv
 from rulec.mismatch.result import Mismatch
 from rulec.simulation.prediction import SensorErrors, sense
 from tests.conftest import ROOT
+from tests.runtime.sheets import sampled
 
 HOLD = 12
 """Samples at an operating point."""
@@ -162,12 +163,6 @@ def recorded(
         errors = SensorErrors(bounded=True)
         values = sense(ruleset, values, errors, np.random.default_rng(seed))
     return sampled(values)
-
-
-def sampled(values: Mapping[str, Array]) -> Recording:
-    n = len(next(iter(values.values())))
-    time, none = np.arange(n, dtype=float), np.zeros(n, dtype=int)
-    return Recording(time=time, values=dict(values), segment=none, missing=(), notes=())
 
 
 def warmed(built: Built | None = None, samples: int = 240, seed: int | None = 1) -> Recording:

@@ -106,8 +106,7 @@ def simulated_errors(folder: Path) -> dict[str, float]:
 
 
 def test_told_is_what_the_written_plant_gives(folder: Path) -> None:
-    """The effect is in it, the commands miss held-out rows by what was told, and held-out points,
-    each relation solved for the reading, by that to 2 %; it is better than the recalibrated one."""
+    """By the commands alone, and at points by each relation solved for the reading."""
     assert 0 == adopt(folder)
     form, errors = form_in(folder), simulated_errors(folder)
     assert ["slip-temperature"] == [e["effect"] for e in form["effects"]]
@@ -169,8 +168,7 @@ ZERO = 1.0
 
 
 def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
-    """Whoever simulates the plant meets the zero; the analysis may let it float. Where plants store
-    no residual is solved; errors follow from the table all the same."""
+    """Whoever simulates the plant meets the zero; the analysis may let it float."""
     clean = made(n=512, seed=4)
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
     recording = changed(clean, {"lower.y": off})

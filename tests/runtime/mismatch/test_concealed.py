@@ -57,8 +57,7 @@ def test_what_was_planted_is_named(effect: str, verdict: str, name: str, tmp_pat
 
 
 def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> None:
-    """Each alone gains in some blocks and does harm in others; both are found at once, or one of
-    them with another that gives way to the second."""
+    """Each alone gains in some blocks and does harm in others."""
     name, effects = "stationary-718873036-pair-fouling+leak-0", ("fouling", "leak")
     made = Planned(name, "pair", "dosing", "ramps", effects, 4241.729764785293).make()
     recording, ruleset, builder = opened(made, tmp_path)
@@ -99,8 +98,7 @@ def share(found: Posterior, mark: str) -> float:
 
 
 def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
-    """Of all terms at the place, the one with memory gains most. No experiment is planned with it:
-    what it does at other set points is not known."""
+    """No experiment is planned with it: what it does at other set points is unknown."""
     rows = rows_of("unnamed", "play", tmp_path)
     found = with_terms(rows, "A.loss")
     (term,) = found.models[found.best].terms

@@ -32,8 +32,7 @@ def rippled(reading: str, share: float, waves: float) -> Rows:
 
 
 def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() -> None:
-    """Over a reading that the model predicts, a bend would be a second guess of each error; copper
-    loss follows two of them."""
+    """Over a predicted reading a bend would be a second guess of each error."""
     name = "A.copper-loss@P_law"
     clean = fitted(alone(), warmed({name: {"k": 0.05, "dp0": 1.5e5, "P0": 150.0}}))
     (trial,) = screen(clean, [c for c in alone()[1].candidates if c.id == name])
@@ -57,8 +56,7 @@ def test_one_law_may_be_off_by_more_than_the_others() -> None:
 
 @pytest.mark.parametrize(("reading", "told"), [("A.P_el", False), ("A.dp", True)])
 def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, told: bool) -> None:
-    """A ripple of 3 % is what the law of the power may be off by, and more than that of the line
-    may: only there something without a name is told."""
+    """3 % is what the law of the power may be off by, and more than that of the line may."""
     found = explain(rippled(reading, 0.03, 3.0), lambda said: None)
     assert {f"signal:{reading}~A.n"} == found.told
     assert told == bool(reported_names(found))

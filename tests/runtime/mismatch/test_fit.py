@@ -63,8 +63,6 @@ def pulls(found: Fitted, true: np.ndarray) -> list[float]:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_planted_value_is_found(seed: int) -> None:
-    """The rise of the slip per kelvin, within three standard uncertainties and 20 %; its profile is
-    about as wide as four of them."""
     found = fitted(alone(), warmed(TRUE, seed=seed), WARM)
     value, u = found.setting.values[B], found.u(B)
     assert abs(value - 0.03) < 3 * u
@@ -107,8 +105,6 @@ def test_the_prior_holds_where_nothing_is_said() -> None:
 
 
 def test_values_stay_where_they_must() -> None:
-    """What is held is where it was put, and the others still move; a share that cannot be negative
-    ends at its bound; nothing changes its sign, however far a recording pulls."""
     rows = rows_at(alone(), warmed(TRUE))
     held = {"A.C2": 1e-17, ERROR + "A.dp": 0.5}
     values = fit(rows, Configuration(), rows.system.data.open, held=held).setting.values
@@ -136,10 +132,7 @@ def test_gross_errors_do_not_bend_the_model(size: float) -> None:
 
 
 def test_a_bent_valley_is_followed_to_its_end() -> None:
-    """Gaps that widen: from the plain model to the true one, slip and its rise go along a curve.
-
-    With damping by fixed factors a fit ended after 20 steps at a seventh of the true value.
-    """
+    """With damping by fixed factors a fit ended after 20 steps at a seventh of the truth."""
     plant = open_builder(Path(__file__).parent / "oil.yaml")
     name, true = "main.slip-clearance@Q_law", 2e-3 / BAR
     given = {"main.dp": BAR * (124.0 + 43.0 * np.mod(np.arange(600) // 12 * 0.618, 1.0))}

@@ -61,8 +61,7 @@ def viscosity(celsius: float) -> float:
 
 
 def test_a_property_counts_as_a_reading() -> None:
-    """Its values are those of the fluid, and its noise is that of the thermometer through it. Of
-    oil below freezing its equations do not say how thick it is."""
+    """Its noise is that of the thermometer; oil below freezing is beyond its equations."""
     given = {**tour(oily()[0], SAMPLES), "A.T": warming(SAMPLES) - 40.0}
     assert VISCOSITY not in rows_at(oily(), recorded(oily(), given)).system.data.values
     data = planted().system.data
@@ -83,8 +82,7 @@ def standing(name: str, strength: str, value: float) -> CandidateSet:
 
 
 def test_an_experiment_knows_the_property_where_the_temperature_is_set() -> None:
-    """What the fluid has there counts, not what it had when something like it was recorded; and the
-    recipe asks for the temperature, as nobody can set a viscosity."""
+    """The recipe asks for the temperature, as nobody can set a viscosity."""
     laws = standing(SLIP, "m", 1.0), standing("A.slip-temperature@Q_geo", "b", 0.03)
     found = planned(recording(), *oily(), laws, most=2, seconds=3600.0)
     assert found.steps

@@ -68,9 +68,7 @@ def test_predictions_solve_the_residual(plant: str) -> None:
 
 
 def test_predictions_are_off_by_the_noise() -> None:
-    """Measured less predicted scatters as the readings' noise says. Where a law has no value
-    nothing is predicted: the reading itself, from which the search begins, would count as without
-    error."""
+    """Where a law has no value nothing is predicted: the reading would count as exact."""
     recording = recorded(alone(), tour(alone()[0], 600, hold=60), moved=False)
     found = rows_at(alone(), recording).system
     predictor = predictors_for(found, ("A.pump",), frozenset())[0]
@@ -93,8 +91,6 @@ TRUE = {SLIP: {"b": 0.03, "T0": USUAL}}
 
 
 def test_a_course_in_words() -> None:
-    """What rises, falls, turns or does nothing is told so, in either direction, whatever its size
-    and offset, in shares of its span, and in fitting units of time."""
     way = "slow, {} from the start, two thirds of the way within 10 min"
     wave = np.sin(np.pi * PHASE) ** 2
     for course, expected in (

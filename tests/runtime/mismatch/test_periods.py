@@ -62,8 +62,6 @@ def test_drift_is_no_fault(odd: float) -> None:
 
 
 def test_odd_levels_are_no_state() -> None:
-    """A short time far out on the other side counts as a state only if nothing is allowed for;
-    levels without numbers are one state."""
     values = course((100, 0.0), (6, -400.0), (100, 0.0), (80, 15.0), (100, 0.0))
     assert [(100, 106), (206, 286)] == states(values, 0.0)
     assert [(206, 286)] == states(values, 0.02)
@@ -100,8 +98,7 @@ def trial(*degrees: tuple[int, int, float]) -> InitialCandidate | None:
 
 @pytest.mark.parametrize("x", [0.02, 0.6])
 def test_small_and_large_faults_are_seen(x: float) -> None:
-    """Points with a strong fault are far out, and still speak of it; the degree of a healthy plant
-    is one level."""
+    """Points with a strong fault are far out, and still speak of it."""
     assert trial() is None
     found = trial((100, 160, x))
     assert found is not None
@@ -112,8 +109,7 @@ def test_small_and_large_faults_are_seen(x: float) -> None:
 
 
 def test_points_that_do_not_speak_of_a_fault_have_no_degree() -> None:
-    """Where a module moves, only rounding is left of its slopes: that is no degree, however many
-    such points there are."""
+    """Where a module moves, only rounding is left of its slopes."""
     found = plain((40, 80, 0.2), (130, 160, 0.4), (200, 230, 0.2))
     (leakage,) = (c for c in opened("abc")[1].candidates if c.id == LEAKAGE)
     columns = columns_of(found, leakage, {f"{LEAKAGE}.x": 0.0}, {})
@@ -144,8 +140,7 @@ def answer(shape: str) -> Mismatch:
 
 
 def test_a_fault_that_grows_is_told_with_its_rate() -> None:
-    """Onset within three of its uncertainties, rate within its bounds, nothing at first. It is to
-    be mended, not adopted."""
+    """It is to be mended, not adopted."""
     (finding,) = answer("grows").findings
     assert CLOGGING == finding.id
     (period,) = finding.periods

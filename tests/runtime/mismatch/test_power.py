@@ -46,8 +46,6 @@ def columns_of(judge: Judge, candidate: str) -> list[int]:
 
 
 def test_replays_scatter_as_the_model_says(judge: Judge) -> None:
-    """The same each time: noise, and all that may be off; nothing missing is hardly ever called
-    missing."""
     replayer, none = Replayer(judge.geometry, judge.model), np.zeros((len(judge.model.left), 1))
     first = replayer.drawn(2000, none)
     assert np.array_equal(first, replayer.drawn(2000, none))
@@ -60,8 +58,7 @@ def test_replays_scatter_as_the_model_says(judge: Judge) -> None:
 
 
 def test_coinciding_explanations_are_told_as_one(judge: Judge) -> None:
-    """Each has a share that is not sure, both together are told, and neither counts as wrong where
-    the other one is true. A reading that is too high and one that is too low are no twins."""
+    """A reading that is too high and one that is too low are no twins."""
     own = columns_of(judge, LEAK)
     size = 3.0 * float(judge.sizes[0][own[0]])
     assert judge.alike[np.ix_(own, columns_of(judge, LATE))].all()

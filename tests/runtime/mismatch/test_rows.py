@@ -76,8 +76,7 @@ def test_rows_have_unit_noise(seed: int) -> None:
 
 
 def test_as_many_rows_as_estimates_less_free_flows() -> None:
-    """Seven estimates of two free flows leave five rows per point; outputs are no set values.
-    Without a power reading there is one row less, and no estimate that needs it."""
+    """Seven estimates of two free flows leave five rows; without a power reading, four."""
     rows = rows_at(opened("abc"), abc())
     (cell,) = rows.cells
     assert 5 == cell.rank
@@ -105,8 +104,6 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
 
 
 def test_columns_are_derivatives_of_rows() -> None:
-    """The slope of all rows by a parameter, against a finite difference where errors vanish; where
-    a law has no slope at a point, a change of its values says nothing there."""
     rows = rows_at(opened("abc"), quiet("abc"))
     system, known = rows.system, opened("abc")[1].parameters
     flows = system.flows(Configuration(), known.ids)
@@ -134,8 +131,6 @@ def run() -> Recording:
 
 
 def test_points_are_split_by_blocks(run: Recording) -> None:
-    """All points of a block serve for one thing, blocks follow each other, every fifth is shut, and
-    the sentence counts them. No point is an average over a change of the speed."""
     data = prepared(alone()[0], run)
     assert np.all(np.diff(data.block) >= 0)
     parts = [set(data.part[data.block == b].tolist()) for b in np.unique(data.block)]
@@ -153,8 +148,6 @@ def test_points_are_split_by_blocks(run: Recording) -> None:
 
 
 def test_asked_spans_are_held_out_and_nothing_else(run: Recording) -> None:
-    """Points inside are shut, all others open, and no block has points of two kinds. The same
-    recording gives the same hash, another split another one."""
     data = prepared(alone()[0], run, (60.0, 90.0), (200.0, 220.0))
     inside = ((data.time >= 60) & (data.time <= 90)) | ((data.time >= 200) & (data.time <= 220))
     assert np.array_equal(inside, data.part == HELDOUT)
@@ -215,9 +208,7 @@ def rows(told: tuple[Evidence, ...], because: str) -> int:
 
 
 def test_every_row_is_counted_once() -> None:
-    """Settled, held out and unsettled rows sum to the recording, as do those of a pump that stands,
-    which vanished in silence, and those spared: of many short stretches every so-manyth is taken.
-    All are unsettled where there is no point."""
+    """Also those of a pump that stands, which vanished in silence, and those spared."""
     rules, _ = alone()
     recording = recorded(alone(), tour(rules, LENGTH))
     told = counted(recording)
@@ -302,8 +293,7 @@ PLANT = "plant: heated\ntitle: A heater\nmodules: {A: {type: heater}}\nconnectio
 
 @pytest.mark.parametrize("zero", [0.0, 273.15])
 def test_a_temperature_spans_its_range(tmp_path: Path, zero: float) -> None:
-    """Where no range is stated, what it showed counts. An offset is usual as a share of the range:
-    the entry says 5 %; half of all offsets are below."""
+    """The entry says 5 % of the range; half of all offsets are below."""
     stated = {"inlet": zero + 15.0, "outlet": zero + 24.5, "range": [zero, zero + 150.0]}
     text = HEATER.format(unit="K" if zero else "degC", **stated)
     shutil.copytree(ROOT / "kb", tmp_path / "kb")

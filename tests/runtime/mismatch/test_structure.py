@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -35,6 +34,7 @@ from tests.runtime.mismatch.made import changed, opened, recorded, sampled, tour
 from tests.runtime.tanks import made
 
 TANKS = "wastewater-lab"
+EXAMPLES = ROOT / "plants/abc/examples"
 
 
 def example(plant: str, name: str) -> Recording:
@@ -99,35 +99,44 @@ def test_physics_and_faults_are_no_wrong_columns(plant: str, name: str) -> None:
     assert () == looked(TANKS, made(TANKS, 1, (faults[0], 0.3, 0.5)))
 
 
-def rewritten(file: Path, column: str, by: Callable[[list[str]], list[str]]) -> Path:
-    text = (ROOT / "plants/abc/examples/calibration.csv").read_text(encoding="utf-8")
+def answered(
+    folder: Path,
+    column: str,
+    by: Callable[[list[str]], list[str]],
+    capsys: pytest.CaptureFixture[str],
+    *options: str,
+) -> tuple[Any, str]:
+    """What is told of the shipped calibration recording with another column: a failing sensor."""
+    text = (EXAMPLES / "calibration.csv").read_text(encoding="utf-8")
     head, *rows = csv.reader(text.splitlines())
     place = head.index(column)
     for row, value in zip(rows, by([row[place] for row in rows]), strict=True):
         row[place] = value
+    file, answer = folder / "recording.csv", folder / "answer.json"
     with file.open("w", encoding="utf-8", newline="") as out:
         csv.writer(out).writerows([head, *rows])
-    return file
+    words = ["mismatch", str(ROOT / "plants/abc"), str(file), "--json", str(answer), *options]
+    assert 0 == main(words)
+    form = json.loads(answer.read_text(encoding="utf-8"))
+    assert "sensor" == form["verdict"]
+    return form, " ".join(capsys.readouterr().out.split())
 
 
 def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A pressure in kPa below a header that says bar; what is adopted is tried on the recording
-    read as it should be."""
     answer, page = tmp_path / "answer.json", tmp_path / "answer.html"
-    file = rewritten(
-        tmp_path / "recording.csv",
+    form, shown = answered(
+        tmp_path,
         "A.dp [bar]",
         lambda column: [f"{100.0 * float(v):.6g}" if v else "" for v in column],
+        capsys,
+        "--report",
+        str(page),
     )
-    options = ["--json", str(answer), "--report", str(page)]
-    assert 0 == main(["mismatch", str(ROOT / "plants/abc"), str(file), *options])
     told = "A.dp is in kPa, not bar"
-    assert f"{told}: its values are 100 times" in " ".join(capsys.readouterr().out.split())
+    assert f"{told}: its values are 100 times" in shown
     assert told in page.read_text(encoding="utf-8")
-    form = json.loads(answer.read_text(encoding="utf-8"))
-    assert "sensor" == form["verdict"]
     assert ("wrong-unit", "A.dp") == tuple(form["effects"][0][k] for k in ("effect", "place"))
     assert ("A", "dp") == tuple(form["locations"][0][k] for k in ("module", "place"))
     assert form["next"].startswith("Write kPa as the unit of A.dp")
@@ -174,8 +183,6 @@ def run(seed: int) -> Recording:
 
 
 def test_columns_of_another_clock_are_found() -> None:
-    """Drawn at six seeds, late or early by up to half as long as states last; clean recordings have
-    one clock."""
     right = 0
     for seed in range(6):
         recording = run(seed + 1)
@@ -234,30 +241,22 @@ def test_what_a_delay_of_the_catalogue_explains_is_left_to_it(signal: str, late:
 def test_the_answer_says_by_how_much_and_its_plant_can_be_adopted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file, answer = tmp_path / "recording.csv", tmp_path / "answer.json"
-    rewritten(file, "A.P_el [W]", lambda column: column[-4:] + column[:-4])
-    assert 0 == main(["mismatch", str(ROOT / "plants/abc"), str(file), "--json", str(answer)])
-    shown = " ".join(capsys.readouterr().out.split())
+    answer = tmp_path / "answer.json"
+    form, shown = answered(tmp_path, "A.P_el [W]", lambda column: column[-4:] + column[:-4], capsys)
     assert "A.P_el is recorded 4 s too late against the others" in shown
-    form = json.loads(answer.read_text(encoding="utf-8"))
-    assert "sensor" == form["verdict"]
     assert ("clock-shift", "A.P_el") == tuple(form["effects"][0][k] for k in ("effect", "place"))
     assert 4.0 == form["repair"]["misread"][0]["late"]
     assert 0 == main(["adopt", str(answer), "--recalibrated", "-o", str(tmp_path / "adopted")])
 
 
-EXAMPLES = ROOT / "plants/abc/examples"
-
-
-def stated(folder: Path, old: str, new: str) -> Path:
-    plant = folder / "plant"
-    plant.mkdir()
-    shutil.copy(ROOT / "plants/abc/plant.yaml", plant)
-    file = plant / "plant.yaml"
-    text = file.read_text(encoding="utf-8")
-    assert old in text
-    file.write_text(text.replace(old, new), encoding="utf-8")
-    return plant
+def without_a_pipe(folder: Path) -> Path:
+    """Plant abc, whose file does not say that B feeds C."""
+    text = (ROOT / "plants/abc/plant.yaml").read_text(encoding="utf-8")
+    assert "  - B -> C\n" in text
+    (folder / "plant").mkdir()
+    file = folder / "plant" / "plant.yaml"
+    file.write_text(text.replace("  - B -> C\n", ""), encoding="utf-8")
+    return file.parent
 
 
 def test_one_pipe_at_a_time_and_only_where_something_contradicts() -> None:
@@ -275,7 +274,7 @@ def test_one_pipe_at_a_time_and_only_where_something_contradicts() -> None:
 
 
 def test_a_plant_connected_otherwise_is_what_its_file_edited_so_compiles_to(tmp_path: Path) -> None:
-    edited = compile_plant(stated(tmp_path, "  - B -> C\n", ""))
+    edited = compile_plant(without_a_pipe(tmp_path))
     ruleset, _ = opened("abc")[1].connected((("A", "C"),))
     for part in ("sources", "junctions", "observers", "residuals", "faults", "plan", "undo"):
         assert getattr(edited, part) == getattr(ruleset, part), part
@@ -295,7 +294,7 @@ def test_what_cannot_be_told_apart_is_told_together() -> None:
 def test_the_answer_names_the_pipe_and_nothing_is_adopted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plant, answer = stated(tmp_path, "  - B -> C\n", ""), tmp_path / "answer.json"
+    plant, answer = without_a_pipe(tmp_path), tmp_path / "answer.json"
     words = ["mismatch", str(plant), str(EXAMPLES / "healthy.csv"), "--json", str(answer)]
     assert 0 == main(words)
     shown = " ".join(capsys.readouterr().out.split())

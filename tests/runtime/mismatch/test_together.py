@@ -16,10 +16,13 @@ from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.operating_state_means import averaged
 from rulec.mismatch.evidence.steady.repaired_model import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.search.intermittent_fault import intermittent
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.grow_sets import explain
 from rulec.mismatch.search.settled.later_refits import by_recording
+from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.made import (
+    HOLD,
     SLIP,
     USUAL,
     alone,
@@ -74,9 +77,7 @@ def rows() -> Rows:
 
 
 def test_each_recording_has_its_own_held_out_part_means_and_clock(rows: Rows) -> None:
-    """A fifth of each is held out, and neither blocks nor means of states reach from one into the
-    other, where zeros may be others. What follows time counts from the start of each recording;
-    with dates from the first."""
+    """Zeros may be others in the next one."""
     both, plant = joined(healthy(), healthy(0.65)), opened(PLANT)
     data = prepared(plant[0], both)
     first, second = (data.source == number for number in (0, 1))
@@ -95,8 +96,7 @@ def test_each_recording_has_its_own_held_out_part_means_and_clock(rows: Rows) ->
 
 
 def test_an_error_that_a_recording_has_as_its_own_shows_there_alone(rows: Rows) -> None:
-    """Its slopes are those of the error that all share, and nothing elsewhere; the variances of
-    both sum to the class of the sensor, and no course of an error reaches into the other one."""
+    """The variances of both sum to the class of the sensor."""
     system = rows.system
     prior = prior_of(system, Configuration())
     variance = {n: 1.0 / prior.known[i] for i, n in enumerate(prior.names) if ERROR in n}
@@ -139,8 +139,7 @@ def test_a_zero_set_in_between_is_an_error_of_that_recording(name: str) -> None:
 
 
 def test_values_to_be_written_do_not_follow_what_one_recording_has_as_its_own() -> None:
-    """A power that one of two recordings reads otherwise moves them by less than half of what it
-    moves them by if all is taken as one recording, with the sensors that there are."""
+    """Compared with all taken as one recording."""
     name, moved = "A.P_el", {}
     for by in (0.0, SHIFT):
         both = joined(healthy(), shifted(healthy(0.65), name, by))
@@ -160,8 +159,7 @@ def quiet(text: str) -> None:
 
 @pytest.mark.prove
 def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
-    """To the last digit, and with which rows. One with too little in it says nothing alone: what
-    came before it is not known to have changed then."""
+    """To the last digit; one with too little in it says nothing."""
     whole, plant = healthy(0.65), opened(PLANT)
     short = sampled({n: v[:3] for n, v in whole.values.items()})
     both = joined(short, whole)
@@ -181,8 +179,7 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
 
 
 def test_the_answer_tells_of_each_recording() -> None:
-    """A slip that follows the temperature shows in the second alone, which decides for both: not
-    surely, as laws may be off by as much."""
+    """A slip that follows the temperature shows in the second alone."""
     plant, n = alone(), LENGTH // 2
     slip = {SLIP: {"b": 0.02, "T0": USUAL}}
     cold = recorded(plant, {**tour(plant[0], n), "A.T": np.full(n, USUAL)}, slip)
@@ -199,3 +196,36 @@ def test_the_answer_tells_of_each_recording() -> None:
     (finding,) = found.findings
     assert before[1] < 0.1 < 0.4 < after[1] == pytest.approx(finding.probability, abs=1e-3)
     assert SLIP == finding.id
+
+
+def leaking() -> Recording:
+    degree = np.where(np.arange(300) < 150, 0.0, 0.3)
+    return recorded(alone(), tour(alone()[0], 300), {"A.leakage": {"x": degree}})
+
+
+def test_a_run_has_a_clock_and_a_table_has_none() -> None:
+    run = leaking()
+    rows = np.arange(HOLD // 2, len(run), HOLD)
+    table = sampled({name: v[rows] for name, v in run.values.items()})
+    for recording, timed in ((run, True), (table, False)):
+        system = rows_at(alone(), recording).system
+        assert system.data.timed is timed
+        assert system.data.of_rows is not timed
+        assert any(c.follows_time for c in system.candidates) is timed
+        assert system.candidates
+
+
+def test_files_of_their_own_have_none() -> None:
+    for one_clock in (True, False):
+        found = fitted(alone(), replace(leaking(), one_clock=one_clock))
+        assert one_clock == bool(list(intermittent(found, found.rows.system.candidates)))
+        tanks = bench(replace(made(), one_clock=one_clock))
+        assert one_clock == any(c.follows_time for c in tanks.candidates)
+
+
+def test_the_answer_says_so() -> None:
+    found = compared(alone(), replace(leaking(), one_clock=False))
+    assert any("no common time" in note for note in found.notes)
+    assert found.hidden is None
+    assert not any(f.periods for f in found.findings)
+    assert not any(place.periods for place in found.locations)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -20,7 +19,7 @@ from rulec.mismatch.search.stores.best_set import Found
 from rulec.mismatch.search.stores.grow_sets import begun, grow, terms
 from rulec.mismatch.stores import Explanation, explanation
 from tests.conftest import ROOT
-from tests.runtime.mismatch.made import sampled
+from tests.runtime.sheets import sampled
 
 STEP = 4.0
 NOISE = 0.01
@@ -77,7 +76,7 @@ def made(
     y = course.shown[:, balances.outputs.index("shown:lower.y")]
     y = np.clip(y + NOISE * np.random.default_rng(seed + 100).standard_normal(n), 0.0, 10.0)
     shown = {"pump.u": u, "lower.y": np.round(y, 3)}
-    return replace(sampled(shown), time=time, missing=("upper.y",))
+    return sampled(shown, time, missing=("upper.y",))
 
 
 def bench(recording: Recording) -> SimulationProblem:

@@ -37,8 +37,7 @@ def read(recording: Recording) -> Record:
 
 
 def test_blocks_follow_from_the_inputs_alone() -> None:
-    """Other readings, the same split; a fifth is held out, but never the beginning: what was stored
-    at the first sample is a parameter, and shows there alone."""
+    """What was stored at the first sample is a parameter that shows at the beginning alone."""
     recording = made()
     first = read(recording)
     other = read(changed(recording, {"lower.y": recording.values["pump.u"]}))
@@ -130,8 +129,6 @@ def test_noise_that_lasts_is_counted() -> None:
 
 
 def test_what_an_error_says() -> None:
-    """Nothing is finer than the resolution. Half the error in 1000 samples of memory 10 gains
-    100 ln 2."""
     assert Noise(0.01, 1.0) == noise_of(np.zeros(100), np.ones(100, dtype=bool), 0.01)
     assert gain(Noise(2.0, 50.0), Noise(1.0, 10.0), 1000) == pytest.approx(100 * np.log(2.0))
 

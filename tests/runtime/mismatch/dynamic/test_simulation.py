@@ -91,8 +91,7 @@ def test_a_rim_is_seen_within_a_sample(sharpness: float) -> None:
 
 
 def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
-    """Noise remains, and the truth lies within its uncertainty. What only a prior tells is as
-    uncertain as that: all levels of an unmeasured tank could be larger."""
+    """What only a prior says stays uncertain: an unmeasured tank's levels could be larger."""
     place = bench(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM))
     ends, plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
     assert plain.noise["lower.y"].spread > 5 * NOISE
