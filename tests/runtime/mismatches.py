@@ -276,8 +276,6 @@ ALL = {mismatch.verdict: mismatch for mismatch in VERDICTS}
 
 def spoken(text: str) -> Mismatch:
     """One that says the same everywhere: in titles, places, units, drivers and notes."""
-    assert NAMED.fit is not None
-    assert UNNAMED.hidden is not None
     finding = replace(
         WARM,
         **dict.fromkeys(("name", "title", "module", "place", "text", "action", "source"), text),

@@ -62,7 +62,6 @@ def tree(page: str) -> ET.Element:
 
 def caption(page: str, figure: str) -> str:
     found = tree(page).find(f".//figure[@id='{figure}']/figcaption")
-    assert found is not None
     return "".join(found.itertext()).replace("\xa0", " ")
 
 

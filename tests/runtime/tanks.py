@@ -38,7 +38,6 @@ def made(
     fault is over behind the share `until`."""
     ruleset, random = plant(name), np.random.default_rng(seed)
     dynamics = ruleset.dynamics
-    assert dynamics is not None
     time: Array = np.arange(count, dtype=np.float64) * 4.0
     inputs = given(name, random, time)
     values = _true(dynamics.values, dynamics.uncertainties, random, spread)

@@ -182,7 +182,6 @@ def test_learning_in_turn_is_learning_at_once_and_is_forgotten() -> None:
     assert len(learned) > 1
     basis = residual_basis(rules, observed.valid[:, 0])
     gradients = np.vstack([basis @ observed.shared[:, :, k] for k in learned])
-    assert observed.points.time is not None
     time = observed.points.time[learned]
     rank = len(basis)
     each = np.repeat(time, rank)

@@ -173,7 +173,6 @@ def test_every_form_tells_the_finding(tmp_path: Path) -> None:
 def test_matrix_says_what_acts_alike() -> None:
     ruleset = plant("wastewater-lab")
     found = signature_of(ruleset)
-    assert found is not None
     form = json_form(ruleset, dataclasses.asdict(found))["stores"]
     signs = dict(zip(form["faults"], form["signs"], strict=True))
     assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])

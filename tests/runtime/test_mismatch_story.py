@@ -140,7 +140,6 @@ def test_named_effect_is_told_in_words_and_numbers() -> None:
 
 
 def test_a_repair_that_makes_worse_is_said_to() -> None:
-    assert NAMED.fit is not None
     errors = Errors(shipped=8.0, recalibrated=4.0, repaired=5.0, noise=1.0, points=1)
     fit = dataclasses.replace(NAMED.fit, heldout=errors, gain_interval=(-0.5, -0.1), closed=-0.6)
     expected = (
@@ -169,7 +168,6 @@ def test_hidden_driver_shows_course_and_sensor() -> None:
     assert "could be the liquid's temperature and the level of the tank" in text
     assert "sensor a thermometer at the inlet of A" in text
     assert "7.99 l/h ┤" in text
-    assert UNNAMED.hidden is not None
     rows = hidden_csv(UNNAMED.hidden).splitlines()
     assert ("35,", 81) == (rows[8], len(rows))
 
@@ -235,7 +233,6 @@ def test_machine_form_carries_the_repair() -> None:
 
 def test_what_no_model_may_hold_is_told_apart() -> None:
     """The errors are those of plants that can be written; the whole explanation stands beside."""
-    assert NAMED.fit is not None
     assert "" == explained_words(NAMED)
     held = dataclasses.replace(NAMED.fit.heldout, explained=0.25)
     found = NAMED.findings[0]
@@ -276,9 +273,7 @@ def test_several_recordings_are_told_with_what_each_changed() -> None:
 
 
 def drawn(mismatch: Mismatch) -> ReadingCourses:
-    found = curves_of(mismatch)
-    assert found is not None
-    return found
+    return curves_of(mismatch)
 
 
 def test_captions_are_computed() -> None:

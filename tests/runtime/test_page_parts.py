@@ -109,7 +109,6 @@ def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
     drawn = ET.fromstring(sketch(ruleset, {bad: "F", "gone": "F"}))
     assert [] == list(drawn.iter("script"))
     svg = drawn.find(".//svg")
-    assert svg is not None
     assert "✖ F here" in (svg.get("aria-label") or "")
     assert "box is-F" in [g.get("class") for g in drawn.iter("g")]
 
@@ -189,7 +188,6 @@ def test_shares_by_hand() -> None:
 def test_several_faults_at_once(
     word: str, faults: dict[str, float], named: bool, leaking: Judged
 ) -> None:
-    assert leaking.truth is not None
     n = len(leaking.trace.time)
     degree = np.array([np.full(n, x) for x in faults.values()])
     truth = dataclasses.replace(leaking.truth, faults=tuple(faults), degree=degree)

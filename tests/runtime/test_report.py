@@ -88,7 +88,6 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
         observers=tuple(dataclasses.replace(o, equation=HOSTILE) for o in abc.observers),
     )
     judged = judge(EXAMPLES / "leakage_A.csv", ruleset, EXAMPLES / "leakage_A.truth.csv")
-    assert judged.truth is not None
     judged = dataclasses.replace(
         judged,
         diagnosis=dataclasses.replace(judged.diagnosis, notes=(HOSTILE,)),
@@ -114,7 +113,6 @@ def test_finding_comes_first(leaking: Judged) -> None:
     assert sorted(places) == places
     assert leaking.diagnosis.ruleset.sources in page
     head = found.find(".//header")
-    assert head is not None
     words = " ".join(" ".join(head.itertext()).replace("\xa0", " ").split())
     assert "Diagnosis ◆ M Internal leakage in A: 60.0 % ± 0.4 % Maintenance required" in words
     assert "Recording x.csv Span 0-79 s (1 min 19 s), 80 samples Ruleset made of" in words

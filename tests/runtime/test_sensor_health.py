@@ -75,8 +75,6 @@ def constant(
 def below_zero(recording: Recording, ruleset: Ruleset, name: str) -> Recording:
     """A broken wire: 3.5 mA where 4 to 20 mA are the range."""
     signal = ruleset.signal_by_id[name]
-    assert signal.lowest is not None
-    assert signal.highest is not None
     reading = signal.lowest - 0.5 / 16.0 * (signal.highest - signal.lowest)
     return put(recording, name, np.full(len(recording), reading))
 
@@ -84,8 +82,6 @@ def below_zero(recording: Recording, ruleset: Ruleset, name: str) -> Recording:
 def headed(recording: Recording, ruleset: Ruleset, name: str, header: str, true: str) -> Recording:
     """Numbers in one unit below a header that names another."""
     wrong, right = (parse_unit(u, ruleset.units) for u in (header, true))
-    assert wrong is not None
-    assert right is not None
     values = recording.values[name] * wrong.factor / right.factor
     scales = {**recording.scales, name: (wrong.factor, 0.0)}
     return replace(put(recording, name, values), scales=scales)
@@ -272,7 +268,6 @@ def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
 def test_a_leakage_beside_a_dead_pressure_of_its_module(points: int, kind: str) -> None:
     """Any pressure leaves the leakage over."""
     made, signal = leaking(points, 240 // points), ruleset("abc").signal_by_id["A.dp"]
-    assert signal.highest is not None
     shown = made.values["A.dp"].copy()
     shown[30:] = shown[30]
     if kind == "range":

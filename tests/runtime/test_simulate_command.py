@@ -98,7 +98,7 @@ def test_a_folder_becomes_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fault", ["", "A.leakage", "C.clogging", "B.P_el.high"])
 def test_what_was_put_in_is_found(fault: str, tmp_path: Path) -> None:
-    options = (*(("--fault", f"{fault}=0.2@20:40") if fault else ()), "--noise", "5")
+    options = (*(("--fault", f"{fault}=0.2@20:60") if fault else ()), "--noise", "5")
     made = simulated(HEALTHY, tmp_path / "made.csv", *options)
     found = tmp_path / "found.json"
     assert 0 == main(["diagnose", str(ABC), str(made), "--json", str(found)])
@@ -106,7 +106,16 @@ def test_what_was_put_in_is_found(fault: str, tmp_path: Path) -> None:
     assert [fault] * bool(fault) == [finding["fault"] for finding in findings]
     for finding in findings:
         assert 0.2 == pytest.approx(finding["degree"], abs=0.02)
-        assert (20, 40) == pytest.approx((finding["since"], finding["until"]), abs=2)
+        assert 20 == pytest.approx(finding["since"], abs=2)
+
+
+def test_a_fault_is_there_in_its_period(tmp_path: Path) -> None:
+    plain, found = (
+        columns(simulated(HEALTHY, tmp_path / f"{len(options)}.csv", *options))["A.dp [bar]"]
+        for options in ((), ("--fault", "A.dp.high=0.25@20:40"))
+    )
+    there = (np.arange(60) >= 20) & (np.arange(60) <= 40)
+    assert found / plain == pytest.approx(np.where(there, 1.25, 1.0), rel=1e-6)
 
 
 def test_rows_without_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

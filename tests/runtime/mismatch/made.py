@@ -171,9 +171,7 @@ def warmed(built: Built | None = None, samples: int = 240, seed: int | None = 1)
 
 
 def prepared(ruleset: Ruleset, recording: Recording, *heldout: tuple[float, float]) -> Data:
-    data = prepare(recording, ruleset, heldout)
-    assert data is not None
-    return data
+    return prepare(recording, ruleset, heldout)
 
 
 def rows_at(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Rows:

@@ -102,7 +102,6 @@ def test_what_was_planted_is_told_and_proved(name: str) -> None:
             assert abs(estimate.value - true) < 0.2 * abs(true)
         assert all(rival.gain < finding.gain for rival in finding.rivals)
         assert {(finding.module, finding.place)} == {(p.module, p.place) for p in found.locations}
-        assert found.fit is not None
         kept = found.fit.heldout
         assert kept.repaired <= kept.shipped
         # Beside the noise there are the systematic errors of the other sensors, which stay. No
@@ -145,7 +144,6 @@ def test_the_leakage_example() -> None:
     assert ("fault", "A.leakage") == (found.verdict, finding.id)
     assert all(rival.gain < finding.gain for rival in finding.rivals)
     assert [("A", finding.place)] == [(p.module, p.place) for p in found.locations]
-    assert found.fit is not None
     assert found.fit.heldout.repaired < 1.5 * found.fit.heldout.noise
     for start, x, p in zip((10, 30, 50), (0.2, 0.4, 0.6), finding.periods, strict=True):
         assert start <= p.since < p.until < start + 10
@@ -169,7 +167,6 @@ def test_a_driver_that_is_not_recorded() -> None:
         assert "fault" not in {f.sort for f in found[n].findings}
     assert "unnamed" == found[200].verdict
     hidden = found[200].hidden
-    assert hidden is not None
     assert ("A", "Q_geo") == (hidden.module, hidden.place)
     true = np.interp(hidden.time, np.arange(200.0), warming(200))
     assert abs(float(np.corrcoef(hidden.course, true)[0, 1])) > 0.9

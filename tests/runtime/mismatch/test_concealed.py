@@ -131,7 +131,6 @@ def test_a_level_lasts_until_the_next_end() -> None:
 
 
 def test_who_reads_it_is_sent_to_the_set_points_not_to_a_sensor() -> None:
-    assert UNNAMED.hidden is not None
     said = next_step("unnamed", (), replace(UNNAMED.hidden, switches=True), ())
     assert "from below and from above" in said
     assert "Record what may drive it" not in said

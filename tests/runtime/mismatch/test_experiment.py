@@ -470,5 +470,4 @@ def test_set_points_lie_where_pumps_run() -> None:
     stands = np.where(np.arange(len(data)) % 9 == 0, 0.0, data.values["A.n"])
     points = replace(data.points, values={**data.values, "A.n": stands})
     stood = replace(system, data=replace(data, points=points))
-    assert least is not None
     assert least <= input_ranges(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()

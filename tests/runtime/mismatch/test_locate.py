@@ -132,6 +132,5 @@ def test_one_driver_behind_two_laws_is_told_at_both() -> None:
     assert not found.findings
     assert [where.place for where in found.locations] == ["P_law", "Q_geo"]
     assert sum(where.share for where in found.locations) == pytest.approx(1.0)
-    assert found.hidden is not None
     said = "in A.Q_geo changes too, and its course correlates with this one by −0.9"
     assert said in found.hidden.text

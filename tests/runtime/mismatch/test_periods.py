@@ -101,8 +101,6 @@ def test_small_and_large_faults_are_seen(x: float) -> None:
     """Points with a strong fault are far out, and still speak of it."""
     assert trial() is None
     found = trial((100, 160, x))
-    assert found is not None
-    assert found.course is not None
     (period,) = found.course.periods
     assert 100 <= period.since < 115
     assert 145 < period.until < 161
@@ -113,7 +111,6 @@ def test_points_that_do_not_speak_of_a_fault_have_no_degree() -> None:
     found = plain((40, 80, 0.2), (130, 160, 0.4), (200, 230, 0.2))
     (leakage,) = (c for c in opened("abc")[1].candidates if c.id == LEAKAGE)
     columns = columns_of(found, leakage, {f"{LEAKAGE}.x": 0.0}, {})
-    assert columns is not None
     mute = found.rows.point % 3 > 0
     degree, _ = degree_course(found, np.where(mute, 1e-14 * columns[:, 0], columns[:, 0]))
     known = np.flatnonzero(np.isfinite(degree))
@@ -145,7 +142,6 @@ def test_a_fault_that_grows_is_told_with_its_rate() -> None:
     assert CLOGGING == finding.id
     (period,) = finding.periods
     growth = period.growth
-    assert growth is not None
     assert abs(period.since - SINCE) < 3.0 * growth.u_since
     assert growth.lower <= RATE <= growth.upper
     assert period.until == SAMPLES - 1

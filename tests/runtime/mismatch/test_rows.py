@@ -216,7 +216,6 @@ def test_every_row_is_counted_once() -> None:
     assert rows(told, UNSETTLED) > 0
     assert all(e.used != (e.because == UNSETTLED) for e in told)
     least = rules.signal_by_id["A.n"].minimum
-    assert least is not None
     slow = recording.values["A.n"].copy()
     slow[100:150] = 0.5 * least
     told = counted(changed(recording, {"A.n": slow}))
@@ -310,7 +309,6 @@ def test_a_temperature_spans_its_range(tmp_path: Path, zero: float) -> None:
     assert span(rows.system, "A.T_i") < 1.0
     candidate = next(c for c in rows.system.candidates if c.name == "offset")
     (unknown,) = candidate.unknowns
-    assert unknown.usual is not None
     assert unknown.usual.of_place
     size = Geometry(rows).size(candidate, unknown)
     assert size.scale * t.ppf(0.75, size.freedom) == pytest.approx(0.05 * 150.0)

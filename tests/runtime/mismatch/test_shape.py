@@ -69,7 +69,6 @@ def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.Monke
     assert "unnamed" == found.verdict
     location = max((at for at in found.locations if at.shape), key=lambda at: at.share)
     shape = location.shape
-    assert shape is not None
     assert ("A", "A.n") == (location.module, shape.driver)
     assert "P_law" in {location.place, *(place.partition(".")[2] for place in location.also)}
     off = (shape.value - PEAK * np.exp(-(((shape.at - 800.0) / 60.0) ** 2))) / shape.u

@@ -184,7 +184,7 @@ def run(seed: int) -> Recording:
 
 def test_columns_of_another_clock_are_found() -> None:
     right = 0
-    for seed in range(6):
+    for seed in range(4):
         recording = run(seed + 1)
         assert () == looked("abc", without(recording, "A.l"))
         signal, by = drawn("abc", recording, np.random.default_rng(seed))
@@ -192,7 +192,7 @@ def test_columns_of_another_clock_are_found() -> None:
         meant = Mending(signals=(signal,), late=float(by))
         assert all(meant == t.hypothesis.mending for t in found), (signal, by)
         right += len(found)
-    assert right >= 6
+    assert right >= 4
 
 
 def test_no_other_time_is_told_where_states_are_shorter_than_the_shift() -> None:

@@ -166,7 +166,6 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
     rows = rows_at(plant, both)
     together, own = explain(rows, quiet), explain(rows_at(plant, whole), quiet)
     found = by_recording(both, rows.system, (), together, quiet)
-    assert found is not None
     assert ["cannot judge", "none"] == [part.verdict for part in found.alone]
     likely = found.alone[1].likely[0]
     assert ("nothing", own.nothing) == (likely.id, likely.probability)

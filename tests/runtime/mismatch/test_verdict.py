@@ -166,7 +166,6 @@ def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> N
 )
 def test_next_step(verdict: str, findings: Sequence[Finding], expected: str) -> None:
     assert next_step(verdict, findings, None, (NO_SENSOR,)).startswith(expected)
-    assert UNNAMED.hidden is not None
     step = next_step("named", (SURE,), UNNAMED.hidden, ())
     assert f"Record {UNNAMED.hidden.sensor} together with the rest, and run again." == step
 

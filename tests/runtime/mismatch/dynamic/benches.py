@@ -82,7 +82,6 @@ def made(
 def bench(recording: Recording) -> SimulationProblem:
     ruleset, builder = tanks()
     record = record_of(recording, ruleset, builder.given)
-    assert record is not None
     return SimulationProblem(ruleset, builder, record)
 
 

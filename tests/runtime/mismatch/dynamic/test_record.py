@@ -31,9 +31,7 @@ NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 
 
 
 def read(recording: Recording) -> Record:
-    record = record_of(recording, tanks()[0], tanks()[1].given)
-    assert record is not None
-    return record
+    return record_of(recording, tanks()[0], tanks()[1].given)
 
 
 def test_blocks_follow_from_the_inputs_alone() -> None:

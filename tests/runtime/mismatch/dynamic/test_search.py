@@ -165,7 +165,6 @@ def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     missed = 0.6 * TRUE["pump.k"] * np.maximum(voltage(384, 1) - 3.0, 0.0)
     place = bench(made(384, errors={"definition:upper.outflow": missed}))
     unnamed = likeliest_curve(searched(place, LOSS))
-    assert unnamed is not None
     assert unnamed.curve.driver == "pump.u"
     assert unnamed.curve.place.module in ("upper", "lower")
     assert unnamed.share > 1.0 - 0.7**2

@@ -91,7 +91,6 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     ends, plain = plain_end(place, {})
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
     term = fitted_curve(ends, plain, spot, "lower.h")
-    assert term is not None
     curve = curve_of(place, term)
     assert "lower.y" == curve.driver
     off = curve.value - left_out(curve, term)
@@ -108,13 +107,11 @@ def test_place_and_driver_are_found(thin: Path) -> None:
     """Among all places and all that they may follow; no curve is drawn through noise."""
     assert likeliest_curve(searched(bench(made(SAMPLES, 1)), LAW)) is None
     unnamed = likeliest_curve(searched(bench(flapping(thin, 1)), LAW))
-    assert unnamed is not None
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
     assert f"{curve.place.module}.{curve.place.place}" in ("lower.outflow", "lower.h")
     assert "lower.y" == curve.driver
     assert unnamed.share > 0.9
-    assert curve.branches is not None
     assert abs(curve.branches.gap) < 0.05 * float(np.ptp(curve.value))
     (lost,) = curve.lost
     assert "outlet-exponent" == lost.candidate.name
