@@ -37,7 +37,7 @@ def diagnose(ruleset: Path, recording: Path, *more: str) -> tuple[int, str, dict
     """`rulec diagnose`, in this process: its exit code, standard error and JSON."""
     target, err = recording.parent / "out.json", io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(err):
-        code = main(["diagnose", str(ruleset), str(recording), "--json", str(target), *more])
+        code = main(["diagnose", str(ruleset), str(recording), "--json", str(target), "-q", *more])
     return code, err.getvalue(), strict(target.read_text(encoding="utf-8"))
 
 

@@ -248,7 +248,7 @@ def test_order_of_yaml_keys_changes_only_order(abc: Ruleset, tmp_path: Path) -> 
 
 SYMBOLS = sympy.symbols("a b c", real=True)
 AT = (1.23, 0.71, 1.77)
-POWERS = (-3, -2, -1, 2, 8, *map(sympy.Rational, ("1/2", "-3/2", "7/4")))
+POWERS = (-3, -2, -1, 2, 3, 8, *map(sympy.Rational, ("1/2", "-3/2", "7/4")))
 GROWN: tuple[Callable[[Any, Any], Any], ...] = (
     *(lambda x, y, power=power: (x**2 + 1) ** power for power in POWERS),
     lambda x, y: x + y,
@@ -293,12 +293,13 @@ def test_folding_and_signs_keep_values() -> None:
     at, constants = (1.25, -0.75, 1.75), (0.0, 1.0, -1.0, 2.5)
     graph = Graph(["a", "b", "c"])
     nodes = [*map(graph.input, "abc"), *map(graph.constant, constants)]
-    plain = [np.float64(v) for v in (*at, *constants)]
+    nodes += [graph.apply("neg", node) for node in nodes[:2]]
+    plain = [np.float64(v) for v in (*at, *constants, -at[0], -at[1])]
     names = [name for name in NUMPY if name not in ("pow", "exp", "log", "tanh")]
     with np.errstate(all="ignore"):
         for step in (1, 13):
             operands = range(0, len(nodes), step)
-            for name, i, j in itertools.product(names, operands, range(7)):
+            for name, i, j in itertools.product(names, operands, range(9)):
                 for left, right in ((i, j), (j, i)):
                     value = np.float64(NUMPY[name](plain[left], plain[right]))
                     if np.isfinite(value):
