@@ -1,8 +1,4 @@
-"""`rulec diagnose` on what goes wrong in plants: a message or "cannot judge", never an alarm.
-
-A case is the healthy example with one thing bent. Nothing is wrong with the plant in it, so a
-finding would be an alarm from an invalid reading.
-"""
+"""`rulec diagnose` on what goes wrong in plants: a message or "cannot judge", never an alarm."""
 
 from __future__ import annotations
 

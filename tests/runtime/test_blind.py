@@ -1,7 +1,4 @@
-"""What cannot be seen because readings are not there is told, and nothing else is.
-
-Recordings come from the independent simulator; columns are taken out of them.
-"""
+"""What cannot be seen because readings are not there is told, and nothing else is."""
 
 from __future__ import annotations
 

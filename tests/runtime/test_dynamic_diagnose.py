@@ -1,7 +1,4 @@
-"""Diagnosis of plants that store, on recordings made with their own balances.
-
-True parameters are drawn within half of their stated uncertainty, sensors err within their class.
-"""
+"""Diagnosis of plants that store, on recordings made with their own balances."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Reverse flow, a pump against a closed way, a pump that runs dry: on plants of the independent
-truth, whose pumps let liquid back while they stand."""
+"""Reverse flow, a pump against a closed way, a pump that runs dry."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Sensors that fail are told before physics; what is in mended readings is judged all the same.
-
-Recordings come from the independent simulator; a column is bent, or two."""
+"""Sensors that fail are told before physics; what is in mended readings is judged all the same."""
 
 from __future__ import annotations
 

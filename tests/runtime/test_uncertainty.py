@@ -1,8 +1,4 @@
-"""Uncertainties of residuals and degrees against independent propagation, and Monte Carlo.
-
-The equations stand by hand in `equations`; correlations arise there because two estimates use
-the very same numbers, here because the compiler sums gradients.
-"""
+"""Uncertainties of residuals and degrees against propagation by hand, and Monte Carlo."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Errors of form: each law has its own size, and none explains the noise of a reading. Where a
-model has no number, it is left out, and nothing ends."""
+"""Errors of form: each law has its own size, and none explains the noise of a reading."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Refits: true values come back, priors hold, and a few bad points do not bend a model; and the
-linear step before them."""
+"""Refits: true values come back, priors hold, and a few bad points do not bend a model."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Where a mismatch sits, in which region and when; what a model predicts for a reading; a driver
-that nobody recorded."""
+"""Where a mismatch sits, in which region and when; a driver that nobody recorded."""
 
 from __future__ import annotations
 

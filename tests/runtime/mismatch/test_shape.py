@@ -1,9 +1,4 @@
-"""What has no name is told with its shape, and with whether the way there matters; never beside a
-law that it holds.
-
-The catalogue has the right entry when the recording is made, and lacks it when it is searched. What
-is made is no form that another entry has.
-"""
+"""What has no name is told with its shape, and with memory; never beside a law that it holds."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What has no name in a plant that stores is told with place, driver, shape, memory and rivals.
-
-The catalogue has the right entry when the recording is made, and lacks it when it is searched.
-"""
+"""What has no name in a plant that stores: its shape, where the catalogue lacks the right entry."""
 
 from __future__ import annotations
 

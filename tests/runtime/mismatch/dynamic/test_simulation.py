@@ -1,5 +1,4 @@
-"""Simulated tanks: exact slopes, what arrives later, rims between samples, ends of what a model and
-a sensor can say; and fits with them, in which the truth lies within its uncertainty."""
+"""Simulated tanks: exact slopes, delays, rims, ends of what a sensor says; and fits with them."""
 
 from __future__ import annotations
 
