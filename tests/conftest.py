@@ -56,7 +56,7 @@ LONGEST = (
     "tests/runtime/mismatch/test_experiment.py",
     "tests/hostile/test_hostile.py",
     "tests/test_errors.py",
-    "tests/runtime/mismatch/test_clock_shift.py",
+    "tests/runtime/mismatch/test_structure.py",
     "tests/runtime/test_dynamic_diagnose.py",
     "tests/test_adopt.py",
     "tests/states/",

@@ -1,5 +1,5 @@
-"""For tests of the truth of tanks: a plant of three tanks, its true parameters with their units, its
-volumes, and instruments without errors."""
+"""For tests of the truth of tanks: a plant of three tanks, its true parameters with units,
+its volumes, and instruments without errors."""
 
 from __future__ import annotations
 

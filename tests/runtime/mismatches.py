@@ -32,13 +32,12 @@ NAN = float("nan")
 
 def curves(samples: int = 400, shape: float = 1.0) -> Curves:
     """A flow that falls with the liquid's temperature, which the plain model does not know."""
-    random = np.random.default_rng(7)
     time = np.arange(samples, dtype=float)
     warm = 35.0 + 20.0 * np.sin(np.pi * time / samples) ** 2
     pressure = 1.5 + 0.5 * np.sign(np.sin(time / 9.0))
     plain = 520.0 - 20.0 * pressure
     lost = shape * 0.8 * np.maximum(warm - 45.0, 0.0)
-    noise = random.normal(0.0, 0.9, samples)
+    noise = np.random.default_rng(7).normal(0.0, 0.9, samples)
     return Curves(
         time=time,
         measured=plain - lost + noise,
@@ -90,11 +89,20 @@ PLACE = Location(
     periods=(),
 )
 
+
+def errors(points: int, *sizes: float) -> Errors:
+    """As shipped, recalibrated, repaired, and noise."""
+    shipped, recalibrated, repaired, noise = sizes
+    return Errors(
+        shipped=shipped, recalibrated=recalibrated, repaired=repaired, noise=noise, points=points
+    )
+
+
 FIT = Fit(
     signal="A.Q",
     unit="l/h",
-    estimation=Errors(shipped=6.1, recalibrated=4.2, repaired=0.91, noise=0.9, points=300),
-    heldout=Errors(shipped=6.4, recalibrated=4.4, repaired=0.93, noise=0.9, points=100),
+    estimation=errors(300, 6.1, 4.2, 0.91, 0.9),
+    heldout=errors(100, 6.4, 4.4, 0.93, 0.9),
     gain_interval=(0.71, 0.85),
     closed=0.97,
 )
@@ -102,8 +110,8 @@ FIT = Fit(
 OTHER = Fit(
     signal="A.dp",
     unit="bar",
-    estimation=Errors(shipped=0.09, recalibrated=0.07, repaired=0.021, noise=0.02, points=300),
-    heldout=Errors(shipped=0.08, recalibrated=0.06, repaired=0.022, noise=0.02, points=100),
+    estimation=errors(300, 0.09, 0.07, 0.021, 0.02),
+    heldout=errors(100, 0.08, 0.06, 0.022, 0.02),
     gain_interval=(0.5, 0.7),
     closed=0.99,
 )
@@ -156,9 +164,7 @@ AMBIGUOUS = replace(
         replace(
             WARM,
             probability=0.52,
-            alternatives=(
-                Alternative("A.age@Q_gap", "age", "Gap flow that grows with time", 0.45),
-            ),
+            alternatives=(replace(WARM.alternatives[0], probability=0.45),),
         ),
     ),
     locations=(replace(PLACE, also=("A.P_law", "A.loss")),),
@@ -229,11 +235,10 @@ UNNAMED = replace(
     next="Fit a thermometer at the inlet of A and record an hour.",
 )
 
-PLAIN = Fit(
-    signal="A.Q",
-    unit="l/h",
-    estimation=Errors(shipped=1.4, recalibrated=0.92, repaired=NAN, noise=0.9, points=300),
-    heldout=Errors(shipped=1.5, recalibrated=0.91, repaired=NAN, noise=0.9, points=100),
+PLAIN = replace(
+    FIT,
+    estimation=errors(300, 1.4, 0.92, NAN, 0.9),
+    heldout=errors(100, 1.5, 0.91, NAN, 0.9),
     gain_interval=(NAN, NAN),
     closed=NAN,
 )
@@ -265,21 +270,12 @@ CANNOT_JUDGE = replace(
     seconds=0.02,
 )
 
-ALL = {
-    "named": NAMED,
-    "ambiguous": AMBIGUOUS,
-    "fault": FAULT,
-    "sensor": SENSOR,
-    "unnamed": UNNAMED,
-    "none": NONE,
-    "cannot judge": CANNOT_JUDGE,
-}
+VERDICTS = (NAMED, AMBIGUOUS, FAULT, SENSOR, UNNAMED, NONE, CANNOT_JUDGE)
+ALL = {mismatch.verdict: mismatch for mismatch in VERDICTS}
 
 
 def spoken(text: str) -> Mismatch:
     """One that says the same everywhere: in titles, places, units, drivers and notes."""
-    assert NAMED.fit is not None
-    assert UNNAMED.hidden is not None
     finding = replace(
         WARM,
         **dict.fromkeys(("name", "title", "module", "place", "text", "action", "source"), text),
@@ -304,9 +300,8 @@ def spoken(text: str) -> Mismatch:
 
 def broken(mismatch: Mismatch) -> Mismatch:
     """The same verdict with no number known, as a comparison that went badly may leave it."""
-    found: Mismatch = _unknown(mismatch)
     matrix = np.full_like(mismatch.repair.covariance, NAN)
-    return replace(found, repair=replace(mismatch.repair, covariance=matrix))
+    return replace(_unknown(mismatch), repair=replace(mismatch.repair, covariance=matrix))
 
 
 NO_NUMBERS: dict[str, Any] = {"upper": float("inf"), "points": 0, "signal": ""}
@@ -325,11 +320,7 @@ def _unknown(of: Any) -> Any:
         return of if of.dtype == bool else np.full(len(of), NAN)
     if not is_dataclass(of):
         return of
-    parts = {f.name: getattr(of, f.name) for f in fields(of)}
-    kept = ("time", "measured", "repair") if "time" in parts else ("repair",)
-    changed = {
-        name: NO_NUMBERS.get(name, _unknown(part))
-        for name, part in parts.items()
-        if name not in kept
-    }
+    names = {f.name for f in fields(of)}
+    names -= {"time", "measured", "repair"} if "time" in names else {"repair"}
+    changed = {name: NO_NUMBERS.get(name, _unknown(getattr(of, name))) for name in names}
     return replace(of, **changed)  # type: ignore[type-var]

@@ -37,17 +37,14 @@ CALENDAR = Calendar(1789948760.0, ((0.0, 7200.0),))
 
 
 def subject() -> Subject:
-    """Plant and recording of the mismatches made by hand."""
     return Subject(ruleset=compiled("abc"), recording="warm.csv", samples=400, ends=(0.0, 399.0))
 
 
 def mismatch_page(mismatch: Mismatch) -> str:
-    """The page of a mismatch made by hand."""
     return mismatch_report(mismatch, subject(), MADE)
 
 
 def dated(judged: Judged) -> Judged:
-    """The same with dates."""
     return dataclasses.replace(
         judged,
         recording=dataclasses.replace(judged.recording, calendar=CALENDAR),
@@ -56,7 +53,6 @@ def dated(judged: Judged) -> Judged:
 
 
 def every_page() -> dict[str, tuple[str, str]]:
-    """Name to page and verdict."""
     abc = compiled("abc")
     leaking = dated(judge(EXAMPLES / "leakage_A.csv", abc, EXAMPLES / "leakage_A.truth.csv"))
     healthy = judge(EXAMPLES / "healthy.csv", abc)

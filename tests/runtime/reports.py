@@ -29,34 +29,25 @@ NEEDS_MORE = re.compile(r"https?:|//\w|<script|<img|<link|@import|url\(|\ssrc=|\
 """What would make a page depend on something else."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Judged:
-    """A recording with everything a report is made of."""
-
     recording: Recording
     diagnosis: Diagnosis
     trace: Trace
     truth: Truth | None
 
-    def page(self, name: str = "") -> str:
-        """The page of a file of this name; that of x.csv is made once."""
-        return self._named(name) if name else self._usual
+    def page(self, name: str = "x.csv") -> str:
+        """The page of a file of this name."""
+        return page_of(self, name)
 
     def curves(self) -> Curves:
-        """What the figures over time show; made once."""
-        return self._curves
-
-    @functools.cached_property
-    def _usual(self) -> str:
-        return self._named("x.csv")
-
-    @functools.cached_property
-    def _curves(self) -> Curves:
         return curves_of(self.recording, self.diagnosis, self.trace)
 
-    def _named(self, name: str) -> str:
-        made = Made("2026-09-22 08:15 UTC", "rulec-runtime 1.2.3")
-        return report(self.recording, self.diagnosis, self.trace, name, self.truth, made)
+
+@functools.lru_cache(maxsize=8)
+def page_of(judged: Judged, name: str) -> str:
+    made = Made("2026-09-22 08:15 UTC", "rulec-runtime 1.2.3")
+    return report(judged.recording, judged.diagnosis, judged.trace, name, judged.truth, made)
 
 
 def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
@@ -66,13 +57,11 @@ def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
 
 
 def tree(page: str) -> ET.Element:
-    """The page as XML, which is stricter than HTML."""
     return ET.fromstring(page)
 
 
 def caption(page: str, figure: str) -> str:
     found = tree(page).find(f".//figure[@id='{figure}']/figcaption")
-    assert found is not None
     return "".join(found.itertext()).replace("\xa0", " ")
 
 

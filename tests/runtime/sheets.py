@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
 
 from tests.conftest import ROOT
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Header and rows of cells."""
-
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
@@ -21,27 +23,22 @@ class Sheet:
         return next(i for i, title in enumerate(self.header) if title.split(" [")[0] == column)
 
     def renamed(self, column: str, title: str) -> Sheet:
-        """Another title for a column."""
         i = self.index(column)
         return replace(self, header=(*self.header[:i], title, *self.header[i + 1 :]))
 
     def mapped(self, column: str, change: Callable[[int, str], str]) -> Sheet:
-        """A column's cells changed by row number and content."""
         i = self.index(column)
         rows = [(*r[:i], change(k, r[i]), *r[i + 1 :]) for k, r in enumerate(self.rows)]
         return replace(self, rows=tuple(rows))
 
     def filled(self, column: str, value: str, since: int = 0, until: int | None = None) -> Sheet:
-        """A column with one value in rows since (included) to until."""
         stop = len(self.rows) if until is None else until
         return self.mapped(column, lambda k, cell: value if since <= k < stop else cell)
 
     def scaled(self, column: str, factor: float, title: str) -> Sheet:
-        """A column written in another unit."""
         return self.mapped(column, lambda _, c: repr(float(c) * factor)).renamed(column, title)
 
     def without(self, *columns: str) -> Sheet:
-        """Some columns left out."""
         gone = {self.index(c) for c in columns}
         keep = [i for i in range(len(self.header)) if i not in gone]
         return Sheet(
@@ -50,7 +47,6 @@ class Sheet:
         )
 
     def text(self, separator: str = ",", newline: str = "\n") -> str:
-        """As a file."""
         return "".join(separator.join(row) + newline for row in (self.header, *self.rows))
 
     def german(self) -> str:
@@ -67,7 +63,20 @@ def example(name: str = "healthy") -> Sheet:
 
 
 def write(folder: Path, content: str | bytes, name: str = "x.csv") -> Path:
-    """Write a recording file."""
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
+
+
+def sampled(
+    values: Mapping[str, Array], time: Array | None = None, missing: tuple[str, ...] = ()
+) -> Recording:
+    """A recording in one piece, SI; one sample per second unless there are times."""
+    n = len(next(iter(values.values())))
+    return Recording(
+        time=np.arange(n, dtype=float) if time is None else time,
+        values=dict(values),
+        segment=np.zeros(n, dtype=int),
+        missing=missing,
+        notes=(),
+    )

@@ -14,6 +14,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.prediction import SensorErrors, sense
 from tests.conftest import ROOT
+from tests.runtime.sheets import sampled
 
 Fault = tuple[str, float, float]
 """Id, degree, and the share of the recording behind which it is there."""
@@ -37,7 +38,6 @@ def made(
     fault is over behind the share `until`."""
     ruleset, random = plant(name), np.random.default_rng(seed)
     dynamics = ruleset.dynamics
-    assert dynamics is not None
     time: Array = np.arange(count, dtype=np.float64) * 4.0
     inputs = given(name, random, time)
     values = _true(dynamics.values, dynamics.uncertainties, random, spread)
@@ -58,15 +58,12 @@ def made(
     for signal in (ruleset.signal_by_id[n] for n in readings):
         readings[signal.id] = np.clip(readings[signal.id], signal.lowest, signal.highest)
     missing = tuple(n for n in dynamics.outputs if n not in readings)
-    return Recording(
-        time=time, values=readings, segment=np.zeros(count, dtype=int), missing=missing, notes=()
-    )
+    return sampled(readings, time, missing)
 
 
 def _true(
     values: Mapping[str, float], u: Mapping[str, float], random: np.random.Generator, spread: float
 ) -> dict[str, float]:
-    """Parameters as they truly are."""
     errors = {n: float(np.clip(random.standard_normal(), -2.0, 2.0)) * spread for n in values}
     sizes = {n: np.log1p(u[n] / abs(v)) if v else u[n] for n, v in values.items()}
     return {
@@ -76,7 +73,6 @@ def _true(
 
 
 def given(name: str, random: np.random.Generator, time: Array) -> dict[str, Array]:
-    """Courses of the readings that are given, SI."""
     if name == "cascaded-tanks":
         return {"pump.u": _steps(random, time, 15, 1.5, 3.2)}
     litre = 1e-3 / 60.0

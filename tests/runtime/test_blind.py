@@ -1,7 +1,4 @@
-"""What cannot be seen because readings are not there is told, and nothing else is.
-
-Recordings come from the independent simulator; columns are taken out of them.
-"""
+"""What cannot be seen because readings are not there is told, and nothing else is."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ from rulec.cli import main
 from rulec.prove.truth import RIGS, TABLE_1, operating_points, record, visiting_run
 from rulec.study.sensors_needed import without_each
 from tests.conftest import ROOT, compiled
-from tests.runtime.sheets import example, write
+from tests.runtime.sheets import example, sampled, write
 from tests.runtime.test_sensor_health import of_columns, put
 
 GONE_WITH_DP = {
@@ -41,19 +38,16 @@ GONE_WITH_DP = {
 
 @cache
 def run_of(hold: int = 25) -> Recording:
-    """Several operating points."""
     rig = RIGS["abc"]()
     run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, hold=hold)
     return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
 
 
 def without(recording: Recording, *names: str) -> Recording:
-    """Without some columns."""
     return replace(recording, values={n: v for n, v in recording.values.items() if n not in names})
 
 
 def gone(recording: Recording, name: str, rows: slice | Array) -> Recording:
-    """Without some readings of a column."""
     values = recording.values[name].copy()
     values[rows] = np.nan
     return put(recording, name, values)
@@ -76,8 +70,7 @@ def test_exit_code_json_and_terminal(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_readings_that_bring_faults_back() -> None:
-    """Of a module without any reading each fault with the fewest that do. Of a plant without any
-    every fault, each once; what is named does bring it back, and no part of it would."""
+    """With the fewest that do: what is named brings it back, and no part of it would."""
     whole, rules, names = run_of(), compiled("abc"), ("A.n", "A.dp", "A.P_el")
     blind = diagnose(without(whole, *names), rules).blind
     back = {fault: set(b.readings) for b in blind for fault in b.faults}
@@ -107,9 +100,7 @@ def test_readings_that_bring_faults_back() -> None:
     ],
 )
 def test_since_and_until_when(rows: slice | Array, told: list[tuple[float, float, bool]]) -> None:
-    """Gone at the start only: it is over; gone from a row on: it is not. A gap shorter than a
-    finding is none, and readings that come with every second row are enough; with every fourth they
-    are not. Coverage is the share of the time of all faults."""
+    """Readings in every second row are enough, in every fourth they are not."""
     found = diagnose(gone(run_of(), "A.dp", rows), compiled("abc"))
     assert told == [(b.since, b.until, b.active) for b in found.blind]
     assert all((GONE_WITH_DP, ("A.dp",)) == (set(b.faults), b.readings) for b in found.blind)
@@ -120,8 +111,7 @@ def test_since_and_until_when(rows: slice | Array, told: list[tuple[float, float
 
 
 def test_a_pump_at_rest_hides_nothing() -> None:
-    """What stands still by its own speed would show nothing with its pressure either; it is blind
-    while it runs, and pauses do not end that."""
+    """It is blind while it runs, and pauses do not end that."""
     rules, whole = compiled("abc"), run_of()
     pauses = {(0, 100): [], (0, 50): [(50.0, 99.0)], (40, 60): [(0.0, 99.0)]}
     for pause, told in pauses.items():
@@ -134,17 +124,14 @@ def test_a_pump_at_rest_hides_nothing() -> None:
 
 
 def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
-    """Only the lower of two tanks has a level sensor; that of the upper one is no loss."""
     rules = compiled("cascaded-tanks")
     time = np.arange(100.0)
-    values = {"pump.u": 2.5 + np.sin(time), "lower.y": 5.0 + np.cos(time)}
-    few = replace(run_of(), time=time, values=values, segment=np.zeros(100, dtype=int))
+    few = sampled({"pump.u": 2.5 + np.sin(time), "lower.y": 5.0 + np.cos(time)})
     assert () == blind_of(few, rules)
     assert {"lower.y"} == {r for b in blind_of(without(few, "lower.y"), rules) for r in b.readings}
 
 
 def test_the_watch_says_the_same() -> None:
-    """Same faults, reason and reading as of the whole recording, from one function."""
     rules = compiled("abc")
     recording = gone(run_of(hold=75), "A.dp", slice(100, None))
     memory, texts = nothing_yet(False), set[str]()
@@ -178,7 +165,6 @@ def test_what_each_sensor_is_needed_for() -> None:
 
 
 def test_a_large_plant_asks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the nearest estimates say of a rig is what all of them say."""
     rules: Ruleset = compiled("mixing-rig")
     lost = {"A.dp"}
     every = set(visible_of(rules).unseen(lost))

@@ -1,7 +1,4 @@
-"""Diagnosis of plants that store, on recordings made with their own balances.
-
-True parameters are drawn within half of their stated uncertainty, sensors err within their class.
-"""
+"""Diagnosis of plants that store, on recordings made with their own balances."""
 
 from __future__ import annotations
 
@@ -64,7 +61,6 @@ def judged(name: str, recording: Recording, **added: np.ndarray | float) -> Diag
 )
 @pytest.mark.parametrize("name", FAULTS)
 def test_healthy_recordings_have_no_finding(name: str, seeds: range) -> None:
-    """No false alarm in ten recordings, two of them in every run."""
     for seed in seeds:
         said = judged(name, made(name, seed))
         assert [] == [f.fault.id for f in said.findings], seed
@@ -96,7 +92,6 @@ def test_a_fault_that_begins_in_the_middle_is_found(name: str, fault: str) -> No
 
 
 def test_a_fault_that_goes_is_found_with_its_end() -> None:
-    """Behind its end the recording is healthy again."""
     # A plant whose level stays within the range of its sensor.
     faulty = made("cascaded-tanks", 5, ("lower.y.high", 0.2, 0.3))
     healthy = made("cascaded-tanks", 5)
@@ -110,8 +105,7 @@ def test_a_fault_that_goes_is_found_with_its_end() -> None:
 
 
 def test_evidence_and_frequencies() -> None:
-    """A tank that gets too little stands lower than predicted, told in the unit of its reading; the
-    other is as it should be. Of what fits alike the more usual is named first."""
+    """Of what fits alike the more usual is named first."""
     rules, lost = plant("wastewater-lab"), {"tank1.lost-inflow", "supply.Q.high"}
     recording = made("wastewater-lab", 0, ("tank1.lost-inflow", 0.2, 0.5))
     for usual in lost:
@@ -129,7 +123,6 @@ def test_evidence_and_frequencies() -> None:
 
 
 def test_what_is_missing_is_not_judged() -> None:
-    """Gaps of given readings, of measured ones, and columns that are not there."""
     recording = made("cascaded-tanks", 0, count=SHORT)
     gone = (recording.time > 900.0) & (recording.time < 1500.0)
     blank = np.where(gone, np.nan, 0.0)
@@ -146,7 +139,6 @@ def test_what_is_missing_is_not_judged() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 24])
 def test_short_recordings_do_not_fail(count: int) -> None:
-    """A few samples give no finding, and no exception."""
     recording = made("wastewater-lab", 0, count=count)
     assert () == judged("wastewater-lab", recording).findings
     assert len(trace(recording, plant("wastewater-lab")).verdict) == count
@@ -162,7 +154,6 @@ def test_a_bad_model_is_measured_by_itself_and_does_not_alarm() -> None:
 
 
 def test_every_form_tells_the_finding(tmp_path: Path) -> None:
-    """Trace, JSON and report of a ruleset that went through a file."""
     file = tmp_path / "ruleset.json"
     file.write_text(plant("cascaded-tanks").to_json(), encoding="utf-8")
     ruleset, fault = read_ruleset(file), "lower.blockage"
@@ -177,10 +168,8 @@ def test_every_form_tells_the_finding(tmp_path: Path) -> None:
 
 
 def test_matrix_says_what_acts_alike() -> None:
-    """Signs of the readings, and the faults that none of them tells apart."""
     ruleset = plant("wastewater-lab")
     found = signature_of(ruleset)
-    assert found is not None
     form = json_form(ruleset, dataclasses.asdict(found))["stores"]
     signs = dict(zip(form["faults"], form["signs"], strict=True))
     assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])

@@ -1,4 +1,4 @@
-"""How often faults come: it decides between explanations that readings cannot tell apart, alone."""
+"""How often faults come, and errors that no module lists: what is named first, and what beside."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from rulec_runtime.contract.fault_frequency import FREQUENCY_ODDS
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
-from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.verdict_per_sample import trace
@@ -26,13 +26,19 @@ from rulec_runtime.report.html_findings import told as story
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import actions, headline, why_first
 
+from rulec.commands.matrix import json_form
 from rulec.export.play_on_recording import played, results_csv
+from rulec.export.value_names import listed_undo
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import TABLE_1, operating_points, record
 from rulec.simulation.equations import equations_of
 from rulec.simulation.prediction import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
+from tests.campaign import campaign
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
+from tests.method.readings import built, recording
+from tests.runtime.sheets import sampled
 
 RECORD = "{fault: slope(Q), frequency: rare, source: a record}"
 SURVEY = "frequency: common\nfrequency_source: a survey\n"
@@ -49,7 +55,6 @@ def listed(ruleset: Ruleset) -> Ruleset:
 
 
 def said_of(ruleset: Ruleset, words: Mapping[str, str]) -> Ruleset:
-    """The plant told how often faults come, without compiling."""
     faults = (replace(f, frequency=words.get(f.id, f.frequency)) for f in ruleset.faults)
     return replace(ruleset, faults=tuple(faults))
 
@@ -61,14 +66,11 @@ COURSES = {"step": TIME >= 60.0, "ramp": np.clip((TIME - 60.0) / 150.0, 0.0, 1.0
 def recorded(rules: Ruleset, fault: str, course: str) -> Recording:
     """A tenth of the flow is lost, or not shown, in the end."""
     found = simulate_with(equations_of(rules), {}, {fault: 0.1 * COURSES[course]})
-    values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
-    segment = np.zeros(SAMPLES, dtype=int)
-    return Recording(time=TIME, values=values, segment=segment, missing=(), notes=())
+    return sampled(sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {}))
 
 
 @pytest.fixture(scope="module")
 def leaking() -> Recording:
-    """A tenth of the flow is lost from a time on."""
     return recorded(listed(compiled(RIG)), LEAK, "step")
 
 
@@ -78,7 +80,6 @@ def only(recording: Recording, ruleset: Ruleset) -> Finding:
 
 
 def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> None:
-    """Frequencies swapped: the headline swaps; what each fault measures stays as it was."""
     plain = listed(compiled(RIG))
     before, measured = only(leaking, plain), trace(leaking, plain)
     assert before.probability == pytest.approx(0.5)
@@ -96,7 +97,6 @@ def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> No
 
 
 def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
-    """In words, as data, on the page, and in what a watch tells."""
     rules = said_of(listed(compiled(RIG)), {LOW: "common"})
     diagnosis = diagnose(leaking, rules)
     (finding,) = diagnosis.findings
@@ -119,7 +119,6 @@ def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
 
 @pytest.mark.parametrize(("true", "course"), [(LEAK, "ramp"), (LOW, "step")])
 def test_what_no_reading_tells_apart_is_told_together(true: str, course: str) -> None:
-    """All estimates move alike, at once or slowly: both have the same probability."""
     rules = compiled(RIG)
     findings = diagnose(recorded(rules, true, course), rules).findings
     assert findings
@@ -131,7 +130,6 @@ def test_what_no_reading_tells_apart_is_told_together(true: str, course: str) ->
 
 
 def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:
-    """However rare the fault, and however common all others."""
     recording = read_recording(ROOT / "plants" / "abc" / "examples" / "leakage_A.csv", abc)
     words = {f.id: "rare" if f.id == "A.leakage" else "common" for f in abc.faults}
     plain, weighed = (diagnose(recording, rules) for rules in (abc, said_of(abc, words)))
@@ -141,8 +139,7 @@ def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:
 
 
 def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) -> None:
-    """What the file of a fault says, of one direction or of all, holds where the module type says
-    nothing. A word that is none is refused; the schemas know the same words."""
+    """The file of a fault counts where the module type says nothing."""
     shutil.copytree(ROOT / "kb", tmp_path / "kb", ignore=shutil.ignore_patterns("effects"))
     plant = shutil.copytree(ROOT / "plants" / RIG, tmp_path / "plants" / RIG)
     high = "excess of the reading over the true value}"
@@ -182,7 +179,6 @@ def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) 
 def test_beside_the_plant_the_more_usual_is_named_first_too(
     leaking: Recording, tmp_path: Path
 ) -> None:
-    """By the watch, in its event, and by what controllers hand over."""
     rules = said_of(listed(compiled(RIG)), {LOW: "common", LEAK: "rare"})
     whole = only(leaking, rules)
     seen = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))
@@ -198,3 +194,87 @@ def test_beside_the_plant_the_more_usual_is_named_first_too(
     for found in (episode, finding):
         assert [LEAK] == [name for name, _ in found.alternatives]
     assert finding.probability == pytest.approx(whole.probability)
+
+
+SOUND = 10
+"""Samples before a reading is off."""
+
+
+def misread(signal: str, points: int, share: float = 0.0, size: float = 0.0) -> Diagnosis:
+    """One reading is off after some samples; several operating points, or the first alone."""
+    rules, plant = compiled("abc"), built("abc")
+    visited = operating_points(plant, 5)[:points]
+    (case,) = campaign(plant, [{}], [visited], 11, SOUND)
+    made = record(case.run, TABLE_1, case.seed).readings
+    (column,) = (name for name in made if name.split()[0] == signal)
+    off = np.array(made[column])
+    off[SOUND:] = off[SOUND:] * (1.0 + share) + size
+    return diagnose(recording(rules, {**made, column: off}), rules)
+
+
+@pytest.mark.parametrize(
+    ("signal", "share", "size", "fault"),
+    [
+        ("A.n", 0.1, 0.0, "A.n.high"),
+        ("B.n", -0.2, 0.0, "B.n.low"),
+        ("A.dp", 0.0, 0.3, "A.dp.offset.high"),
+        ("B.dp", 0.0, -0.3, "B.dp.offset.low"),
+        ("A.P_el", 0.0, 40.0, "A.P_el.offset.high"),
+    ],
+)
+def test_it_is_named_where_points_differ(
+    signal: str, share: float, size: float, fault: str
+) -> None:
+    """At five operating points no listed fault looks like it; bounds hold what was done."""
+    (finding,) = misread(signal, 5, share, size).findings
+    assert fault == finding.fault.id
+    assert finding.fault.unlisted
+    assert finding.lower <= abs(share + size) <= finding.upper
+
+
+@pytest.mark.parametrize(("signal", "size"), [("A.dp", 0.3), ("A.P_el", 40.0)])
+def test_both_are_named_where_no_reading_tells(signal: str, size: float) -> None:
+    """At one operating point a share and a size are the same; what the module lists comes first."""
+    (finding,) = misread(signal, 1, 0.0, size).findings
+    assert f"{signal}.high" == finding.fault.id
+    assert f"{signal}.offset.high" in dict(finding.alternatives)
+    said = " ".join(why_first(compiled("abc"), finding))
+    assert f"{signal}.offset.high: not listed by its module" in said
+
+
+def test_a_speed_too_high_is_no_leakage_alone() -> None:
+    for share in (0.1, 0.3):
+        (finding,) = misread("A.n", 1, share).findings
+        assert "A.n.high" in {finding.fault.id, *dict(finding.alternatives)}
+
+
+def test_what_a_ruleset_lists() -> None:
+    """An old ruleset without them reads as before."""
+    rules = compiled("abc")
+    listed, others = ({f.id for f in faults} for faults in (rules.faults, rules.unlisted))
+    assert {"A.dp.high", "A.P_el.low"} <= listed
+    assert {"A.n.high", "A.n.low", "A.dp.offset.high", "C.dp.offset.low"} <= others
+    assert not listed & others
+    assert all(f.odds < 1.0 for f in rules.unlisted)
+    data = json.loads(rules.to_json())
+    del data["unlisted"], data["unlisted_cells"], data["digest"]
+    assert parse_ruleset(data).unlisted == ()
+
+
+def test_the_matrix_folds_them_into_a_row_for_each_reading() -> None:
+    rules = compiled("abc")
+    readings = ("A.n", "A.dp", "A.P_el", "B.n", "B.dp", "B.P_el", "C.dp")
+    assert readings == tuple(rules.moved_by_reading)
+    form = json_form(rules)["unlisted"]
+    assert [f.id for f in rules.unlisted] == form["faults"]
+    assert all(any(row) for row in form["signs"])
+
+
+def test_controllers_undo_listed_faults_alone() -> None:
+    rules = compiled("abc")
+    undo = listed_undo(rules)
+    assert not {f"x:{f.id}" for f in rules.unlisted} & set(undo.inputs)
+    given = {s.id: s.reference for s in rules.signals}
+    given |= {f"x:{name}": 0.1 * (name == "A.leakage") for name in rules.fault_by_id}
+    whole, part = rules.undo.run(given), undo.run(given)
+    assert all(whole[name] == pytest.approx(value, rel=1e-12) for name, value in part.items())

@@ -20,7 +20,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.json_form import diagnosis_form
 
 from tests.conftest import ROOT, compiled
-from tests.runtime.sheets import write
+from tests.runtime.sheets import sampled, write
 
 CLOSE = 1e-9
 """Products of matrices with other numbers of columns may differ in their last digits."""
@@ -54,9 +54,8 @@ def odd(recording: Recording) -> Recording:
 
 def again(recording: Recording) -> Recording:
     """The same three times, one behind the other."""
-    time = np.arange(3.0 * len(recording))
     values = {name: np.tile(column, 3) for name, column in recording.values.items()}
-    return replace(recording, time=time, values=values, segment=np.zeros(len(time), dtype=int))
+    return sampled(values, missing=recording.missing)
 
 
 @pytest.mark.parametrize(
@@ -75,8 +74,6 @@ def test_same_findings(
     changed: Callable[[Recording], Recording],
     tiny: Callable[[], None],
 ) -> None:
-    """Readers, sensor health, settled stretches, baselines and findings, of more episodes of a
-    fault than are held at a time."""
     rules, file = compiled(plant), ROOT / "plants" / plant / "examples" / name
     whole = diagnosis_form(diagnose(changed(read_recording(file, rules)), rules))
     tiny()
@@ -85,7 +82,6 @@ def test_same_findings(
 
 
 def assert_alike(one: Any, other: Any) -> None:
-    """The same JSON, numbers but for rounding."""
     if isinstance(one, dict):
         assert one.keys() == other.keys()
         for key in one:
@@ -101,7 +97,6 @@ def assert_alike(one: Any, other: Any) -> None:
 
 
 def cells(row: Callable[[int], str], first: int = 0, header: str = "time [s],A.dp [bar]") -> str:
-    """A small recording."""
     return "\n".join([header, *map(row, range(first, 40))]) + "\n"
 
 
@@ -119,7 +114,6 @@ CELLS = {
 
 @pytest.mark.parametrize("name", CELLS)
 def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[], None]) -> None:
-    """Times of all kinds, and rows that are left out or put in order."""
     rules = compiled("abc")
     file = write(tmp_path, gzip.compress(CELLS[name].encode()), "made.csv.gz")
     whole = read_recording(file, rules)

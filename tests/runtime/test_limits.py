@@ -82,7 +82,6 @@ def test_every_number_is_used() -> None:
 
 
 def test_numbers_stand_in_limits_alone() -> None:
-    """Other modules of the runtime define none, but for those that decide nothing."""
     found = []
     for file in sorted((ROOT / "runtime" / "rulec_runtime").rglob("*.py")):
         name = ".".join(file.relative_to(ROOT / "runtime/rulec_runtime").with_suffix("").parts)

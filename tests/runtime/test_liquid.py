@@ -38,11 +38,8 @@ def thicker_run(
     cooled: float,
     faults: Faults,
 ) -> Run:
-    """Run at nominal speed; while `later`, shape (n,), friction losses and slips are multiplied by
-    factors, and the liquid is colder by `cooled`, K. Parameters become arrays.
-
-    Source: the factors are independent, as a plant has laminar and turbulent paths.
-    """
+    """Run at nominal speed; while `later`, friction losses and slips are multiplied by factors (of
+    their own, as a plant has laminar and turbulent paths), and the liquid is colder, K."""
     rubbed: Any = np.where(later, friction, 1.0)
     slipped: Any = np.where(later, slip, 1.0)
     modules = {}
@@ -75,13 +72,11 @@ def said(rig: str, seed: int, *change: float, **degrees: float) -> Diagnosis:
 
 
 def named(found: Diagnosis) -> set[str]:
-    """Faults that are named."""
     return {f.fault.id for f in found.findings}
 
 
 @RIGS
 def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> None:
-    """The viscosity everywhere, from when it changed, and it alone."""
     for seed in range(2):
         found = said(rig, seed, *COLD)
         (finding,) = found.findings
@@ -94,8 +89,7 @@ def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> Non
 
 @RIGS
 def test_what_modules_have_is_not_the_liquid(rig: str) -> None:
-    """Named, and the liquid no alternative to it. A change of all lines with a tolerance comes near
-    two cloggings; two come nearer."""
+    """A change of all lines comes near two cloggings; two come nearer."""
     clogged = f"{MIXERS[rig]}_clogging"
     for fault in (clogged, "A_leakage", "A_P_el.high"):
         found = said(rig, 0, **{fault: 0.2})
@@ -110,7 +104,6 @@ def test_what_modules_have_is_not_the_liquid(rig: str) -> None:
 
 @RIGS
 def test_a_leakage_is_seen_beside_a_cold_liquid(rig: str) -> None:
-    """Both are named, with the degree of the leakage."""
     for seed in range(2):
         found = said(rig, seed, *COLD, A_leakage=0.2)
         assert {"A.leakage", "liquid.viscosity.high"} == named(found)
@@ -119,8 +112,7 @@ def test_a_leakage_is_seen_beside_a_cold_liquid(rig: str) -> None:
 
 
 def test_remarks() -> None:
-    """A liquid thicker by a fifth, as 7 K make it: told, and no finding. A temperature that fell as
-    the change needs speaks for it, one that stayed speaks against."""
+    """A liquid thicker by a fifth, as 7 K make it; a temperature speaks for or against."""
     found = said("abc", 0, 1.2**0.125**2, 1.2**-0.7)
     assert ("ok", ()) == (found.status, found.findings)
     assert any("the liquid is thicker" in note and "weather" in note for note in found.notes)
@@ -133,14 +125,12 @@ def test_remarks() -> None:
     "seeds", [range(4), pytest.param(range(4, 20), marks=pytest.mark.prove)], ids=["few", "more"]
 )
 def test_sound_plants_say_nothing(seeds: range) -> None:
-    """Twenty sets of sensor errors within their bounds, four of them in every run."""
     for seed in seeds:
         found = said("mixing-rig", 500 + seed)
         assert ("ok", (), ()) == (found.status, found.findings, found.unknown)
 
 
 def test_a_trace_names_the_liquid() -> None:
-    """Sample by sample; faults of modules have the columns."""
     words = trace(recorded("abc", 1, *COLD), calibrated(ruleset("abc"))).verdict
     assert ("ok", "liquid.viscosity.high") == (words[HOLD // 2], words[-2])
 

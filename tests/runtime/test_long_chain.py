@@ -31,7 +31,6 @@ LEAK, DEGREE, ROWS = "D3_1.leakage", 0.3, 600
 
 @cache
 def rules_of(modules: int) -> Ruleset:
-    """A chain of so many modules."""
     with tempfile.TemporaryDirectory() as folder:
         text = chain(modules).replace("title: generated", f"title: generated\nkb: {ROOT / 'kb'}")
         Path(folder, "plant.yaml").write_text(text, encoding="utf-8")
@@ -39,13 +38,11 @@ def rules_of(modules: int) -> Ruleset:
 
 
 def leaking(rules: Ruleset, fault: str, first: int, last: int) -> Recording:
-    """A recording in which there is a fault for some of the time."""
     planted = [Planted(fault, DEGREE, first, last)]
     return recorded(rules, ROWS, planted, 1.0, np.random.default_rng(5))
 
 
 def found(rules: Ruleset, recording: Recording, fault: str) -> Finding:
-    """The only finding, with its degree within its bounds."""
     diagnosis = diagnose(recording, rules)
     (finding,) = diagnosis.findings
     assert (fault, ()) == (finding.fault.id, diagnosis.sensors)
@@ -81,8 +78,7 @@ def test_fault_of_a_long_chain_is_found_in_time() -> None:
     "fault", ["M0.clogging", pytest.param("M13.dp.high", marks=pytest.mark.prove)]
 )
 def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
-    """From its beginning to its end, and not as another one in the whole recording: of hundreds of
-    residuals most say nothing against that."""
+    """Of hundreds of residuals most say nothing against that."""
     rules, first, last = rules_of(LONG), ROWS // 3, 2 * ROWS // 3
     finding = found(rules, leaking(rules, fault, first, last), fault)
     assert finding.since == pytest.approx(first, abs=5.0)

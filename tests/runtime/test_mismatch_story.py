@@ -1,4 +1,4 @@
-"""A comparison told on the terminal and as JSON: content, order, hostile texts, absent numbers."""
+"""A comparison on the terminal, as JSON and as a page: content, order, texts, absent numbers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import io
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 from rulec_runtime.output.terminal import Terminal
+from rulec_runtime.report.text import number
 
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.findings import update_sentence as updated
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.story import explained_words
-from rulec.mismatch.answer.terminal_and_page import report, tell
+from rulec.mismatch.answer.terminal_and_page import ReadingCourses, curves_of, rms, tell
 from rulec.mismatch.result import (
     Errors,
     Evidence,
@@ -23,10 +25,12 @@ from rulec.mismatch.result import (
     Moved,
     OfRecording,
     Period,
+    Region,
     Update,
 )
-from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, UNNAMED, broken, spoken
-from tests.runtime.pages import subject
+from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, UNNAMED, broken, curves, spoken
+from tests.runtime.pages import mismatch_page as report
+from tests.runtime.reports import NEEDS_MORE, NO_NUMBER, caption, figures, tree
 
 
 def story(mismatch: Mismatch, width: int = 80) -> str:
@@ -42,7 +46,7 @@ def words(mismatch: Mismatch, **changed: Any) -> str:
 
 
 def page(mismatch: Mismatch) -> str:
-    return report(mismatch, subject()).replace("\xa0", " ").replace("&gt;", ">")
+    return report(mismatch).replace("\xa0", " ").replace("&gt;", ">")
 
 
 def in_order(text: str, *parts: str) -> bool:
@@ -50,39 +54,46 @@ def in_order(text: str, *parts: str) -> bool:
     return sorted(places) == places
 
 
-MEANINGS = {
-    "named": "◆ Physics left out of the model",
-    "ambiguous": "▲ A mismatch with several possible explanations",
-    "fault": "✖ A fault of the plant, not of the model",
-    "sensor": "✖ An error of a sensor, not of the model",
-    "unnamed": "▲ A mismatch that nothing known explains",
-    "none": "✓ No mismatch",
-    "cannot judge": "▼ Cannot judge",
+USUAL = ("time", "driver0", "driver1")
+DRIVER_FIRST = ("driver0", "time", "driver1")
+VERDICTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "named": ("Physics left out of the model", "◆ M", DRIVER_FIRST),
+    "ambiguous": ("A mismatch with several possible explanations", "▲ S", DRIVER_FIRST),
+    "fault": ("A fault of the plant, not of the model", "✖ F", USUAL),
+    "sensor": ("An error of a sensor, not of the model", "✖ F", USUAL),
+    "unnamed": ("A mismatch that nothing known explains", "▲ S", (*DRIVER_FIRST, "hidden")),
+    "none": ("No mismatch", "✓ ok", USUAL),
+    "cannot judge": ("Cannot judge", "▼ C", ()),
 }
+"""Words; symbol and letter, which say it without colour; figures, what it depends on first."""
+
 KEYS = {"plant", "recording", "verdict", "locations", "effects", "fit", "confounded"}
 KEYS |= {"hidden_driver", "next", "seconds"}
 
 
 @pytest.mark.parametrize("case", ALL)
 def test_every_verdict_is_told(case: str) -> None:
-    """Symbol and words, then the headline, on one screen; whatever is not known is a dash on the
-    terminal and no number in the machine form, which has all keys."""
+    """On one screen, a page that asks for nothing else, and a form with all keys; nowhere a number
+    that is not known."""
     rows = story(ALL[case]).splitlines()
     assert [] == [row for row in rows if len(row) > 80]
     assert 45 >= len(rows)
     rows = [row for row in story(ALL[case], 200).splitlines() if row]
-    assert (MEANINGS[case], ALL[case].headline) == (rows[0], rows[2])
+    words, badge, pictures = VERDICTS[case]
+    assert (f"{badge[0]} {words}", ALL[case].headline) == (rows[0], rows[2])
     text = story(broken(ALL[case])).replace("(", " ").lower()
     assert set(text.split()).isdisjoint(("nan", "inf", "-inf"))
     for mismatch in (ALL[case], broken(ALL[case])):
         form = mismatch_form(mismatch, "plants/abc")
         assert KEYS - set(form) == set()
         json.dumps(form, allow_nan=False)
+        page = report(mismatch)
+        assert badge == tree(page).findtext(".//header//span")
+        assert [] == NO_NUMBER.findall(page) + NEEDS_MORE.findall(page)
+    assert list(pictures) == figures(report(ALL[case]))
 
 
 def test_rows_are_counted() -> None:
-    """What was used and what was not, and why, in the terminal, the machine form and the report;
-    many reasons are told in a few lines, whose counts still sum to all of them."""
     told = words(NAMED)
     assert "400 of 427 rows used: 300 for search and fit; 100 held out" in told
     assert "not used 19: A.n is below 60 rpm" in told
@@ -95,7 +106,6 @@ def test_rows_are_counted() -> None:
 
 
 def test_what_speaks_against_a_repair_is_told() -> None:
-    """What adopt refuses is not proven, and why; a parameter that is far off its sheet is named."""
     strain = (Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"),)
     doubted = dataclasses.replace(NAMED, refused="it may be chance", strain=strain)
     for text in (words(doubted), page(doubted)):
@@ -107,8 +117,7 @@ def test_what_speaks_against_a_repair_is_told() -> None:
 
 
 def test_named_effect_is_told_in_words_and_numbers() -> None:
-    """Slots are filled, place and region named, alternatives weighed; 1 - 0.93/4.4 is 79 %. Each
-    part stands below the one that it rests on."""
+    """1 - 0.93/4.4 is 79 %; each part stands below the one that it rests on."""
     text = words(NAMED)
     for expected in (
         "the gap flow grows by 0.0231 1/K with A.T",
@@ -131,8 +140,6 @@ def test_named_effect_is_told_in_words_and_numbers() -> None:
 
 
 def test_a_repair_that_makes_worse_is_said_to() -> None:
-    """No success is told where the held-out error rises."""
-    assert NAMED.fit is not None
     errors = Errors(shipped=8.0, recalibrated=4.0, repaired=5.0, noise=1.0, points=1)
     fit = dataclasses.replace(NAMED.fit, heldout=errors, gain_interval=(-0.5, -0.1), closed=-0.6)
     expected = (
@@ -143,8 +150,7 @@ def test_a_repair_that_makes_worse_is_said_to() -> None:
 
 
 def test_periods_of_a_fault() -> None:
-    """The four largest of six in order of time, and how many there are besides; the machine form
-    has all. One may have no end."""
+    """The four largest of six in order of time; the machine form has all."""
     text = words(FAULT)
     assert "when 80 to 105 s: degree 0.150 ± 0.004" in text
     assert "200 to 225 s: degree 0.300 ± 0.004" in text
@@ -158,25 +164,23 @@ def test_periods_of_a_fault() -> None:
 
 
 def test_hidden_driver_shows_course_and_sensor() -> None:
-    """Its course in characters, what it could be and what to fit; in the table beside the JSON
-    unknown values are empty cells."""
     text = words(UNNAMED)
     assert "could be the liquid's temperature and the level of the tank" in text
     assert "sensor a thermometer at the inlet of A" in text
     assert "7.99 l/h ┤" in text
-    assert UNNAMED.hidden is not None
     rows = hidden_csv(UNNAMED.hidden).splitlines()
     assert ("35,", 81) == (rows[8], len(rows))
 
 
 def test_hostile_texts_stay_text() -> None:
-    """Brackets of titles, places and notes are no markup."""
     hostile = "[bold]x[/bold] [/] [red] \\"
     assert 15 <= story(spoken(hostile), 400).count(hostile)
+    page = tree(report(spoken("<script src='//x'>\"&\u202e\x07</script>")))
+    assert [] == [*page.iter("script"), *page.iter("img")]
+    assert "<script src='//x'>\"&\ufffd\ufffd</script>" == page.findtext(".//h1")
 
 
 def test_machine_form_of_a_named_effect() -> None:
-    """Place, region, parameters and errors as agreed."""
     form: dict[str, Any] = mismatch_form(NAMED, "plants/abc")
     [location], [effect] = form["locations"], form["effects"]
     assert ("A", "Q_gap", 0.83) == tuple(location[k] for k in ("module", "place", "share"))
@@ -229,7 +233,6 @@ def test_machine_form_carries_the_repair() -> None:
 
 def test_what_no_model_may_hold_is_told_apart() -> None:
     """The errors are those of plants that can be written; the whole explanation stands beside."""
-    assert NAMED.fit is not None
     assert "" == explained_words(NAMED)
     held = dataclasses.replace(NAMED.fit.heldout, explained=0.25)
     found = NAMED.findings[0]
@@ -241,10 +244,9 @@ def test_what_no_model_may_hold_is_told_apart() -> None:
 
 
 def test_several_recordings_are_told_with_what_each_changed() -> None:
-    """In the terminal, the machine form and the report."""
     slip, speed = "slip by temperature", "slip by speed"
     alone = (Likely("a", slip, 0.68), Likely("b", speed, 0.29))
-    moved = (Moved("a", slip, 0.68, 0.97), Moved("b", speed, 0.29, 0.02))
+    moved = (Moved("a", slip, 0.68, 0.97), Moved("b", speed, None, 0.02))
     several = dataclasses.replace(
         NAMED,
         recordings=(
@@ -259,12 +261,90 @@ def test_several_recordings_are_told_with_what_each_changed() -> None:
         "(slip by temperature 68 %; slip by speed 29 %)"
     ) in told
     assert "two.csv 131 of 144 rows used; alone: no mismatch" in told
-    sentence = "With two.csv: slip by temperature 68 % -> 97 %; slip by speed 29 % -> 2 %"
+    sentence = "With two.csv: slip by temperature 68 % -> 97 %; slip by speed 2 %"
     assert f"changed {sentence}" in told
     assert sentence in page(several)
     assert "133 of 144 rows used" in page(several)
     form = json.loads(json.dumps(mismatch_form(several, "plant.yaml")))
     assert ["one.csv", "two.csv"] == [part["name"] for part in form["recordings"]]
     assert {"id": "a", "title": slip, "probability": 0.68} == form["recordings"][0]["alone"][0]
-    after = {"id": "b", "title": speed, "before": 0.29, "after": 0.02}
+    after = {"id": "b", "title": speed, "before": None, "after": 0.02}
     assert after == form["changed"][0]["moved"][1]
+
+
+def drawn(mismatch: Mismatch) -> ReadingCourses:
+    return curves_of(mismatch)
+
+
+def test_captions_are_computed() -> None:
+    """From the curves alone."""
+    c, page = curves(), report(NAMED)
+    before, after = c.measured - c.recalibrated, c.measured - c.repaired
+    title, readings = next(iter(c.drivers.items()))
+    edges = np.linspace(readings.min(), readings.max(), 25)
+    place = np.minimum(np.digitize(readings, edges) - 1, 23)
+    spans = []
+    for error in (before, after):
+        medians = [np.median(error[place == i]) for i in range(24) if (place == i).sum() >= 3]
+        spans.append(number(float(max(medians) - min(medians)), 2))
+    expected = (
+        f"Figure 1. Over {title} the median error spans {spans[0]} l/h before the repair and "
+        f"{spans[1]} l/h after it."
+    )
+    assert expected == caption(page, "driver0")
+
+    def off(flags: np.ndarray) -> str:
+        sizes = [number(float(np.sqrt(np.mean(e[flags] ** 2))), 2) for e in (before, after)]
+        return (
+            f"the recalibrated model is off by {sizes[0]} l/h rms, the repaired one by "
+            f"{sizes[1]} l/h"
+        )
+
+    warm = readings >= 45.0
+    expected = f"Figure 2. In the shaded {round(100 * warm.mean())} % {off(warm)}; outside it "
+    assert f"{expected}{off(~warm)}." == caption(page, "time")
+    styles = [p.get("class") for p in tree(page).findall(".//figure[@id='time']//path")]
+    assert (2, 2) == (styles.count("band located"), styles.count("band heldout"))
+
+
+def test_a_mismatch_is_located_by_readings_or_else_in_time() -> None:
+    time, warm = curves().time, curves().drivers["A.T [degC]"]
+    np.testing.assert_array_equal(warm >= 45.0, drawn(NAMED).located)
+    periods = (time <= 25.0) | ((time >= 200.0) & (time <= 225.0))
+    strange = Region("B.T", 45.0, None, "degC", 1.0)
+    elsewhere = dataclasses.replace(FAULT.locations[0], region=(strange,))
+    for mismatch in (FAULT, dataclasses.replace(FAULT, locations=(elsewhere,))):
+        np.testing.assert_array_equal(periods, drawn(mismatch).located)
+
+
+def test_points_in_faults_do_not_count() -> None:
+    c = curves()
+    measured = np.where(c.time < 100, 0.0, c.measured)
+    faulty = dataclasses.replace(c, measured=measured, inside=c.time >= 100)
+    found = drawn(dataclasses.replace(NAMED, curves=faulty))
+    error = found.error("repaired")
+    assert rms((c.measured - c.repaired)[100:]) == rms(error[np.isfinite(error)])
+    assert 0.0 == found.curves.measured[0]
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 100_000])
+def test_any_number_of_samples_makes_a_page(samples: int) -> None:
+    page = report(dataclasses.replace(NAMED, curves=curves(samples)))
+    assert list(DRIVER_FIRST) == figures(page)
+    assert [] == NO_NUMBER.findall(page)
+    assert 600_000 > len(page)
+
+
+def test_samples_out_of_order_or_without_time_are_sorted_out() -> None:
+    """A chart needs an increasing time; of no sample, or none that was measured, there is none."""
+    c = curves()
+    time = c.time[::-1].copy()
+    time[3] = NAN
+    found = drawn(dataclasses.replace(NAMED, curves=dataclasses.replace(c, time=time)))
+    ordered = found.curves.time
+    assert (len(time) - 1, True) == (len(ordered), bool((np.diff(ordered) > 0).all()))
+    unmeasured = dataclasses.replace(c, measured=np.full(len(c.time), NAN))
+    names = [f.name for f in dataclasses.fields(c) if f.name != "drivers"]
+    none = dataclasses.replace(c, **dict.fromkeys(names, c.time[:0]), drivers={"x": c.time[:0]})
+    for empty in (none, unmeasured):
+        assert curves_of(dataclasses.replace(NAMED, curves=empty)) is None

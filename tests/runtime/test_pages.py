@@ -63,7 +63,6 @@ PAPER = 680
 def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
     chromium: Browser, tmp_path: Path
 ) -> None:
-    """Nothing sticks out sideways, no text is cut, all of it can be read; nothing is loaded."""
     pages = every_page()
     wrong: list[tuple[str, str, object]] = []
     for name, (page, verdict) in pages.items():

@@ -1,5 +1,4 @@
-"""Reverse flow, a pump against a closed way, a pump that runs dry: on plants of the independent
-truth, whose pumps let liquid back while they stand."""
+"""Reverse flow, a pump against a closed way, a pump that runs dry."""
 
 from __future__ import annotations
 
@@ -33,17 +32,8 @@ TIGHT = 1.0e3 * BAR / LITRE_PER_HOUR**2
 
 @dataclass(frozen=True)
 class Passable:
-    """A pump that lets liquid flow back while it stands, and that may run dry.
-
-    Standing, it is an orifice: dp = -passage Q |Q|, so that a pressure behind it drives the liquid
-    back. Dry, it delivers nothing at any pressure, and takes a share of its law's power.
-
-    Attributes
-    ----------
-    passage : float, Pa/(m3/s)2
-    dry : ndarray, shape (n,), bool
-    dry_power : float, 1
-    """
+    """A pump that is an orifice while it stands: dp = -passage Q |Q|, so that a pressure behind it
+    drives liquid back. Dry, it delivers nothing, and takes a share of its law's power."""
 
     pump: Pump
     passage: float
@@ -51,11 +41,9 @@ class Passable:
     dry_power: float = 1.0
 
     def free_flow(self, speed: Array) -> Array:
-        """Flow without back-pressure, m3/s; a little backwards where the pump stands."""
         return np.where(speed > 0.0, self.pump.free_flow(speed), -LITRE_PER_HOUR)
 
     def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        """Imbalance of the law that holds, its slope by flow, its slope by pressure."""
         own = self.pump.imbalance(speed, flow, pressure)
         one, none = np.ones_like(flow), np.zeros_like(flow)
         size = np.abs(flow)
@@ -68,7 +56,6 @@ class Passable:
         return a, b, c
 
     def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
-        """Electric power, W; none while the pump stands."""
         own = self.pump.power(speed, flow, pressure) * np.where(self.dry, self.dry_power, 1.0)
         return np.where(speed > 0.0, own, 0.0)
 
@@ -83,17 +70,15 @@ def said(
     dry: bool = False,
     closed: float = 0.0,
 ) -> Diagnosis:
-    """What is said where a module, sound in the first half, runs at a share of its nominal speed in
-    the second, lets liquid back where it stands, is dry, or has its line nearly closed."""
+    """A module, sound in the first half, at a share of its nominal speed in the second."""
     plant, rules = built(rig), calibrated(ruleset(rig))
-    samples = 2 * HOLD
-    later = np.arange(samples) >= HOLD
+    later = np.arange(2 * HOLD) >= HOLD
     own = plant.modules[module]
     pump = Passable(own.pump, passage, later & dry, 0.4 if module == "E" else 1.0)
     plant = replace(plant, modules={**plant.modules, module: replace(own, pump=pump)})
-    speeds = {name: np.full(samples, part.speed) for name, part in plant.modules.items()}
+    speeds = {name: np.full(later.size, part.speed) for name, part in plant.modules.items()}
     speeds[module] = np.where(later, speed * own.speed, own.speed)
-    operation = Operation(np.arange(samples, dtype=np.float64), speeds)
+    operation = Operation(np.arange(2.0 * HOLD), speeds)
     faults = {f"{module}.clogging": closed * later}
     readings = record(Run(plant, operation, faults, backflow=True), INSIDE, seed).readings
     return diagnose(recording(rules, readings), rules)
@@ -118,8 +103,6 @@ def said(
 def test_a_regime_is_told_and_no_other(
     rig: str, module: str, how: dict[str, float], regime: str
 ) -> None:
-    """Liquid that runs back through a standing pump, from the first to the last settled sample of
-    the second half; a pump that runs dry; one against a closed way."""
     for seed in range(2):
         found = said(rig, module, seed, **how)  # type: ignore[arg-type]
         assert {r.regime.id for r in found.regimes} == ({f"{module}.{regime}"} if regime else set())
@@ -130,14 +113,12 @@ def test_a_regime_is_told_and_no_other(
 
 
 def test_sound_plants_run_in_no_regime() -> None:
-    """Ten sets of sensor errors, at nominal speed and at half of it."""
     for seed in range(10):
         for speed in (1.0, 0.5):
             assert not said("mixing-rig", "C", 100 + seed, speed=speed).regimes
 
 
 def test_a_regime_is_told_on_terminal_page_and_in_data() -> None:
-    """With its conditions, how far beyond doubt they are, and what to do."""
     found = said("abc", "A", 1, speed=0.0, passage=OPEN)
     (regime,) = diagnosis_form(found)["regimes"]
     assert ("A.reverse-flow", "A", True) == (regime["regime"], regime["module"], regime["active"])

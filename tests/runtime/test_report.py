@@ -59,8 +59,6 @@ BENT = {
 
 @pytest.mark.parametrize("case", BENT)
 def test_every_recording_gives_a_sound_page(case: str, abc: Ruleset, tmp_path: Path) -> None:
-    """Whatever could be judged of it: well-formed, with all figures over time, without NaN. Where
-    nothing was, the reason stands above the pictures, and no figure claims anything."""
     bent: Sheet = BENT[case](SHEET)
     page = judge(write(tmp_path, bent.text()), abc).page()
     assert USUAL == figures(page)
@@ -71,8 +69,7 @@ def test_every_recording_gives_a_sound_page(case: str, abc: Ruleset, tmp_path: P
 
 
 def test_page_needs_nothing_else(leaking: Judged, abc: Ruleset) -> None:
-    """References lead to shapes of the page itself; same input, same bytes: no date, no order by
-    chance."""
+    """Same input, same bytes: no date, no order by chance."""
     page = leaking.page()
     assert [] == NEEDS_MORE.findall(page)
     names = {e.get("id") for e in tree(page).iter("symbol")}
@@ -82,7 +79,6 @@ def test_page_needs_nothing_else(leaking: Judged, abc: Ruleset) -> None:
 
 
 def test_hostile_names_stay_text(abc: Ruleset) -> None:
-    """Titles, texts, remarks and file names come out as written, never as markup."""
     words = dict.fromkeys(("title", "text", "action", "meaning", "origin"), HOSTILE)
     ruleset = dataclasses.replace(
         abc,
@@ -92,7 +88,6 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
         observers=tuple(dataclasses.replace(o, equation=HOSTILE) for o in abc.observers),
     )
     judged = judge(EXAMPLES / "leakage_A.csv", ruleset, EXAMPLES / "leakage_A.truth.csv")
-    assert judged.truth is not None
     judged = dataclasses.replace(
         judged,
         diagnosis=dataclasses.replace(judged.diagnosis, notes=(HOSTILE,)),
@@ -107,21 +102,17 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
 
 
 def test_faults_are_titled_with_their_module(abc: Ruleset) -> None:
-    """Also where the module's name is a letter of the title; not where the title holds it."""
     titles = {name: titled(abc.fault_by_id[name]) for name in ("C.clogging", "C.dp.high")}
     assert {"C.clogging": "clogging in C", "C.dp.high": "C.dp reads high"} == titles
 
 
 def test_finding_comes_first(leaking: Judged) -> None:
-    """Order: the verdict as heading, when and by what; why, pictures, matrix, origin. The module is
-    marked by colour and symbol, and of all rows exactly that of the fault stands out."""
     page, found = leaking.page(), tree(leaking.page())
     parts = ("Internal leakage in A", "What to do", "Why</h2>", "<figure", 'matrix">')
     places = [page.index(words) for words in parts]
     assert sorted(places) == places
     assert leaking.diagnosis.ruleset.sources in page
     head = found.find(".//header")
-    assert head is not None
     words = " ".join(" ".join(head.itertext()).replace("\xa0", " ").split())
     assert "Diagnosis ◆ M Internal leakage in A: 60.0 % ± 0.4 % Maintenance required" in words
     assert "Recording x.csv Span 0-79 s (1 min 19 s), 80 samples Ruleset made of" in words
@@ -170,7 +161,6 @@ def test_residuals_fire_where_they_exceed_their_threshold(leaking: Judged) -> No
 
 
 def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
-    """Distance of the two estimates as drawn, how much of it is new, and the threshold of that."""
     plain, values, thresholds = seen_alone(leaking)
     ruleset, last = leaking.diagnosis.ruleset, slice(51, 60)
     index = ruleset.observer_index
@@ -186,8 +176,7 @@ def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
 
 
 def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
-    """Rate, error and coverage, from the trace and the truth file alone; the largest finding with
-    its bounds, as in the diagnosis."""
+    """From the trace and the truth file alone."""
     table = np.genfromtxt(EXAMPLES / "leakage_A.truth.csv", delimiter=",", skip_header=1)
     true, words = table[:, 1], np.array(leaking.trace.verdict)
     row = [f.id for f in leaking.diagnosis.ruleset.faults].index("A.leakage")
@@ -212,7 +201,6 @@ def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
 
 
 def test_long_recordings_give_small_files(leaking: Judged) -> None:
-    """2000 samples instead of 80: a few hundred kB, and the estimates of a part only."""
     recording, ruleset, n = leaking.recording, leaking.diagnosis.ruleset, 80 * 25
     repeated = dataclasses.replace(
         recording,

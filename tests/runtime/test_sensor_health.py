@@ -1,7 +1,4 @@
-"""Sensors that fail are told before physics, on three plants and on two that store.
-
-Recordings come from the independent simulator; one column is bent, the plant is sound.
-"""
+"""Sensors that fail are told before physics; what is in mended readings is judged all the same."""
 
 from __future__ import annotations
 
@@ -14,17 +11,21 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording, in_order
 from rulec_runtime.recordings.standing_still import last_digit, standing_still
+from rulec_runtime.report.json_form import diagnosis_form
+from rulec_runtime.report.wording import kept_of
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth import RIGS, TABLE_1, operating_points, record, visiting_run
+from rulec.prove.truth import INSIDE, RIGS, TABLE_1, operating_points, record, visiting_run
 from tests.conftest import ROOT
+from tests.method.readings import built, recording, ruleset
 from tests.runtime import tanks
+from tests.runtime.sheets import sampled
 
 PLANTS = {
     "abc": "plants/abc",
@@ -40,11 +41,8 @@ def plant(name: str) -> Ruleset:
 
 @cache
 def recorded(name: str, seed: int = 5) -> Recording:
-    """A sound recording of several operating points."""
-    rig = RIGS[name]()
-    points = operating_points(rig, 6)
-    readings = record(visiting_run(rig, points, {}, hold=25), TABLE_1, seed).readings
-    return of_columns(plant(name), readings)
+    run = visiting_run(rig := RIGS[name](), operating_points(rig, 6), {}, hold=25)
+    return of_columns(plant(name), record(run, TABLE_1, seed).readings)
 
 
 def of_columns(ruleset: Ruleset, columns: dict[str, Array]) -> Recording:
@@ -55,9 +53,7 @@ def of_columns(ruleset: Ruleset, columns: dict[str, Array]) -> Recording:
             # As many digits as a logger writes.
             shown = np.array([float(f"{v:.6g}") for v in column])
             values[signal.id] = shown * signal.factor + signal.offset
-    n = len(columns["time [s]"])
-    segment = np.zeros(n, dtype=int)
-    return Recording(time=columns["time [s]"], values=values, segment=segment, missing=(), notes=())
+    return sampled(values, columns["time [s]"])
 
 
 def put(recording: Recording, name: str, values: Array) -> Recording:
@@ -77,8 +73,6 @@ def constant(
 def below_zero(recording: Recording, ruleset: Ruleset, name: str) -> Recording:
     """A broken wire: 3.5 mA where 4 to 20 mA are the range."""
     signal = ruleset.signal_by_id[name]
-    assert signal.lowest is not None
-    assert signal.highest is not None
     reading = signal.lowest - 0.5 / 16.0 * (signal.highest - signal.lowest)
     return put(recording, name, np.full(len(recording), reading))
 
@@ -86,8 +80,6 @@ def below_zero(recording: Recording, ruleset: Ruleset, name: str) -> Recording:
 def headed(recording: Recording, ruleset: Ruleset, name: str, header: str, true: str) -> Recording:
     """Numbers in one unit below a header that names another."""
     wrong, right = (parse_unit(u, ruleset.units) for u in (header, true))
-    assert wrong is not None
-    assert right is not None
     values = recording.values[name] * wrong.factor / right.factor
     scales = {**recording.scales, name: (wrong.factor, 0.0)}
     return replace(put(recording, name, values), scales=scales)
@@ -134,7 +126,6 @@ OF_EACH_KIND = ("dead", "broken wire", "given, frozen", "bar under mbar", "swapp
     ],
 )
 def test_a_sensor_that_fails_is_told(case: str, name: str) -> None:
-    """By its name, with letter and remedy, and as nothing else: the plant is sound."""
     bend, how, told, letter = CASES[case]
     ruleset = plant(name)
     found = diagnose(bend(recorded(name), ruleset, *how), ruleset)
@@ -161,7 +152,6 @@ def test_a_sound_recording_has_sound_sensors(name: str) -> None:
     ("name", "level"), [("cascaded-tanks", "lower.y"), ("wastewater-lab", "tank1.l")]
 )
 def test_levels_that_fail(name: str, level: str) -> None:
-    """Dead at the live zero, below it, stuck behind a time and from the first sample on."""
     ruleset, recording = tanks.plant(name), tanks.made(name, 1)
     low = ruleset.signal_by_id[level].lowest
     for bent, told in (
@@ -178,7 +168,6 @@ def test_levels_that_fail(name: str, level: str) -> None:
 
 @pytest.mark.parametrize("length", [9, 45])
 def test_a_voltage_set_in_steps_is_not_stuck(length: int) -> None:
-    """Steps of 36 and of 180 s, some of them short, as a controller sets them."""
     ruleset, recording = tanks.plant("cascaded-tanks"), tanks.made("cascaded-tanks", 2)
     random = np.random.default_rng(3)
     levels = np.round(random.uniform(1.5, 3.2, len(recording)), 3)
@@ -188,7 +177,6 @@ def test_a_voltage_set_in_steps_is_not_stuck(length: int) -> None:
 
 
 def test_noise_tells_a_measured_input_from_a_set_one() -> None:
-    """Noise of the class that stops is a failure, moves far beyond it are somebody's doing."""
     random = np.random.default_rng(4)
     noisy = np.round(900.0 + 2.0 * random.standard_normal(200), 2)
     noisy[120:] = noisy[120]
@@ -218,3 +206,73 @@ def test_a_small_part_of_a_range_is_no_zero_where_it_is_usual() -> None:
     for usual, zero in ((0.5, True), (0.004, False)):
         shown = at_zero(replace(signal, reference=usual * 1e5), np.array([0.0, 400.0]))
         assert [True, zero] == shown.tolist()
+
+
+LEAKAGE, DEGREE = "A.leakage", 0.4
+
+
+@cache
+def leaking(points: int = 6, hold: int = 40) -> Recording:
+    """Some operating points; the leakage begins behind a third of the samples."""
+    run = visiting_run(built("abc"), operating_points(built("abc"), points), {}, 0, hold)
+    n = run.operation.time.size
+    faulty = replace(run, faults={LEAKAGE: np.where(np.arange(n) < n // 3, 0.0, DEGREE)})
+    return recording(ruleset("abc"), record(faulty, INSIDE, 1).readings)
+
+
+def times(made: Recording, ruleset: Ruleset, factor: float, *names: str) -> Recording:
+    values = {n: v * factor if n in names else v for n, v in made.values.items()}
+    return replace(made, values=values)
+
+
+ALL = ("A.dp", "B.dp", "C.dp")
+MENDED: dict[str, tuple[Callable[..., Recording], tuple[Any, ...], tuple[str, ...]]] = {
+    "A.dp and B.dp exchanged": (swapped, ("A.dp", "B.dp"), ("A.dp", "B.dp")),
+    "A.dp in psi": (times, (14.5038, "A.dp"), ("A.dp",)),
+    "A.dp, B.dp, C.dp in kPa": (times, (100.0, *ALL), ALL),
+}
+
+
+def leakage_of(found: Diagnosis) -> None:
+    """One finding, the leakage with the degree that was set."""
+    (finding,) = found.findings
+    assert finding.fault.id == LEAKAGE
+    assert finding.degree == pytest.approx(DEGREE, abs=0.02)
+    assert not found.unknown
+
+
+@pytest.mark.parametrize("mended", MENDED)
+def test_what_is_in_the_mended_reading_is_told(mended: str) -> None:
+    bend, how, signals = MENDED[mended]
+    found = diagnose(bend(leaking(), ruleset("abc"), *how), ruleset("abc"))
+    assert signals == tuple(s.signal for s in found.sensors)
+    assert {f"judged with this corrected: {mended}"} == {kept_of(s) for s in found.sensors}
+    assert found.status == "C"
+    leakage_of(found)
+    form = diagnosis_form(found)["findings"]
+    assert [mended] * len(signals) == [f["mended"] for f in form if f["kind"] == "sensor"]
+
+
+def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
+    made = leaking()
+    values = {n: v[:80] for n, v in made.values.items()}
+    sound = replace(made, time=made.time[:80], values=values, segment=made.segment[:80])
+    found = diagnose(times(sound, ruleset("abc"), 100.0, *ALL), ruleset("abc"))
+    assert ALL == tuple(s.signal for s in found.sensors)
+    assert ((), ()) == (found.findings, found.unknown)
+
+
+@pytest.mark.parametrize(("points", "kind"), [(1, "stuck"), (6, "stuck"), (6, "range")], ids=str)
+def test_a_leakage_beside_a_dead_pressure_of_its_module(points: int, kind: str) -> None:
+    """Any pressure leaves the leakage over."""
+    made, signal = leaking(points, 240 // points), ruleset("abc").signal_by_id["A.dp"]
+    shown = made.values["A.dp"].copy()
+    shown[30:] = shown[30]
+    if kind == "range":
+        shown[:] = 1.08 * signal.highest
+    found = diagnose(put(made, "A.dp", shown), ruleset("abc"))
+    assert [f"A.dp.{kind}"] == [s.id for s in found.sensors]
+    leakage_of(found)
+    if kind == "stuck":
+        (blind,) = found.not_judged
+        assert "in part: A.dp: stuck at one value; cannot detect A.dp.high, A.dp.low" == blind.text

@@ -27,7 +27,6 @@ DEGREES, SPEEDS = (
 
 
 def true_readings(plant: str, factors: Array, faults: dict[str, Array]) -> dict[str, Array]:
-    """Readings (SI) of the independent simulator; speeds are factors of the nominal ones."""
     modules = built(plant).modules
     speed = {name: factors * m.speed for name, m in modules.items()}
     operation = truth.Operation(np.arange(float(len(factors))), speed)
@@ -37,12 +36,10 @@ def true_readings(plant: str, factors: Array, faults: dict[str, Array]) -> dict[
 
 @functools.cache
 def equations(plant: str) -> Equations:
-    """The equations of a plant, once per test run."""
     return equations_of(ruleset(plant))
 
 
 def furthest(plant: str, expected: dict[str, Array], faults: dict[str, Array]) -> float:
-    """Largest relative difference of all readings that some observer reads."""
     given = {name: expected[name] for name in equations(plant).given}
     simulated = simulate_with(equations(plant), given, faults)
     assert [""] * len(simulated.solved) == [simulated.why(i) for i in range(len(simulated.solved))]
@@ -53,7 +50,6 @@ def furthest(plant: str, expected: dict[str, Array], faults: dict[str, Array]) -
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_every_fault_as_the_truth_has_it(plant: str) -> None:
-    """All faults of a plant, five degrees, three speeds: equal readings."""
     faults = [f.id for f in ruleset(plant).faults]
     assert set(faults) <= set(truth.possible_faults(built(plant)))
     for fault in faults:
@@ -63,8 +59,6 @@ def test_every_fault_as_the_truth_has_it(plant: str) -> None:
 
 @pytest.mark.parametrize("plant", ["abc-centrifugal", "mixing-rig"])
 def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
-    """The plan that diagnoses sees nothing in a healthy simulation at random inputs; an offset of a
-    law is how far the truth lies above what its observer says."""
     rules, random = ruleset(plant), np.random.default_rng(7)
     given = {
         name: rules.signal_by_id[name].reference * random.uniform(0.9, 1.1, 20)
@@ -82,7 +76,6 @@ def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
 
 
 def test_inputs_far_from_the_reference() -> None:
-    """A slow centrifugal pump has its operating point far outside the reference's laws."""
     rules = ruleset("abc-centrifugal")
     speed = {"A": np.array([0.5]), "B": np.array([0.3])}
     modules = built("abc-centrifugal").modules
@@ -93,8 +86,7 @@ def test_inputs_far_from_the_reference() -> None:
 
 
 def test_no_operating_point() -> None:
-    """A pump too slow against the other one, whose neighbours in the batch are as alone; one that
-    loses everything."""
+    """A pump too slow against the other one; one that loses everything."""
     rules = ruleset("abc-centrifugal")
     speeds = rules.signal_by_id["A.n"].reference * np.array([1.0, 0.3, 0.9])
     together = simulate_with(equations_of(rules), {"A.n": speeds}, {"B.clogging": 0.2})
@@ -103,7 +95,7 @@ def test_no_operating_point() -> None:
     assert np.isnan(together.values["A.dp"][1])
     alone = simulate_with(equations_of(rules), {"A.n": speeds[2:]}, {"B.clogging": 0.2})
     assert alone.values["A.dp"][0] == together.values["A.dp"][2]
-    nothing_left = simulate_with(equations_of(ruleset("abc")), {}, {"A.leakage": 1.0})
+    nothing_left = simulate_with(equations("abc"), {}, {"A.leakage": 1.0})
     assert [False] == nothing_left.solved.tolist()
     assert "A carries" in nothing_left.why(0)
 
@@ -151,7 +143,6 @@ def test_over_determined_plant_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
-    """Where the speed of one of two plants side by side is missing, the other is predicted."""
     speeds = np.array([16.0, np.nan, 16.0])
     simulated = simulate_with(
         equations_of(ruleset("hsy-pumping")), {"P11.f": 49.0, "P12.f": speeds * 49 / 16}, {}
@@ -162,24 +153,14 @@ def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
     assert np.isfinite(simulated.values["P11.P_el"]).all()
 
 
-@pytest.mark.parametrize(
-    ("given", "degrees", "message"),
-    [
-        ({"A.dp": 1e5}, {}, "abc has no input 'A.dp'; known: A.n, B.n"),
-        ({}, {"A.leakage": 1.5}, "A.leakage: give a degree from 0 to 1, where 0.2 is 20 %"),
-        ({"A.n": np.array([15.0, np.inf])}, {}, "A.n: not every value is a number"),
-    ],
-)
-def test_bad_arguments(given: dict[str, Array], degrees: dict[str, float], message: str) -> None:
-    """Wrong names and numbers are named."""
-    with pytest.raises(SimulationRefused) as refused:
-        simulate_with(equations_of(ruleset("abc")), given, degrees)
-    assert str(refused.value).startswith(message)
+def test_bad_arguments() -> None:
+    with pytest.raises(SimulationRefused, match=r"^abc has no input 'A\.dp'; known: A\.n, B\.n"):
+        simulate_with(equations("abc"), {"A.dp": 1e5}, {})
+    with pytest.raises(SimulationRefused, match=r"^A\.n: not every value is a number"):
+        simulate_with(equations("abc"), {"A.n": np.array([15.0, np.inf])}, {})
 
 
 def test_sensor_errors_are_those_of_the_class() -> None:
-    """Without the statistical part a sensor is off by one value, drawn by its class; bounded ones
-    by no more than two standard uncertainties, and unbounded ones go there."""
     rules, true = ruleset("abc"), {"A.dp": np.full(5, 1.8e5)}
     standard = float(systematic_u(rules.signal_by_id["A.dp"], 1.8e5))
 

@@ -1,4 +1,4 @@
-"""Slow motion is evidence, with an error that grows with the rate: readings here lag behind."""
+"""Slow motion is evidence, with an error that grows with the rate; noise of a mean."""
 
 from __future__ import annotations
 
@@ -9,18 +9,31 @@ import pytest
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_stretches
 from rulec_runtime.diagnosis.steady.observe import observe, reason
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, lag_u, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
 
-from rulec.prove.truth import NOISE_FREE, RIGS, TABLE_1, Operation, Run, record
+from rulec.prove.truth import (
+    INSIDE,
+    NOISE_FREE,
+    RIGS,
+    TABLE_1,
+    Operation,
+    Run,
+    healthy_run,
+    operating_points,
+    record,
+    visiting_run,
+)
 from rulec.prove.truth.runs import approach
 from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS, read
 from tests.conftest import compiled
-from tests.method.readings import recording
+from tests.method.readings import built, recording, ruleset
 
 HOLD = 30
 LEAK = 0.2
@@ -67,13 +80,11 @@ def made(seconds: int, seed: int, lag: float, leak_on_first: bool = False) -> Ma
 
 
 def judged(one: Made) -> np.ndarray:
-    """Which samples have a verdict."""
     return np.array([w != "moving" for w in trace(one.recording, compiled("abc")).verdict])
 
 
 @pytest.mark.parametrize("seconds", [60, 15])
 def test_a_fault_during_a_slow_ramp_is_found(seconds: int) -> None:
-    """A leak that is there on the way alone; while only settled samples counted it was missed."""
     one = made(seconds, 1, 0.6, leak_on_first=True)
     named = diagnose(one.recording, compiled("abc")).findings
     assert ["A.leakage"] == [f.fault.id for f in named]
@@ -86,7 +97,6 @@ def test_a_fault_during_a_slow_ramp_is_found(seconds: int) -> None:
 @pytest.mark.parametrize("seconds", [200, 60, 30, 15, 8])
 @pytest.mark.parametrize("lag", [0.1, 2.0])
 def test_a_healthy_ramp_raises_no_alarm(seconds: int, lag: float) -> None:
-    """At any rate, with readings that lag up to twice as much as is assumed."""
     found = diagnose(made(seconds, 11, lag).recording, compiled("abc"))
     assert () == (*found.findings, *found.unknown)
 
@@ -128,7 +138,6 @@ def test_where_nothing_moves_nothing_is_added() -> None:
 
 
 def test_estimates_that_lags_may_spoil_are_not_used() -> None:
-    """No estimate is used whose flow may be off by more than a tenth."""
     one, rules = made(8, 1, 0.6), compiled("abc")
     stretches, noise = settle_or_slow(one.recording, rules)
     points = points_of_stretches(one.recording, rules, stretches, noise)
@@ -142,3 +151,65 @@ def test_estimates_that_lags_may_spoil_are_not_used() -> None:
     lasting = [np.diag(c - n) for c, n in zip(observed.covariance, observed.noise, strict=True)]
     share = np.sqrt(np.array(lasting).T) / observed.flows
     assert share[observed.valid].max() < 1.2 * limits.TOO_FAST
+
+
+SAMPLES = 40
+
+
+def healthy(seed: int) -> Recording:
+    made = record(healthy_run(built("abc"), SAMPLES), INSIDE, seed)
+    return recording(ruleset("abc"), made.readings)
+
+
+def with_course(plain: Recording, signal: str, course: Array) -> Recording:
+    values = plain.values[signal]
+    return replace(plain, values={**plain.values, signal: values + course * np.mean(values)})
+
+
+def added(made: Recording) -> float:
+    """Of two stretches: variance of the residuals by what halves differ, over that by noise."""
+    rules, half = ruleset("abc"), SAMPLES // 2
+    stretches = Stretches(np.array([0, half]), np.array([half, SAMPLES]))
+    (seen,) = evaluate_stretches(made, rules, stretches, settle(made, rules)[1], "default")
+    every = np.arange(2)
+    basis = residual_basis(rules, seen.plain.valid[:, 0])
+    wander = covariance_of(basis, seen.plain.wander, seen.plain.valid[:, 0], every)
+    noise = covariance_of(basis, seen.plain.noise, seen.plain.valid[:, 0], every) - wander
+    return float(np.max(np.einsum("nii->n", np.linalg.solve(noise, wander))) / len(basis))
+
+
+def test_noise_is_that_of_the_stretches_not_of_the_steps_between_them() -> None:
+    """Ten samples at each of eight points: a tenth of all samples moves, the noise stays."""
+    plant, rules = built("abc"), ruleset("abc")
+    run = visiting_run(plant, operating_points(plant, 8), {}, 10, 10)
+    moved = [recording(rules, record(run, INSIDE, seed).readings) for seed in range(10)]
+    still, found = (
+        {n: np.mean([settle(r, rules)[1][n] for r in made]) for n in ("A.n", "A.dp", "A.P_el")}
+        for made in ([healthy(seed) for seed in range(10)], moved)
+    )
+    for name, expected in still.items():
+        assert found[name] == pytest.approx(expected, rel=0.2)
+
+
+def test_a_reading_that_still_settles_is_known_less_well() -> None:
+    """Power that is 15 % off and returns within a stretch raises no alarm; held it does."""
+    seconds = np.arange(float(SAMPLES))
+    decay = np.where(seconds >= 20, 0.15 * np.exp(-(seconds - 20) / 6.0), 0.0)
+    plain = healthy(3)
+    wandering = with_course(plain, "A.P_el", decay)
+    assert added(wandering) > 5.0
+    held = with_course(plain, "A.P_el", np.where(seconds >= 20, 0.15, 0.0))
+    assert "ok" == diagnose(wandering, ruleset("abc")).status
+    assert ["A.P_el.high"] == [f.fault.id for f in diagnose(held, ruleset("abc")).findings]
+
+
+def test_the_course_of_the_plant_is_no_noise() -> None:
+    plant, rules = built("abc"), ruleset("abc")
+    points = operating_points(plant, 2)
+    slow = [
+        {m: points[0][m] * (1.0 - share) + points[1][m] * share for m in points[0]}
+        for share in np.linspace(0.0, 0.2, SAMPLES)
+    ]
+    run = visiting_run(plant, slow, {}, 0, 1)
+    made = [recording(rules, record(run, INSIDE, seed).readings) for seed in range(10)]
+    assert np.mean([added(one) for one in made]) < 1.0

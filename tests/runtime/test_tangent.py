@@ -18,7 +18,6 @@ BINARY = ("add", "sub", "mul", "div", "pow", "min", "max")
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
-    """Symbolic derivatives of every estimate by every reading about the reference, to 1e-9."""
     rules, draw = compiled(plant), np.random.default_rng(4)
     at = {s.id: s.reference * (1.0 + 0.02 * draw.uniform(-1, 1, 5)) for s in rules.signals}
     at |= {name: np.ones(5) for name in rules.plan.inputs if name.startswith("u:")}
@@ -35,13 +34,11 @@ def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
 
 
 def one(name: str) -> Plan:
-    """A plan of one operation on x and y."""
     return Plan(("x", "y"), (), ((name, 0, 0 if name in UNARY else 1),), {"out": 2})
 
 
 @pytest.mark.parametrize("name", [*sorted(UNARY), *BINARY])
 def test_every_operation(name: str) -> None:
-    """Each rule against central differences at an ordinary point, both sides of min and max."""
     plan = one(name)
     for x, y in ((0.7, 1.9), (1.9, 0.7)):
         _, slopes = run_with_slopes(plan, {"x": x, "y": y}, ("x", "y"))
@@ -77,8 +74,7 @@ def test_corners(name: str, x: float, y: float, by_x: float, by_y: float | None)
 
 
 def test_what_has_a_slope() -> None:
-    """Unknown seeds and constants have none; an input as output has slope 1; an absent input is no
-    number; (-2)**2 has the slope -4, as only a searched exponent needs a positive base."""
+    """(-2)**2 has the slope -4: only a searched exponent needs a positive base."""
     _, slopes = run_with_slopes(one("pow"), {"x": -2.0, "y": 2.0}, ("x",))
     assert {"x": -4.0} == {k: float(v) for k, v in slopes["out"].items()}
     plan = Plan(("x", "y"), (3.0,), (("mul", 0, 2),), {"three x": 3, "y": 1})
@@ -92,7 +88,6 @@ def test_what_has_a_slope() -> None:
 
 @pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 def test_the_compiler_derives_as_sympy_does(function: Function) -> None:
-    """In the same form, so that rulesets stay the same; also by what it does not depend on."""
     x, y, z = sympy.symbols("x y z", positive=True)
     inner = function.symbolic(*(x * y**x / (x + 2), x - y)[: function.arity])
     for expression in (inner, x * inner / y - inner**2, inner ** (x / y), y**3 / inner):

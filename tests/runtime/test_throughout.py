@@ -13,7 +13,6 @@ HOLD = 20
 
 
 def said(fault: str, degree: float, seed: int, lead_in: int = 0) -> Diagnosis:
-    """What is said of a visit to several operating points, all of them with the fault."""
     plant, rules = built("abc"), calibrated(ruleset("abc"))
     faults = {fault: degree} if fault else {}
     sensing: Sensing = TABLE_1 if fault else INSIDE
@@ -33,7 +32,6 @@ def test_a_wrong_power_reading_is_found_by_its_course_over_operating_points(faul
 
 
 def test_sound_visits_say_nothing() -> None:
-    """Forty sets of sensor errors within their bounds."""
     for seed in range(40):
         found = said("", 0.0, 8200 + seed)
         assert ("ok", (), ()) == (found.status, found.findings, found.unknown)
