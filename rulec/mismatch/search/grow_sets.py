@@ -15,7 +15,7 @@ from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import Column, Evidence, Names, id_of
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.posterior import Posterior, posterior
+from rulec.mismatch.search.posterior import Posterior, likeliest_of, posterior
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.scan import Alike, beside, holds, nameless, scan
 
@@ -64,7 +64,7 @@ class Search:
     @property
     def likeliest(self) -> Names:
         """The set of the largest log odds."""
-        return max(self.odds, key=lambda names: (self.odds[names], sorted(names)))
+        return likeliest_of(self.odds)
 
     def shut_out(self, model: Model) -> frozenset[str]:
         """Ids of joined candidates and of faults like one of these: none of them can be joined."""

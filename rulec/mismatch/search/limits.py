@@ -186,3 +186,6 @@ numerical."""
 
 SETS_AGAIN = 16
 """Likeliest sets to refit with the errors found about the best one. Origin: numerical."""
+
+TIED = 1e-6
+"""Difference in log odds, nats, that only the order of sums makes. Origin: numerical."""

@@ -20,6 +20,12 @@ from rulec.mismatch.search.scan import coincide, holds, slopes_of
 from rulec.mismatch.search.tolerance import Tolerance
 
 
+def likeliest_of(odds: Mapping[Names, float]) -> Names:
+    """The set of the largest log odds; of sets that are equal but for rounding, one by its name."""
+    largest = max(odds.values())
+    return max((names for names in odds if odds[names] > largest - limits.TIED), key=sorted)
+
+
 @dataclass(frozen=True)
 class Posterior:
     """Models of the refitted sets, their log odds, nats, and their probabilities."""
@@ -32,7 +38,7 @@ class Posterior:
     @property
     def best(self) -> Names:
         """The most probable set."""
-        return max(self.sets, key=lambda names: (self.sets[names], self.odds[names], sorted(names)))
+        return likeliest_of(self.odds)
 
     @property
     def told(self) -> Names:
