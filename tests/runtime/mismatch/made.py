@@ -34,6 +34,7 @@ from rulec.mismatch.inference.prove import series_csv
 from rulec.mismatch.result import Mismatch
 from rulec.simulation.prediction import SensorErrors, sense
 from tests.conftest import ROOT
+from tests.runtime.sheets import sampled
 
 HOLD = 12
 """Samples at an operating point."""
@@ -60,7 +61,6 @@ class Sure:
 
 @functools.cache
 def opened(plant: str) -> tuple[Ruleset, ModelBuilder]:
-    """A shipped plant with its builder."""
     return open_builder(ROOT / "plants" / plant)
 
 
@@ -165,28 +165,16 @@ def recorded(
     return sampled(values)
 
 
-def sampled(values: Mapping[str, Array]) -> Recording:
-    """A recording with one sample per second."""
-    n = len(next(iter(values.values())))
-    time, none = np.arange(n, dtype=float), np.zeros(n, dtype=int)
-    return Recording(time=time, values=dict(values), segment=none, missing=(), notes=())
-
-
 def warmed(built: Built | None = None, samples: int = 240, seed: int | None = 1) -> Recording:
-    """A recording of the one dosing module, whose liquid warms up."""
     given = {**tour(alone()[0], samples), "A.T": warming(samples)}
     return recorded(alone(), given, built, seed=seed)
 
 
 def prepared(ruleset: Ruleset, recording: Recording, *heldout: tuple[float, float]) -> Data:
-    """Settled points of a recording."""
-    data = prepare(recording, ruleset, heldout)
-    assert data is not None
-    return data
+    return prepare(recording, ruleset, heldout)
 
 
 def rows_at(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Rows:
-    """What the analysis looks at, before any fit."""
     ruleset, builder = opened
     return rows_of(system_of(ruleset, builder, prepared(ruleset, recording)), Configuration())
 
@@ -194,34 +182,28 @@ def rows_at(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Rows:
 def fitted(
     opened: tuple[Ruleset, ModelBuilder], recording: Recording, setting: Configuration | None = None
 ) -> Fitted:
-    """A model, the plain one unless told, refitted to a recording."""
     rows = rows_at(opened, recording)
     return fit(rows, setting or Configuration(), rows.system.data.open)
 
 
 def joined(fitted: Fitted, trial: InitialCandidate) -> Fitted:
-    """A model refitted with a candidate, as a screen found it."""
     return fit(fitted.rows, trial.joined_to(fitted.setting), fitted.used)
 
 
 def changed(recording: Recording, values: Mapping[str, Array]) -> Recording:
-    """The same recording with other readings."""
     return replace(recording, values={**recording.values, **values})
 
 
 def compared(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:
-    """The whole analysis."""
     return analyse(recording, *opened)
 
 
 def without(recording: Recording, *signals: str) -> Recording:
-    """The same recording with columns left out."""
     kept = {name: v for name, v in recording.values.items() if name not in signals}
     return replace(recording, values=kept)
 
 
 def columns(found: Mismatch) -> dict[str, np.ndarray]:
-    """The table of the proof read back; NaN in empty cells."""
     head, *rows = csv.reader(io.StringIO(series_csv(found.series)))
     values = np.array([[float(cell) if cell else np.nan for cell in row] for row in rows])
     return dict(zip(head, values.T, strict=True))

@@ -1,5 +1,4 @@
-"""Errors of form: each law has its own size, and none explains the noise of a reading. Where a
-model has no number, it is left out, and nothing ends."""
+"""Errors of form: each law has its own size, and none explains the noise of a reading."""
 
 from __future__ import annotations
 
@@ -33,8 +32,7 @@ def rippled(reading: str, share: float, waves: float) -> Rows:
 
 
 def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() -> None:
-    """Over a reading that the model predicts, a bend would be a second guess of each error; copper
-    loss follows two of them."""
+    """Over a predicted reading a bend would be a second guess of each error."""
     name = "A.copper-loss@P_law"
     clean = fitted(alone(), warmed({name: {"k": 0.05, "dp0": 1.5e5, "P0": 150.0}}))
     (trial,) = screen(clean, [c for c in alone()[1].candidates if c.id == name])
@@ -51,7 +49,6 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
 
 
 def test_one_law_may_be_off_by_more_than_the_others() -> None:
-    """A bend in the power law is an error of that law, not of all."""
     evidence = SteadyEvidence(rippled("A.P_el", 0.06, 1.0))
     laws = refitted(evidence, Configuration()).sizes.laws
     assert laws["definition:A.P_law"] > 1.5 * max(laws[n] for n in laws if "P_law" not in n)
@@ -59,8 +56,7 @@ def test_one_law_may_be_off_by_more_than_the_others() -> None:
 
 @pytest.mark.parametrize(("reading", "told"), [("A.P_el", False), ("A.dp", True)])
 def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, told: bool) -> None:
-    """A ripple of 3 % is what the law of the power may be off by, and more than that of the line
-    may: only there something without a name is told."""
+    """3 % is what the law of the power may be off by, and more than that of the line may."""
     found = explain(rippled(reading, 0.03, 3.0), lambda said: None)
     assert {f"signal:{reading}~A.n"} == found.told
     assert told == bool(reported_names(found))
@@ -69,14 +65,12 @@ def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, tol
 
 @pytest.mark.parametrize("fresh", [(), (0, 1)])
 def test_a_climb_ends_where_there_are_no_numbers(fresh: tuple[int, ...]) -> None:
-    """Whatever is compared with what is no number, nothing is more than it."""
     assert climbed(lambda place: np.nan, (1, 1), (3, 3), fresh) in {(1, 1), (0, 0)}
     beside = {(0, 0): 0.0, (1, 0): np.nan, (0, 1): 1.0, (1, 1): 2.0}
     assert climbed(lambda place: beside[place], (0, 1), (2, 2), ()) == (1, 1)
 
 
 def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those who try sets leave it out, and go on with the others."""
     start = fitted(alone(), warmed({}, 120))
     steep = SimpleNamespace(residual=start.residual, jacobian=np.full_like(start.jacobian, np.inf))
     monkeypatch.setattr(SteadyEvidence, "evaluated", lambda *_: steep)
@@ -85,8 +79,6 @@ def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_plant_that_runs_away_cannot_be_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sentence with a remedy instead of a traceback."""
-
     def runs_away(*args: object) -> None:
         raise np.linalg.LinAlgError
 

@@ -1,9 +1,7 @@
 """The evidence of sets of explanations, by Laplace's approximation, against nested sampling.
 
-What a refit chooses stays as it chose: noise, sizes of random columns, forms of effects. Values are
-drawn from a wide Student distribution about the model and weighed by what that is less than the
-prior; the model is evaluated anew for each. Random columns are integrated out exactly where noise
-is normal, and drawn too where it is not.
+What a refit chooses stays as it chose: noise, sizes of random columns, forms of effects. Random
+columns are integrated out exactly where noise is normal, and drawn too where it is not.
 
 Source: Skilling 2006 (nested sampling); Speagle 2020 (dynesty); Petrosyan and Handley 2022 (another
 prior leaves the evidence as it is).
@@ -30,7 +28,7 @@ from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.screen import references
 from rulec.mismatch.evidence.stores.evidence import StoresEvidence
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.evidence.stores.starting_values import from_afar
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.simulated import begun
@@ -53,7 +51,7 @@ class Integral:
     evidence: Evidence
     model: Model
 
-    @property
+    @cached_property
     def drawn(self) -> bool:
         return isinstance(self.evidence, SteadyEvidence)
 
@@ -66,11 +64,6 @@ class Integral:
     def columns(self) -> Array:
         """Random columns, whitened, each of its size, shape (rows, columns)."""
         return self.model.table[:, len(self.model.at) :]
-
-    @cached_property
-    def _inner(self) -> Array:
-        """Lower factor of what integrates the columns out."""
-        return np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
 
     @cached_property
     def about(self) -> tuple[Array, Array]:
@@ -96,25 +89,23 @@ class Integral:
         evidence, model = self.evidence, self.model
         if np.any(at < model.prior.lowest) or np.any(at > model.prior.highest):
             return IMPOSSIBLE
-        residual = self._residual(at)
+        setting = replace(model.setting, values={**model.setting.values, **model.prior.values(at)})
+        if isinstance(evidence, StoresEvidence):
+            residual = evidence.simulated(setting)[0]
+        else:
+            assert isinstance(evidence, SteadyEvidence)
+            rows = evidence.rows
+            residual = rows.errors(rows.system.flows(setting))[0][evidence.seen]
         if not np.isfinite(residual).all():
             return IMPOSSIBLE
         known = model.prior.near(at).density - 0.5 * float(numbers @ numbers)
         white = evidence.whitened(residual, model.noise)
         if self.drawn:
             return known + evidence.likelihood(white + self.columns @ numbers, model.noise)
-        gone = np.linalg.solve(self._inner, self.columns.T @ white)
-        size = float(np.sum(np.log(np.diag(self._inner))))
+        lower = np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
+        gone = np.linalg.solve(lower, self.columns.T @ white)
+        size = float(np.sum(np.log(np.diag(lower))))
         return known + evidence.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
-
-    def _residual(self, at: Array) -> Array:
-        """Rows of the model at some coordinates, without the slopes of `Evidence.evaluated`."""
-        setting, evidence = self.model.setting, self.evidence
-        there = replace(setting, values={**setting.values, **self.model.prior.values(at)})
-        if isinstance(evidence, StoresEvidence):
-            return evidence.simulated(there)[0]
-        assert isinstance(evidence, SteadyEvidence)
-        return evidence.rows.errors(evidence.rows.system.flows(there))[0][evidence.seen]
 
     def weight(self, share: Array) -> float:
         """Log density at a place of the unit cube, over that with which it is drawn:
@@ -180,19 +171,17 @@ def knowing(builder: ModelBuilder, *unknown: str, values: Mapping[str, float]) -
     return Sure(builder, few)
 
 
-def with_values(joined: Values) -> dict[str, dict[str, float]]:
-    """Values by their whole names, per candidate."""
+def whole_names(joined: Values) -> dict[str, dict[str, float]]:
     return {c: {f"{c}.{name}": v for name, v in own.items()} for c, own in joined.items()}
 
 
 def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) -> Integral:
-    """A dosing module at settled points, refitted with what is joined."""
     rules, builder = alone()
     there = rules, cast(ModelBuilder, knowing(builder, "A.C0", "A.k2", values={}))
     recording = recorded(there, {**tour(rules, 240), "A.T": warming(240)}, built)
     rows = rows_of_states(rows_at(there, recording).system)
     setting = Configuration()
-    for name, values in with_values(begin).items():
+    for name, values in whole_names(begin).items():
         candidate = next(c for c in builder.candidates if c.id == name)
         setting = setting.joining(candidate, values, references(rows.system, candidate))
     evidence = SteadyEvidence(rows, exact=True)
@@ -200,24 +189,22 @@ def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) 
 
 
 def stores(begin: Values, built: Values) -> Integral:
-    """Two tanks, 150 samples, refitted with what is joined."""
     rules, builder = benches.tanks()
     unknown = ("pump.k", "upper.a", "upper.h0", "lower.a", "lower.h0")
-    more = {n: v for own in with_values(built).values() for n, v in own.items()}
-    record = record_of(benches.made(150, joined=tuple(built), more=more), rules, builder.given)
-    assert record is not None
+    more = {n: v for own in whole_names(built).values() for n, v in own.items()}
+    record = benches.bench(benches.made(150, joined=tuple(built), more=more)).record
     there = cast(ModelBuilder, knowing(builder, *unknown, values=benches.TRUE))
     bench = SimulationProblem(rules, there, record)
     search = begun(bench)
     evidence, plain = search.evidence, search.models[frozenset()]
     assert isinstance(evidence, StoresEvidence)
-    if not begin:
-        return Integral(evidence, plain)
     setting = plain.setting
-    for name, values in with_values(begin).items():
+    for name, values in whole_names(begin).items():
         candidate = bench.candidate(name)
         setting = setting.joining(candidate, values, evidence.references(setting, candidate))
-    return Integral(evidence, refitted(evidence, from_afar(evidence.bench, setting), plain))
+    if begin:
+        plain = refitted(evidence, from_afar(evidence.bench, setting), plain)
+    return Integral(evidence, plain)
 
 
 PROBLEMS: Mapping[str, Callable[[], Integral]] = {
@@ -248,7 +235,6 @@ FAST = ("settled, an amplitude", "stores, nothing joined")
     "name", [pytest.param(n, marks=() if n in FAST else pytest.mark.prove) for n in PROBLEMS]
 )
 def test_laplace_finds_the_evidence(name: str) -> None:
-    """Within a nat of the whole integral."""
     integral = PROBLEMS[name]()
     nested, u = integral.sampled(LIVE.get(name, 120))
     assert abs(integral.model.evidence - nested) < 1.0

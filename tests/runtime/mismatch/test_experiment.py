@@ -1,4 +1,4 @@
-"""Set points that tell explanations apart: what they are worth, and what is predicted of them."""
+"""Set points that tell explanations apart: what is predicted of them, and within which limits."""
 
 from __future__ import annotations
 
@@ -12,15 +12,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.forecast import Forecast, Places, forecast, known_with_onsets
-from rulec.mismatch.experiment.plan import chosen, covering
+from rulec.mismatch.experiment.plan import best_within, chosen, covering
 from rulec.mismatch.experiment.points import (
     Feasible,
     InputRanges,
+    feasible,
     input_ranges,
     places_in,
     surroundings,
@@ -29,9 +34,10 @@ from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.search.operating_states import explain
 from rulec.mismatch.search.posterior import Posterior
 from rulec.prove.truth.settled.plan import Planned
+from rulec.separation.allowed import Allowed, Range, allowed_of
 from tests.conftest import compiled
 from tests.runtime.mismatch.experiments import made_by_hand
-from tests.runtime.mismatch.made import rows_at
+from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
 HALVES = np.array([0.5, 0.5])
 
@@ -39,12 +45,17 @@ HALVES = np.array([0.5, 0.5])
 def told(off: float, spread: float) -> list[Forecast]:
     """Two explanations, each predicting one reading at each of two places: at the first alike, at
     the second so far apart, the second explanation with so large a spread."""
-    place = np.array([0, 1])
     covariance = (np.eye(2), np.diag([1.0, spread]))
-    shares = (0.5, 0.5)
-    first = Forecast({}, place, (np.zeros(2), np.array([0.0, off])), covariance, shares=shares)
-    second = Forecast({}, place, (np.array([0.0, -off]), np.zeros(2)), covariance, shares=shares)
-    return [first, second]
+    return apart(np.array([0.0, off]), covariance, (0.5, 0.5))
+
+
+def apart(
+    off: Array, covariance: tuple[Array, Array], shares: tuple[float, float]
+) -> list[Forecast]:
+    """Two explanations that predict one reading at each of some places, so far apart."""
+    place, none = np.arange(len(off)), np.zeros(len(off))
+    offs = ((none, off), (-off, none))
+    return [Forecast({}, place, own, covariance, shares=shares) for own in offs]
 
 
 def test_factors_grow_place_by_place_to_that_of_all() -> None:
@@ -82,8 +93,7 @@ def test_longer_means_have_less_noise_and_nothing_else_less() -> None:
 
 
 def test_the_place_is_chosen_where_they_differ() -> None:
-    """Where they are alike a step is worth nothing, and none is taken. What can be expected counts
-    how readings scatter: one reading three deviations apart; by one dimension's integral."""
+    """What can be expected counts how readings scatter: by one dimension's integral."""
     assert chosen(told(0.0, 1.0), HALVES, 3).places == ()
     read, apart = np.linspace(-8.0, 8.0, 801), 3.0
     sure = 1.0 / (1.0 + np.exp(-0.5 * apart**2 - apart * read))
@@ -94,8 +104,6 @@ def test_the_place_is_chosen_where_they_differ() -> None:
 
 
 def test_what_is_not_listed_is_never_sure() -> None:
-    """However far the others are apart, it keeps its part against the true one, and is no gain
-    where it is true itself."""
     found = chosen(told(60.0, 1.0), 0.5 * HALVES, 1).certainty
     assert found == pytest.approx((2 * 0.25**2, 2 * 0.25 * (0.25 / 0.75)))
     assert chosen(told(60.0, 1.0), 0.1 * HALVES, 1).places == (1,)
@@ -115,20 +123,17 @@ def ambiguous(tmp_path_factory: pytest.TempPathFactory) -> Path:
 Form = dict[str, Any]
 
 
-def read(file: Path) -> Form:
-    form: Form = json.loads(file.read_text(encoding="utf-8"))
-    return form
+def read(file: Path) -> Any:
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
-def experiment(folder: Path, *more: str, mismatch: Path | None = None) -> Form:
-    """The machine form of a recipe."""
+def experiment(folder: Path, *more: str) -> Any:
     form = folder / "e.json"
-    assert main(["experiment", str(mismatch or folder / "m.json"), "--json", str(form), *more]) == 0
+    assert main(["experiment", str(folder / "m.json"), "--json", str(form), *more]) == 0
     return read(form)
 
 
 def columns(file: Path) -> dict[str, np.ndarray]:
-    """Readings by signal."""
     with file.open(encoding="utf-8", newline="") as lines:
         head, *rows = csv.reader(lines)
     table = np.array([[float(cell or "nan") for cell in row] for row in rows])
@@ -136,8 +141,6 @@ def columns(file: Path) -> dict[str, np.ndarray]:
 
 
 def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Set points lie within what was recorded; `rulec simulate` takes the inputs; certainty grows
-    from step to step, each of which is the best one beside those before it."""
     inputs, page, simulated = (ambiguous / name for name in ("in.csv", "e.html", "out.csv"))
     found = experiment(ambiguous, "-o", str(inputs), "--report", str(page))
     assert "the expected probability of the true" in capsys.readouterr().out
@@ -164,8 +167,6 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
 def test_limits_are_kept_and_told(
     ambiguous: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Readings stay below theirs whatever is true, the way there takes its time, and product that
-    is lost is told."""
     limits = tmp_path / "limits.yaml"
     limits.write_text(
         "limits: concealed\n"
@@ -224,10 +225,10 @@ def test_what_cannot_be_planned_is_refused(
 def test_an_explanation_that_stands_alone_is_tested(
     ambiguous: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Steps cover what may be set: each input comes near both ends of what was recorded."""
-    form, alone = read(ambiguous / "m.json"), tmp_path / "m.json"
-    alone.write_text(json.dumps({**form, "standing": form["standing"][:1]}), encoding="utf-8")
-    found = experiment(tmp_path, "--report", str(tmp_path / "e.html"), mismatch=alone)
+    form = read(ambiguous / "m.json")
+    alone = json.dumps({**form, "standing": form["standing"][:1]})
+    (tmp_path / "m.json").write_text(alone, encoding="utf-8")
+    found = experiment(tmp_path, "--report", str(tmp_path / "e.html"))
     assert "One explanation is left. 18 steps in" in capsys.readouterr().out
     assert all(step["covers"] for step in found["steps"])
     assert len(found["certainty"]) == 1
@@ -262,7 +263,6 @@ def soon_and_late(worn: Worn) -> tuple[Places, Places]:
 
 @pytest.mark.prove
 def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
-    """Where one reading is missing throughout, points are as near to recorded ones as with it."""
     recording, found = worn
     system = found.evidence.rows.system
     data, gone = system.data, found.evidence.rows.cells[0].outputs[0]
@@ -274,9 +274,7 @@ def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
 
 
 def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
-    """One more number makes nothing surer, and it is known to less than the recording is long. What
-    follows time goes on while the experiment runs; what grows has grown further in a later reading,
-    and is predicted the less surely."""
+    """What grows has grown further in a later reading, and is predicted less surely."""
     found = worn[1]
     evidence, plain = found.evidence, found.models[frozenset()]
     drift = next(n for n in found.models if any(".wear-slip@" in name for name in n))
@@ -299,8 +297,7 @@ def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
 
 
 def test_steps_that_cover_are_far_from_all_others() -> None:
-    """On a line with steps at both ends the middle comes next, then the quarters; there is time for
-    one more, and none is where it may not be."""
+    """On a line with steps at both ends the middle comes next, then the quarters."""
     speeds = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 0.0])
     places = Places({"A.n": speeds}, np.zeros(6, dtype=np.intp), np.zeros(6))
     may = np.array([True] * 5 + [False])
@@ -327,3 +324,150 @@ def test_a_page_where_a_reading_is_foretold_in_some_steps_only() -> None:
     pictures = page.split("<figure")[1:]
     assert [picture.count('href="#up"') for picture in pictures] == [1, 2]
     assert '<th class="num">way</th>' not in page
+
+
+LIMITS = 40
+"""Sets of limits; of each, all places that may be proposed are looked at."""
+
+ROUNDING = 1e-9
+"""Share of a value that is lost between units."""
+
+
+def _limits(random: np.random.Generator, system: System) -> Allowed:
+    """Limits of some inputs and of one reading, some of them far outside of what was recorded."""
+    inputs = {}
+    for signal in system.ruleset.signals:
+        if signal.is_input and random.random() < 0.8:
+            reference = signal.shown(signal.reference)
+            lowest, highest = np.sort(reference * random.uniform(0.3, 1.7, 2))
+            inputs[signal.id] = Range(
+                signal=signal,
+                lowest=float(lowest),
+                highest=float(highest),
+                rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
+                hold=float(random.choice([0.0, random.uniform(1.0, 1000.0)])),
+                costs=bool(random.random() < 0.3),
+            )
+    name = str(random.choice([s.id for s in system.ruleset.signals if not s.is_input]))
+    ends = np.sort(system.ruleset.signal_by_id[name].reference * random.uniform(0.2, 2.0, 2))
+    return Allowed(inputs, frozenset(), {name: (float(ends[0]), float(ends[1]))})
+
+
+def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places) -> list[Forecast]:
+    """Any readings at all by two explanations; of some places nothing is predicted."""
+    n = len(places)
+    point = np.flatnonzero(random.random(n) < 0.9)
+    names = [s.id for s in ruleset.signals if not s.is_input]
+    one = np.eye(len(point))
+    told = apart(random.normal(0.0, 2.0, len(point)), (one, one), (0.0, 0.0))
+    size = {name: ruleset.signal_by_id[name].reference for name in names}
+    readings = [{name: s * random.uniform(0.5, 1.5, n) for name, s in size.items()} for _ in told]
+    spreads = [{name: np.abs(v) * 0.02 for name, v in own.items()} for own in readings]
+    return [
+        replace(own, readings=given, point=point, spread=spread, noise=spread)
+        for own, given, spread in zip(told, readings, spreads, strict=True)
+    ]
+
+
+def _check(ruleset: Ruleset, given: Allowed, told: list[Forecast], found: Feasible) -> None:
+    """All places that may be proposed, each limit looked up anew."""
+    may = found.may_run
+    for name, values in found.places.inputs.items():
+        signal = ruleset.signal_by_id[name]
+        shown, slack = signal.shown(values), ROUNDING * np.abs(signal.shown(values))
+        if name not in found.reach.ranges:
+            assert (values[may] == found.reach.present[name]).all(), f"{name} is not to be moved"
+            continue
+        own, (low, high) = given.inputs[name], signal.ends
+        kept = (own.lowest - slack <= shown) & (shown <= own.highest + slack)
+        kept &= (low - slack <= values) & (values <= high + slack)
+        assert kept[may].all(), name
+        moved = np.flatnonzero(may & (np.abs(values - values[-1]) > slack))
+        assert not own.costs or all(name in found.costs[place] for place in moved), name
+    for name, (low, high) in given.readings.items():
+        for one in told:
+            value, far = one.readings[name], limits.COVERED * one.spread[name]
+            assert ((low <= value - far) & (value + far <= high))[may].all(), name
+
+
+def test_thousands_of_places_keep_the_limits() -> None:
+    """All that may be proposed, of any readings at all that are predicted, in any order."""
+    random = np.random.default_rng(27)
+    plant = opened("abc")
+    ruleset = plant[0]
+    recording = recorded(plant, tour(ruleset, 240))
+    system = rows_at(plant, recording).system
+    looked = steps = 0
+    for number in range(LIMITS):
+        given = _limits(random, system)
+        reach = input_ranges(system, recording, 1.0, allowed_of(ruleset, given))
+        if not reach.ranges:
+            continue
+        places = places_in(system, reach)
+        told = _any_foretold(random, ruleset, places)
+        found = feasible(ruleset, places, reach, told)
+        may = np.flatnonzero(found.may_run)
+        looked += len(may)
+        _check(ruleset, given, told, found)
+        order = random.permutation(may)[:5].tolist()
+        before = len(places) - 1
+        for place, (ramp, hold) in zip(order, found.times(order), strict=True):
+            for name in reach.ranges:
+                own, signal = given.inputs[name], ruleset.signal_by_id[name]
+                way = signal.shown(places.inputs[name][place])
+                way -= signal.shown(places.inputs[name][before])
+                assert abs(way) / own.rate <= ramp * (1.0 + ROUNDING) + ROUNDING
+                assert hold >= own.hold
+            before = place
+        if number % 16 == 0:
+            seconds = 1.5 * found.seconds(order[:1])
+            best = best_within(told, HALVES, 2, seconds, found, 0.0)
+            assert set(best.choice.places) <= set(may.tolist())
+            assert found.seconds(best.choice.places) <= seconds
+            steps += len(best.choice.places)
+    assert looked > 1000
+    assert steps
+
+
+def _two_places(lost: tuple[str, ...], forbids: bool) -> Feasible:
+    """Of which the second may lose product or be forbidden, and the present one."""
+    places = Places({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
+    possible, forbidden = np.array([True, True, False]), np.array([False, forbids, False])
+    reach = InputRanges({"A.n": (1.0, 2.0)}, 60.0)
+    return Feasible(places, reach, possible, {"A.dp": forbidden}, ((), lost, ()), ())
+
+
+def _sure(*off: float) -> list[Forecast]:
+    return apart(np.array(off), (np.eye(2), np.eye(2)), (0.0, 0.0))
+
+
+def test_the_best_step_within_limits() -> None:
+    """Product is lost only where that tells clearly more."""
+    for off, lost, forbids, taken in (
+        ((1.0, 3.0), (), True, (0,)),
+        ((1.0, 3.0), (), False, (1,)),
+        ((4.0, 4.01), ("A.n",), False, (0,)),
+        ((1.0, 4.0), ("A.n",), False, (1,)),
+    ):
+        found = _two_places(lost, forbids)
+        best = best_within(_sure(*off), HALVES, 1, 3600.0, found, 0.0)
+        assert best.choice.places == taken
+        assert best.hindering == (("A.dp",) if forbids else ())
+        assert not best.time_is_short
+
+
+@pytest.mark.parametrize(("seconds", "steps"), [(90.0, 1), (120.0, 2)])
+def test_no_time_for_more_is_told(seconds: float, steps: int) -> None:
+    best = best_within(_sure(2.0, 2.0), HALVES, 2, seconds, _two_places((), False), 0.0)
+    assert (len(best.choice.places), best.time_is_short) == (steps, steps < 2)
+
+
+def test_set_points_lie_where_pumps_run() -> None:
+    plant = opened("abc")
+    recording = recorded(plant, tour(plant[0], 240))
+    system = rows_at(plant, recording).system
+    data, least = system.data, system.ruleset.signal_by_id["A.n"].minimum
+    stands = np.where(np.arange(len(data)) % 9 == 0, 0.0, data.values["A.n"])
+    points = replace(data.points, values={**data.values, "A.n": stands})
+    stood = replace(system, data=replace(data, points=points))
+    assert least <= input_ranges(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()

@@ -1,5 +1,4 @@
-"""Refits: true values come back, priors hold, and a few bad points do not bend a model; and the
-linear step before them."""
+"""Refits: true values come back, priors hold, and a few bad points do not bend a model."""
 
 from __future__ import annotations
 
@@ -43,7 +42,6 @@ B = f"{SLIP}.b"
 
 
 def setting(name: str, start: Mapping[str, float], **fixed: float) -> Configuration:
-    """The plain model with a candidate in it."""
     candidate = next(c for c in alone()[1].candidates if c.id == name)
     values, held = ({f"{name}.{k}": v for k, v in part.items()} for part in (start, fixed))
     return Configuration().joining(candidate, values, held)
@@ -61,10 +59,8 @@ def pulls(found: Fitted, true: np.ndarray) -> list[float]:
     ]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_the_planted_value_is_found(seed: int) -> None:
-    """The rise of the slip per kelvin, within three standard uncertainties and 20 %; its profile is
-    about as wide as four of them."""
     found = fitted(alone(), warmed(TRUE, seed=seed), WARM)
     value, u = found.setting.values[B], found.u(B)
     assert abs(value - 0.03) < 3 * u
@@ -74,7 +70,7 @@ def test_the_planted_value_is_found(seed: int) -> None:
     assert 3.92 * u == pytest.approx(high - low, rel=0.25)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_what_vanishes_in_the_last_fit_is_not_told(seed: int) -> None:
     """The slip follows the temperature and the stroke is as long under pressure as without."""
     candidates = {c.name: c for c in alone()[1].candidates}
@@ -85,9 +81,8 @@ def test_what_vanishes_in_the_last_fit_is_not_told(seed: int) -> None:
     assert confirmed(last) is last
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_base_values_come_back(seed: int) -> None:
-    """True parameters are drawn from what is stated: the refit errs as its covariance says."""
     known = alone()[1].parameters
     draw = np.random.default_rng(seed + 1000).multivariate_normal(
         known.values, known.covariance, method="eigh"
@@ -98,7 +93,6 @@ def test_base_values_come_back(seed: int) -> None:
 
 
 def test_the_prior_holds_where_nothing_is_said() -> None:
-    """One operating point does not tell parameters apart: they stay where they were stated."""
     rules, builder = alone()
     given = {"A.n": np.full(60, rules.signal_by_id["A.n"].reference)}
     found = fitted(alone(), recorded(alone(), given, moved=False))
@@ -109,8 +103,6 @@ def test_the_prior_holds_where_nothing_is_said() -> None:
 
 
 def test_values_stay_where_they_must() -> None:
-    """What is held is where it was put, and the others still move; a share that cannot be negative
-    ends at its bound; nothing changes its sign, however far a recording pulls."""
     rows = rows_at(alone(), warmed(TRUE))
     held = {"A.C2": 1e-17, ERROR + "A.dp": 0.5}
     values = fit(rows, Configuration(), rows.system.data.open, held=held).setting.values
@@ -129,7 +121,6 @@ def test_values_stay_where_they_must() -> None:
 
 @pytest.mark.parametrize("size", [3.0, 30.0])
 def test_gross_errors_do_not_bend_the_model(size: float) -> None:
-    """Every tenth pressure reading is wrong by a share of the range; the value is still found."""
     clean = warmed(TRUE)
     wrong = np.random.default_rng(8).random(SAMPLES) < 0.1
     dp = clean.values["A.dp"] + np.where(wrong, size * 0.01e5, 0.0)
@@ -139,10 +130,7 @@ def test_gross_errors_do_not_bend_the_model(size: float) -> None:
 
 
 def test_a_bent_valley_is_followed_to_its_end() -> None:
-    """Gaps that widen: from the plain model to the true one, slip and its rise go along a curve.
-
-    With damping by fixed factors a fit ended after 20 steps at a seventh of the true value.
-    """
+    """With damping by fixed factors a fit ended after 20 steps at a seventh of the truth."""
     plant = open_builder(Path(__file__).parent / "oil.yaml")
     name, true = "main.slip-clearance@Q_law", 2e-3 / BAR
     given = {"main.dp": BAR * (124.0 + 43.0 * np.mod(np.arange(600) // 12 * 0.618, 1.0))}
@@ -154,7 +142,6 @@ def test_a_bent_valley_is_followed_to_its_end() -> None:
 
 
 def test_a_sheet_gives_way_and_still_counts() -> None:
-    """Where a recording shows another value, it is found; how far the sheet is off is counted."""
     rules, builder = alone()
     known = builder.parameters
     i = known.ids.index("A.eta")
@@ -169,7 +156,6 @@ def test_a_sheet_gives_way_and_still_counts() -> None:
 
 
 def test_where_a_law_has_no_value_it_is_not_right() -> None:
-    """A reading of which nothing is left has no flow: there is nothing that could be wrong."""
     rows = rows_at(alone(), recorded(alone(), tour(alone()[0], SAMPLES), moved=False))
     nothing = setting("A.dp.low", {"x": 1.0})
     assert fit(rows, nothing, rows.system.data.open, steps=0).objective == np.inf
@@ -193,7 +179,6 @@ def test_sets_of_terms_gain_what_each_gains_alone() -> None:
 
 
 def test_a_calibration_at_another_temperature_bends_no_law() -> None:
-    """The plain law holds at 20 degC, and is known well; the recording is warmer by far."""
     rules, builder = alone()
     known = builder.parameters
     sure = Sure(builder, replace(known, covariance=known.covariance * 1e-4))
@@ -201,7 +186,6 @@ def test_a_calibration_at_another_temperature_bends_no_law() -> None:
     (trial,) = (t for t in screen(begun, builder.candidates) if t.candidate.id == SLIP)
     setting = begun.setting.joining(trial.candidate, trial.values, trial.fixed)
     elsewhere = with_open_references(begun.rows.system, setting, [trial.candidate])
-    assert elsewhere is not None
     found = fit(begun.rows, elsewhere, begun.used)
     for name, true in (("b", 0.03), ("T0", USUAL)):
         own = f"{SLIP}.{name}"

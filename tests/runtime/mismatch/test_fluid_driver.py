@@ -33,7 +33,6 @@ SAMPLES = 240
 
 @functools.cache
 def oily() -> tuple[Ruleset, ModelBuilder]:
-    """One dosing module, pumping an oil that the plant names."""
     return open_builder(Path(__file__).parent / "oily.yaml")
 
 
@@ -62,8 +61,7 @@ def viscosity(celsius: float) -> float:
 
 
 def test_a_property_counts_as_a_reading() -> None:
-    """Its values are those of the fluid, and its noise is that of the thermometer through it. Of
-    oil below freezing its equations do not say how thick it is."""
+    """Its noise is that of the thermometer; oil below freezing is beyond its equations."""
     given = {**tour(oily()[0], SAMPLES), "A.T": warming(SAMPLES) - 40.0}
     assert VISCOSITY not in rows_at(oily(), recorded(oily(), given)).system.data.values
     data = planted().system.data
@@ -84,8 +82,7 @@ def standing(name: str, strength: str, value: float) -> CandidateSet:
 
 
 def test_an_experiment_knows_the_property_where_the_temperature_is_set() -> None:
-    """What the fluid has there counts, not what it had when something like it was recorded; and the
-    recipe asks for the temperature, as nobody can set a viscosity."""
+    """The recipe asks for the temperature, as nobody can set a viscosity."""
     laws = standing(SLIP, "m", 1.0), standing("A.slip-temperature@Q_geo", "b", 0.03)
     found = planned(recording(), *oily(), laws, most=2, seconds=3600.0)
     assert found.steps
@@ -100,7 +97,6 @@ def test_an_experiment_knows_the_property_where_the_temperature_is_set() -> None
 
 
 def test_the_planted_law_is_among_the_best_and_fits_better_than_a_temperature() -> None:
-    """Refitted, its exponent is near 1, and less is left than by an exponential."""
     rows = planted()
     plain = fit(rows, Configuration(), rows.system.data.open)
     trials = {t.candidate.id: t for t in screen(plain, rows.system.candidates)}
@@ -117,7 +113,6 @@ def test_the_planted_law_is_among_the_best_and_fits_better_than_a_temperature() 
 
 
 def test_of_a_property_that_is_read_the_reading_counts(tmp_path: Path) -> None:
-    """A pump with a viscosity among its signals: recorded it drives, else the fluid does."""
     shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "plant")
     file = tmp_path / "plant" / "p100.yaml"
     file.write_text(f"{file.read_text()}fluid: glycerol\nkb: {ROOT / 'kb'}\n")

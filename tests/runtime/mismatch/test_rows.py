@@ -1,19 +1,36 @@
-"""Residuals as rows: they vanish where the relations hold, and show what is left out."""
+"""Settled points, what they serve for, and residuals as rows; every row is counted once."""
 
 from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording import Recording, read_recording
+from scipy.stats import t
 
+from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.limits import POINT_BUDGET
+from rulec.mismatch.evidence.model import ESTIMATION, HELDOUT, PATTERN, SELECTION
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, span
+from rulec.mismatch.evidence.steady.model import TOO_MANY, UNSETTLED, evidence_of
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import Rows, inverses
+from rulec.mismatch.result import Evidence
 from rulec.simulation.equations import equations_of
 from rulec.simulation.simulate import simulate_with
+from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
+    HOLD,
+    alone,
     changed,
+    compared,
     opened,
+    prepared,
     recorded,
     rows_at,
     sampled,
@@ -26,18 +43,15 @@ SAMPLES = 120
 
 
 def errors(rows: Rows) -> Array:
-    """Whitened errors at the plain setting."""
     return rows.errors(rows.system.flows(Configuration()))[0]
 
 
 def abc(samples: int = SAMPLES, hold: int = 12, seed: int = 1) -> Recording:
-    """A healthy recording with the parameters as stated."""
     given = tour(opened("abc")[0], samples, hold=hold)
     return recorded(opened("abc"), given, seed=seed, moved=False)
 
 
 def quiet(plant: str) -> Recording:
-    """Readings by the simulation, without any noise."""
     rules, _ = opened(plant)
     given = tour(rules, SAMPLES, 0.8, 1.1)
     found = simulate_with(equations_of(rules), given, {})
@@ -47,7 +61,6 @@ def quiet(plant: str) -> Recording:
 
 @pytest.mark.parametrize("plant", ["abc", "mixing-rig"])
 def test_residuals_vanish_on_simulated_readings(plant: str) -> None:
-    """What `rulec simulate` predicts obeys all relations; the unit is the noise of the sensors."""
     rows = rows_at(opened(plant), quiet(plant))
     assert len(rows) > 50
     assert float(np.abs(errors(rows)).max()) < 1e-3
@@ -55,7 +68,6 @@ def test_residuals_vanish_on_simulated_readings(plant: str) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_rows_have_unit_noise(seed: int) -> None:
-    """On a healthy recording with the parameters as stated, the scatter of each row is 1."""
     rows = rows_at(opened("abc"), abc(600, 60, seed))
     (cell,) = rows.cells
     table = cell.table(errors(rows)).T
@@ -63,8 +75,7 @@ def test_rows_have_unit_noise(seed: int) -> None:
 
 
 def test_as_many_rows_as_estimates_less_free_flows() -> None:
-    """Seven estimates of two free flows leave five rows per point; outputs are no set values.
-    Without a power reading there is one row less, and no estimate that needs it."""
+    """Seven estimates of two free flows leave five rows; without a power reading, four."""
     rows = rows_at(opened("abc"), abc())
     (cell,) = rows.cells
     assert 5 == cell.rank
@@ -77,7 +88,6 @@ def test_as_many_rows_as_estimates_less_free_flows() -> None:
 
 
 def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
-    """While B stands its estimates are not used, so A and the mixer are judged on their own."""
     rules, builder = opened("abc")
     values = solved(rules, builder, tour(rules, 240))
     stands = (np.arange(240) // 60) % 2 == 1
@@ -93,8 +103,6 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
 
 
 def test_columns_are_derivatives_of_rows() -> None:
-    """The slope of all rows by a parameter, against a finite difference where errors vanish; where
-    a law has no slope at a point, a change of its values says nothing there."""
     rows = rows_at(opened("abc"), quiet("abc"))
     system, known = rows.system, opened("abc")[1].parameters
     flows = system.flows(Configuration(), known.ids)
@@ -111,3 +119,195 @@ def test_columns_are_derivatives_of_rows() -> None:
     steep = rows.column(maps, {0: np.where(np.arange(len(ones)) == 3, np.inf, ones)})
     assert np.isfinite(steep).all()
     assert np.abs(steep).max() <= np.abs(rows.column(maps, {0: ones})).max()
+
+
+LENGTH = 300
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    return recorded(alone(), tour(alone()[0], LENGTH))
+
+
+def test_points_are_split_by_blocks(run: Recording) -> None:
+    data = prepared(alone()[0], run)
+    assert np.all(np.diff(data.block) >= 0)
+    parts = [set(data.part[data.block == b].tolist()) for b in np.unique(data.block)]
+    assert [{PATTERN[b % len(PATTERN)]} for b in range(len(parts))] == parts
+    assert np.ptp(np.bincount(data.block)) <= 1
+    assert np.array_equal(data.open, data.part != HELDOUT)
+    assert not data.of_rows
+    counts = [int((data.part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
+    expected = "{} for estimation, {} for selection, {} held out (every fifth block)"
+    assert expected.format(*counts) in data.split
+    assert data.split.startswith(f"{len(data)} settled points in 25 blocks of time")
+    speed, plateaus = data.values["A.n"], tour(alone()[0], LENGTH)["A.n"][::HOLD]
+    nearest = np.abs(speed[:, None] - plateaus).min(axis=1)
+    assert nearest.max() < 0.01 * speed.min()
+
+
+def test_asked_spans_are_held_out_and_nothing_else(run: Recording) -> None:
+    data = prepared(alone()[0], run, (60.0, 90.0), (200.0, 220.0))
+    inside = ((data.time >= 60) & (data.time <= 90)) | ((data.time >= 200) & (data.time <= 220))
+    assert np.array_equal(inside, data.part == HELDOUT)
+    for block in np.unique(data.block):
+        assert 1 == len(set(data.part[data.block == block].tolist()))
+    assert {ESTIMATION, SELECTION, HELDOUT} == set(data.part.tolist())
+    assert "held out (as asked)" in data.split
+    first, again = (prepared(alone()[0], run).digest for _ in range(2))
+    assert first == again != data.digest
+
+
+def test_long_recordings_are_averaged(run: Recording) -> None:
+    rules, _ = alone()
+    held = {"A.n": np.repeat(tour(rules, 25 * HOLD)["A.n"][::HOLD], 800)}
+    data = prepared(rules, recorded(alone(), held))
+    assert len(data) * len(rules.observers) <= 1.5 * POINT_BUDGET
+    single = prepared(rules, run).noise["A.dp"]
+    assert np.median(data.noise["A.dp"]) < 0.75 * np.median(single)
+
+
+def test_a_table_of_points_has_a_point_per_row(run: Recording) -> None:
+    rows = np.arange(HOLD // 2, LENGTH, HOLD)
+    data = prepared(alone()[0], sampled({name: v[rows] for name, v in run.values.items()}))
+    assert data.of_rows
+    assert len(rows) == len(data)
+    for name, noise in data.noise.items():
+        assert 0.3 * data.points.systematic[name] == pytest.approx(noise), name
+
+
+def test_gaps_and_lost_readings_are_left_out(run: Recording) -> None:
+    lost = (run.time >= 100) & (run.time < 130)
+    values = {n: np.where(lost, np.nan, v) for n, v in run.values.items()}
+    late = replace(run, time=np.where(run.time >= 200, run.time + 5000.0, run.time), values=values)
+    data = prepared(alone()[0], late)
+    usable = np.isfinite(data.values["A.dp"])
+    assert not np.any((data.time[usable] > 101) & (data.time[usable] < 129))
+    assert not np.any((data.time > 200) & (data.time < 5200))
+    assert np.any(data.time > 5200)
+
+
+def test_nothing_settled_cannot_be_judged(run: Recording) -> None:
+    short = sampled({n: v[:2] for n, v in run.values.items()})
+    assert prepare(short, alone()[0]) is None
+    found = compared(alone(), short)
+    assert "cannot judge" == found.verdict
+    assert "Cannot judge: 0 settled points; at least 12 are needed." == found.headline
+    assert "Record settled operation" in found.next
+    assert found.fit is None
+
+
+def counted(recording: Recording) -> tuple[Evidence, ...]:
+    rows = rows_at(alone(), recording)
+    return evidence_of(recording, rows.system.data, rows)
+
+
+def rows(told: tuple[Evidence, ...], because: str) -> int:
+    return sum(e.rows for e in told if because in e.because)
+
+
+def test_every_row_is_counted_once() -> None:
+    """Also those of a pump that stands, which vanished in silence, and those spared."""
+    rules, _ = alone()
+    recording = recorded(alone(), tour(rules, LENGTH))
+    told = counted(recording)
+    assert LENGTH == sum(e.rows for e in told)
+    assert rows(told, UNSETTLED) > 0
+    assert all(e.used != (e.because == UNSETTLED) for e in told)
+    least = rules.signal_by_id["A.n"].minimum
+    slow = recording.values["A.n"].copy()
+    slow[100:150] = 0.5 * least
+    told = counted(changed(recording, {"A.n": slow}))
+    assert LENGTH == sum(e.rows for e in told)
+    assert rows(told, "A.n is below") >= 40
+    assert not any(e.used for e in told if "A.n is below" in e.because)
+    data = prepared(rules, recording)
+    spared = replace(data, sample=np.where(data.sample > 3, -2, data.sample))
+    told = evidence_of(recording, spared)
+    assert rows(told, TOO_MANY) == int((spared.sample == -2).sum()) > 0
+    assert (Evidence(LENGTH, False, UNSETTLED),) == evidence_of(recording, None)
+
+
+def test_rows_that_cannot_be_read_are_counted(tmp_path: Path) -> None:
+    rules, _ = alone()
+    names = [s for s in rules.signals if s.id in rules.read]
+    head = ",".join(["time [s]", *(f"{s.id} [{s.unit}]" for s in names)])
+    cells = ",".join("1" for _ in names)
+    times = ["0", "1", "1", "", *(str(i) for i in range(2, 20))]
+    lines = [head, *(f"{t},{cells}" for t in times), "20"]
+    file = tmp_path / "some.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    told = evidence_of(read_recording(file, rules), None)
+    assert len(lines) - 1 == sum(e.rows for e in told)
+    assert 1 == rows(told, "no usable time") == rows(told, "repeat the time")
+
+
+SIZE = 12
+"""Outputs of a rig with seven modules."""
+
+
+def test_units_do_not_make_a_system_singular() -> None:
+    """Slopes by pressures (Pa) and powers (W), 1e-10 and 1e-6 m3/s of each, side by side."""
+    draw = np.random.default_rng(2)
+    units = np.where(np.arange(SIZE) % 2, 1e-10, 1e-6)
+    plain = np.eye(SIZE) + 0.1 * draw.standard_normal((5, SIZE, SIZE))
+    truth = draw.standard_normal((5, SIZE, 1)) / units[:, None]
+    solution = inverses(plain * units) @ (plain * units @ truth)
+    assert solution == pytest.approx(truth, rel=1e-9)
+
+
+def test_singular_systems_have_no_solution() -> None:
+    matrices = np.array([[[1.0, 1.0], [2.0, 2.0]], [[np.nan, 0.0], [0.0, 1.0]], np.eye(2)])
+    solution = inverses(matrices) @ np.ones((3, 2, 1))
+    assert np.isnan(solution[:2]).all()
+    assert [1.0, 1.0] == solution[2].ravel().tolist()
+
+
+HEATER = """\
+module: heater
+version: 1
+title: Flow heater
+signals:
+  Q:   {{quantity: volume flow, unit: l/min,
+        sensor: magnetic-inductive, range: [0, 200], reference: 60}}
+  P:   {{quantity: electric power, unit: kW, sensor: converter-power, input: true, reference: 40}}
+  v:   {{quantity: rotational speed, unit: rpm,
+        sensor: converter-speed, input: true, reference: 900}}
+  T_i: {{quantity: temperature, unit: {unit},
+        sensor: resistance-thermometer, input: true, reference: {inlet}}}
+  T_o: {{quantity: temperature, unit: {unit},
+        sensor: resistance-thermometer, range: {range}, reference: {outlet}}}
+parameters:
+  c: {{value: 4.18e6, unit: J/m3/K, u: 1.0e4, title: heat capacity, source: data sheet}}
+  V: {{value: 66.7, unit: ml/rev, u: 0.5, title: displacement, source: data sheet}}
+observers:
+  meter: {{component: pump, Q: Q, reference: true, source: flow meter}}
+  pump:  {{component: pump, Q: v*V, source: displacement}}
+  heat:  {{component: line, Q: P/(c*(T_o - T_i)), source: heat balance}}
+faults: [offset(T_o)]
+"""
+PLANT = "plant: heated\ntitle: A heater\nmodules: {A: {type: heater}}\nconnections: []\n"
+
+
+@pytest.mark.parametrize("zero", [0.0, 273.15])
+def test_a_temperature_spans_its_range(tmp_path: Path, zero: float) -> None:
+    """The entry says 5 % of the range; half of all offsets are below."""
+    stated = {"inlet": zero + 15.0, "outlet": zero + 24.5, "range": [zero, zero + 150.0]}
+    text = HEATER.format(unit="K" if zero else "degC", **stated)
+    shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    (tmp_path / "kb" / "modules" / "heater.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    opened, number = open_builder(tmp_path), np.arange(240) // 12
+    given = {
+        "A.P": 40e3 * (0.8 + 0.02 * number),
+        "A.v": 15.0 * (0.8 + 0.4 * np.mod(number * np.sqrt(2.0), 1.0)),
+        "A.T_i": np.full(240, 288.15),
+    }
+    rows = rows_at(opened, recorded(opened, given))
+    assert span(rows.system, "A.T_o") == pytest.approx(150.0)
+    assert span(rows.system, "A.T_i") < 1.0
+    candidate = next(c for c in rows.system.candidates if c.name == "offset")
+    (unknown,) = candidate.unknowns
+    assert unknown.usual.of_place
+    size = SteadyEvidence(rows).size(candidate, unknown)
+    assert size.scale * t.ppf(0.75, size.freedom) == pytest.approx(0.05 * 150.0)

@@ -1,9 +1,4 @@
-"""What has no name is told with its shape, and with whether the way there matters; never beside a
-law that it holds.
-
-The catalogue has the right entry when the recording is made, and lacks it when it is searched. What
-is made is no form that another entry has.
-"""
+"""What has no name is told with its shape, and with memory; never beside a law that it holds."""
 
 from __future__ import annotations
 
@@ -59,8 +54,6 @@ source: "[assumed]"
 
 
 def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Verdict, place, driver, shape within its band, no memory, what lost, and what to do; the
-    machine form has it, and its picture comes first."""
     monkeypatch.setenv("RULEC_KB", str(shutil.copytree(ROOT / "kb", tmp_path / "kb")))
     entry = tmp_path / "kb" / "effects" / "shaking-frame.yaml"
     entry.write_text(EFFECT, encoding="utf-8")
@@ -71,7 +64,6 @@ def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.Monke
     assert "unnamed" == found.verdict
     location = max((at for at in found.locations if at.shape), key=lambda at: at.share)
     shape = location.shape
-    assert shape is not None
     assert ("A", "A.n") == (location.module, shape.driver)
     assert "P_law" in {location.place, *(place.partition(".")[2] for place in location.also)}
     off = (shape.value - PEAK * np.exp(-(((shape.at - 800.0) / 60.0) ** 2))) / shape.u
@@ -107,8 +99,7 @@ def test_a_gap_between_branches_is_found(gap: float) -> None:
 
 
 def test_memory_is_told_only_where_it_is_sure() -> None:
-    """A gap counts from a fifth of the height of the curve on. Noise is no move; what creeps moves
-    in the end."""
+    """A gap counts from a fifth of the height of the curve on."""
     for gap, u, expected in (
         (10.0, 1.0, "yes"),
         (1.0, 1.0, "no"),
@@ -191,16 +182,14 @@ def test_a_term_holds_what_is_a_special_case_of_it() -> None:
 
 
 def test_a_term_is_told_beside_a_law_that_it_does_not_hold() -> None:
-    """A threshold whose slope looks like a term leaves that open, as does a strength that no row
-    shows."""
+    """A threshold whose slope looks like a term leaves that open."""
     shaped = {"x": SMOOTH, "k": ELSEWHERE, "k2": np.zeros(len(DRIVER))}
     for laws, told in (({"k": SMOOTH}, 0), ({"k": ELSEWHERE}, 1), (shaped, 1)):
         assert told == len(beside(model(laws), [term()]))
 
 
 def test_a_term_that_shows_alike_is_not_told_twice() -> None:
-    """A smooth term is a special case of a rough one over the same driver, whichever came first;
-    one over another driver is not."""
+    """A smooth term is a special case of a rough one over the same driver."""
     rough, smooth = term("rough", length=0.1), term("smooth")
     other = term("other", driver=np.sin(3.0 * np.arange(200.0)))
     for first, second in ((rough, smooth), (smooth, rough)):

@@ -1,36 +1,47 @@
-"""Columns that are not what their header says: told as such, and nothing else is."""
+"""Columns that are not what their header says or of another clock, and pipes that lie elsewhere."""
 
 from __future__ import annotations
 
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
-from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT, AcceptedHypothesis
+from rulec.mismatch.structure.hypotheses import (
+    CONNECTION,
+    SIGN,
+    SWAPPED,
+    UNIT,
+    AcceptedHypothesis,
+    Rewiring,
+    rewirings,
+)
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.stores import Stores
 from rulec.mismatch.structure.structure_search import structure_of
+from rulec.mismatch.structure.wiring import hypothesis_of
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
-from tests.runtime.mismatch.made import opened
+from tests.runtime.mismatch.made import changed, opened, recorded, sampled, tour, without
 from tests.runtime.tanks import made
 
 TANKS = "wastewater-lab"
+EXAMPLES = ROOT / "plants/abc/examples"
 
 
 def example(plant: str, name: str) -> Recording:
-    """A recording that is shipped."""
     return read_recording(ROOT / "plants" / plant / "examples" / f"{name}.csv", opened(plant)[0])
 
 
 def looked(plant: str, recording: Recording) -> tuple[AcceptedHypothesis, ...]:
-    """What is found in a recording."""
     kind = Stores if plant == TANKS else Settled
     return structure_of(recording, kind(*opened(plant), ()), lambda text: None).taken
 
@@ -69,7 +80,6 @@ def rig(*case: object) -> Any:
 def test_a_wrong_column_is_told(
     plant: str, name: str, wrong: Mending, kind: str, text: str
 ) -> None:
-    """That one, and no other."""
     recording = made(TANKS, 1) if plant == TANKS else example(plant, name)
     (found,) = looked(plant, wrong.of(recording))
     assert kind == found.hypothesis.kind
@@ -89,36 +99,44 @@ def test_physics_and_faults_are_no_wrong_columns(plant: str, name: str) -> None:
     assert () == looked(TANKS, made(TANKS, 1, (faults[0], 0.3, 0.5)))
 
 
-def rewritten(file: Path, column: str, by: Callable[[list[str]], list[str]]) -> Path:
-    """The shipped calibration recording with another column."""
-    text = (ROOT / "plants/abc/examples/calibration.csv").read_text(encoding="utf-8")
+def answered(
+    folder: Path,
+    column: str,
+    by: Callable[[list[str]], list[str]],
+    capsys: pytest.CaptureFixture[str],
+    *options: str,
+) -> tuple[Any, str]:
+    """What is told of the shipped calibration recording with another column: a failing sensor."""
+    text = (EXAMPLES / "calibration.csv").read_text(encoding="utf-8")
     head, *rows = csv.reader(text.splitlines())
     place = head.index(column)
     for row, value in zip(rows, by([row[place] for row in rows]), strict=True):
         row[place] = value
+    file, answer = folder / "recording.csv", folder / "answer.json"
     with file.open("w", encoding="utf-8", newline="") as out:
         csv.writer(out).writerows([head, *rows])
-    return file
+    words = ["mismatch", str(ROOT / "plants/abc"), str(file), "--json", str(answer), *options]
+    assert 0 == main(words)
+    form = json.loads(answer.read_text(encoding="utf-8"))
+    assert "sensor" == form["verdict"]
+    return form, " ".join(capsys.readouterr().out.split())
 
 
 def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A pressure in kPa below a header that says bar; what is adopted is tried on the recording
-    read as it should be."""
     answer, page = tmp_path / "answer.json", tmp_path / "answer.html"
-    file = rewritten(
-        tmp_path / "recording.csv",
+    form, shown = answered(
+        tmp_path,
         "A.dp [bar]",
         lambda column: [f"{100.0 * float(v):.6g}" if v else "" for v in column],
+        capsys,
+        "--report",
+        str(page),
     )
-    options = ["--json", str(answer), "--report", str(page)]
-    assert 0 == main(["mismatch", str(ROOT / "plants/abc"), str(file), *options])
     told = "A.dp is in kPa, not bar"
-    assert f"{told}: its values are 100 times" in " ".join(capsys.readouterr().out.split())
+    assert f"{told}: its values are 100 times" in shown
     assert told in page.read_text(encoding="utf-8")
-    form = json.loads(answer.read_text(encoding="utf-8"))
-    assert "sensor" == form["verdict"]
     assert ("wrong-unit", "A.dp") == tuple(form["effects"][0][k] for k in ("effect", "place"))
     assert ("A", "dp") == tuple(form["locations"][0][k] for k in ("module", "place"))
     assert form["next"].startswith("Write kPa as the unit of A.dp")
@@ -129,3 +147,168 @@ def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     form["repair"]["misread"] = [{**form["repair"]["misread"][0], "signals": ["A.none"]}]
     answer.write_text(json.dumps(form), encoding="utf-8")
     assert 0 != main(["adopt", str(answer), "--recalibrated", "-o", str(tmp_path / "other")])
+
+
+LONGEST = 20
+"""Half as long as states last."""
+
+
+def off(recording: Recording, signals: tuple[str, ...], late: float) -> Recording:
+    return Mending(signals=signals, late=-late).of(recording)
+
+
+def drawn(plant: str, recording: Recording, random: np.random.Generator) -> tuple[str, int]:
+    """A column that some estimate reads, and by how many samples it is late (or early)."""
+    read = sorted({s for o in opened(plant)[0].observers for s in o.signals})
+    names = [name for name in read if name in recording.values]
+    by = round(float(np.exp(random.uniform(np.log(2.0), np.log(LONGEST)))))
+    return str(random.choice(names)), by * int(random.choice([-1, 1]))
+
+
+def test_readings_are_moved_in_time_within_their_file() -> None:
+    values = np.arange(8.0)
+    recording = replace(
+        sampled({"A.n": values, "A.dp": values}), time=5.0 * values, segment=np.arange(8) // 4
+    )
+    found = Mending(signals=("A.n",), late=10.0).of(recording).values
+    assert np.array_equal(found["A.n"], [2, 3, np.nan, np.nan, 6, 7, np.nan, np.nan], True)
+    assert np.array_equal(found["A.dp"], values)
+    both = Mending(signals=("A.n", "A.dp"), late=-5.0).of(recording).values
+    assert np.array_equal(both["A.dp"], [np.nan, 0, 1, 2, np.nan, 4, 5, 6], True)
+    assert np.array_equal(both["A.n"], both["A.dp"], True)
+
+
+def run(seed: int) -> Recording:
+    return recorded(opened("abc"), tour(opened("abc")[0], 400, hold=40), seed=seed)
+
+
+def test_columns_of_another_clock_are_found() -> None:
+    right = 0
+    for seed in range(4):
+        recording = run(seed + 1)
+        assert () == looked("abc", without(recording, "A.l"))
+        signal, by = drawn("abc", recording, np.random.default_rng(seed))
+        found = looked("abc", off(recording, (signal,), float(by)))
+        meant = Mending(signals=(signal,), late=float(by))
+        assert all(meant == t.hypothesis.mending for t in found), (signal, by)
+        right += len(found)
+    assert right >= 4
+
+
+def test_no_other_time_is_told_where_states_are_shorter_than_the_shift() -> None:
+    """Ten samples each: read three later, every state would be compared with the one before."""
+    assert () == looked("abc", off(example("abc", "calibration"), ("A.P_el",), 13.0))
+
+
+@pytest.mark.parametrize(("signal", "pace"), [("A.P_el", 2.0), ("C.dp", 6.0), ("A.n", 6.0)])
+def test_a_lag_is_no_clock(signal: str, pace: float) -> None:
+    recording = run(3)
+    values = recording.values[signal].copy()
+    for i in range(1, len(values)):
+        values[i] += np.exp(-1.0 / pace) * (values[i - 1] - values[i])
+    assert () == looked("abc", changed(recording, {signal: values}))
+
+
+def test_all_columns_of_a_module_may_have_a_clock_of_their_own() -> None:
+    recording = run(2)
+    names = tuple(n for n in recording.values if n.startswith("A."))
+    (found,) = looked("abc", off(recording, names, -5.0))
+    assert {"A.n", "A.dp", "A.P_el"} == set(found.hypothesis.mending.signals)
+    assert -5.0 == found.hypothesis.mending.late
+    assert "5 s too early" in found.hypothesis.text
+
+
+@pytest.mark.parametrize(
+    ("seed", "signal", "late"),
+    [
+        (1, "tank1.l", -124.0),
+        pytest.param(5, "supply.Q", 44.0, marks=pytest.mark.prove),
+    ],
+)
+def test_a_plant_that_stores_cannot_answer_before_its_cause(
+    seed: int, signal: str, late: float
+) -> None:
+    (found,) = looked(TANKS, off(made(TANKS, seed), (signal,), late))
+    assert found.hypothesis.mending == Mending(signals=(signal,), late=late)
+
+
+@pytest.mark.parametrize(("signal", "late"), [("tank1.l", 60.0), ("supply.Q", -60.0)])
+def test_what_a_delay_of_the_catalogue_explains_is_left_to_it(signal: str, late: float) -> None:
+    assert () == looked(TANKS, off(made(TANKS, 3), (signal,), late))
+
+
+@pytest.mark.prove
+def test_the_answer_says_by_how_much_and_its_plant_can_be_adopted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = tmp_path / "answer.json"
+    form, shown = answered(tmp_path, "A.P_el [W]", lambda column: column[-4:] + column[:-4], capsys)
+    assert "A.P_el is recorded 4 s too late against the others" in shown
+    assert ("clock-shift", "A.P_el") == tuple(form["effects"][0][k] for k in ("effect", "place"))
+    assert 4.0 == form["repair"]["misread"][0]["late"]
+    assert 0 == main(["adopt", str(answer), "--recalibrated", "-o", str(tmp_path / "adopted")])
+
+
+def without_a_pipe(folder: Path) -> Path:
+    """Plant abc, whose file does not say that B feeds C."""
+    text = (ROOT / "plants/abc/plant.yaml").read_text(encoding="utf-8")
+    assert "  - B -> C\n" in text
+    (folder / "plant").mkdir()
+    file = folder / "plant" / "plant.yaml"
+    file.write_text(text.replace("  - B -> C\n", ""), encoding="utf-8")
+    return file.parent
+
+
+def test_one_pipe_at_a_time_and_only_where_something_contradicts() -> None:
+    """No pump is fed in this plant, and none is made to be."""
+    plant = opened("abc")[1].network.plant
+    found = rewirings(plant, {"A": 0.4, "C": 0.1}, 9)
+    assert {Rewiring(("A", "C"), None), Rewiring(("B", "C"), None)} == set(found)
+    assert ("A", "C") == found[0].stated
+    assert () == rewirings(plant, {}, 9)
+    rig = opened("mixing-rig")[1].network.plant
+    many = rewirings(rig, dict.fromkeys(rig.modules, 1.0), 99)
+    assert Rewiring(("D", "M2"), ("D", "M1")) in many
+    assert all(r.fits is None or r.fits[1] in ("M1", "M2") for r in many)
+    assert 5 == len(rewirings(rig, dict.fromkeys(rig.modules, 1.0), 5))
+
+
+def test_a_plant_connected_otherwise_is_what_its_file_edited_so_compiles_to(tmp_path: Path) -> None:
+    edited = compile_plant(without_a_pipe(tmp_path))
+    ruleset, _ = opened("abc")[1].connected((("A", "C"),))
+    for part in ("sources", "junctions", "observers", "residuals", "faults", "plan", "undo"):
+        assert getattr(edited, part) == getattr(ruleset, part), part
+
+
+def test_what_cannot_be_told_apart_is_told_together() -> None:
+    moved, added = Rewiring(("A", "M1"), ("A", "M2")), Rewiring(None, ("A", "M3"))
+    found = hypothesis_of(moved, [added], None)
+    assert (
+        "the plant file says A feeds M1; the readings fit A feeding M2 instead or A feeding M3 "
+        "(they do not tell which)"
+    ) == found.text
+    assert "change 'A -> M1' to 'A -> M2' in plant.yaml or add 'A -> M3'" in found.action
+    assert ("A.outlet",) == found.places
+
+
+def test_the_answer_names_the_pipe_and_nothing_is_adopted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plant, answer = without_a_pipe(tmp_path), tmp_path / "answer.json"
+    words = ["mismatch", str(plant), str(EXAMPLES / "healthy.csv"), "--json", str(answer)]
+    assert 0 == main(words)
+    shown = " ".join(capsys.readouterr().out.split())
+    said = "The plant file does not say that B feeds C; the readings fit B feeding C. Connected as"
+    assert said in shown
+    form = json.loads(answer.read_text(encoding="utf-8"))
+    assert "named" == form["verdict"]
+    (effect,) = form["effects"]
+    assert (CONNECTION, "B", "B.outlet") == tuple(effect[k] for k in ("effect", "module", "place"))
+    (pipe,) = form["repair"]["rewired"]
+    assert (None, "B -> C") == (pipe["stated"], pipe["fits"])
+    assert "plant.yaml, line 9" in pipe["edit"]
+    for more in ([], ["--recalibrated"]):
+        assert 0 != main(["adopt", str(answer), *more, "-o", str(tmp_path / "adopted")])
+        refused = " ".join(capsys.readouterr().err.split())
+        assert "add 'B -> C' to the connections in" in refused
+        assert "plant.yaml, line 9" in refused

@@ -9,7 +9,7 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer.findings import of_recordings, update_sentence, updates_of
+from rulec.mismatch.answer.findings import of_recordings
 from rulec.mismatch.evidence.configuration import ERROR, Configuration, own_error
 from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
@@ -17,10 +17,12 @@ from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.operating_state_means import averaged
 from rulec.mismatch.evidence.steady.repaired_model import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.result import Likely, Moved
-from rulec.mismatch.search.later_refits import ByRecording, SingleRecording, by_recording
+from rulec.mismatch.search.intermittent_fault import intermittent
+from rulec.mismatch.search.later_refits import by_recording
 from rulec.mismatch.search.operating_states import explain
+from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.made import (
+    HOLD,
     SLIP,
     USUAL,
     alone,
@@ -45,7 +47,6 @@ LENGTH = 144
 
 
 def joined(*parts: Recording) -> Recording:
-    """Recordings one behind the other, each with a clock of its own."""
     lengths = [len(part) for part in parts]
     begins = np.cumsum([0, *lengths[:-1]]).astype(float)
     number = np.repeat(np.arange(len(parts)), lengths)
@@ -61,27 +62,22 @@ def joined(*parts: Recording) -> Recording:
 
 
 def healthy(low: float = 0.6) -> Recording:
-    """A recording of the plant as it is described, over some speeds."""
     plant = opened(PLANT)
     return recorded(plant, tour(plant[0], LENGTH, low=low), moved=False)
 
 
 def shifted(recording: Recording, name: str, by: float) -> Recording:
-    """A reading off by so many uncertainties of its class."""
     u = float(np.median(rows_at(opened(PLANT), recording).system.shared[name]))
     return changed(recording, {name: recording.values[name] + by * u})
 
 
 @pytest.fixture(scope="module")
 def rows() -> Rows:
-    """Two healthy recordings together."""
     return rows_at(opened(PLANT), joined(healthy(), healthy(0.65)))
 
 
 def test_each_recording_has_its_own_held_out_part_means_and_clock(rows: Rows) -> None:
-    """A fifth of each is held out, and neither blocks nor means of states reach from one into the
-    other, where zeros may be others. What follows time counts from the start of each recording;
-    with dates from the first."""
+    """Zeros may be others in the next one."""
     both, plant = joined(healthy(), healthy(0.65)), opened(PLANT)
     data = prepared(plant[0], both)
     first, second = (data.source == number for number in (0, 1))
@@ -100,8 +96,7 @@ def test_each_recording_has_its_own_held_out_part_means_and_clock(rows: Rows) ->
 
 
 def test_an_error_that_a_recording_has_as_its_own_shows_there_alone(rows: Rows) -> None:
-    """Its slopes are those of the error that all share, and nothing elsewhere; the variances of
-    both sum to the class of the sensor, and no course of an error reaches into the other one."""
+    """The variances of both sum to the class of the sensor."""
     system = rows.system
     prior = prior_of(system, Configuration())
     variance = {n: 1.0 / prior.known[i] for i, n in enumerate(prior.names) if ERROR in n}
@@ -144,8 +139,7 @@ def test_a_zero_set_in_between_is_an_error_of_that_recording(name: str) -> None:
 
 
 def test_values_to_be_written_do_not_follow_what_one_recording_has_as_its_own() -> None:
-    """A power that one of two recordings reads otherwise moves them by less than half of what it
-    moves them by if all is taken as one recording, with the sensors that there are."""
+    """Compared with all taken as one recording."""
     name, moved = "A.P_el", {}
     for by in (0.0, SHIFT):
         both = joined(healthy(), shifted(healthy(0.65), name, by))
@@ -165,15 +159,13 @@ def quiet(text: str) -> None:
 
 @pytest.mark.prove
 def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
-    """To the last digit, and with which rows. One with too little in it says nothing alone: what
-    came before it is not known to have changed then."""
+    """To the last digit; one with too little in it says nothing."""
     whole, plant = healthy(0.65), opened(PLANT)
     short = sampled({n: v[:3] for n, v in whole.values.items()})
     both = joined(short, whole)
     rows = rows_at(plant, both)
     together, own = explain(rows, quiet), explain(rows_at(plant, whole), quiet)
     found = by_recording(both, rows.system, (), together, quiet)
-    assert found is not None
     assert ["cannot judge", "none"] == [part.verdict for part in found.alone]
     likely = found.alone[1].likely[0]
     assert ("nothing", own.nothing) == (likely.id, likely.probability)
@@ -186,8 +178,7 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
 
 
 def test_the_answer_tells_of_each_recording() -> None:
-    """A slip that follows the temperature shows in the second alone, which decides for both: not
-    surely, as laws may be off by as much."""
+    """A slip that follows the temperature shows in the second alone."""
     plant, n = alone(), LENGTH // 2
     slip = {SLIP: {"b": 0.02, "T0": USUAL}}
     cold = recorded(plant, {**tour(plant[0], n), "A.T": np.full(n, USUAL)}, slip)
@@ -206,17 +197,34 @@ def test_the_answer_tells_of_each_recording() -> None:
     assert SLIP == finding.id
 
 
-MOVED = (Moved("a", "slip", 0.52, 0.97), Moved("b", "friction", 0.45, 0.02))
+def leaking() -> Recording:
+    degree = np.where(np.arange(300) < 150, 0.0, 0.3)
+    return recorded(alone(), tour(alone()[0], 300), {"A.leakage": {"x": degree}})
 
 
-def test_updates_are_told_by_name() -> None:
-    """Of the second and each later one, in one sentence each."""
-    own = SingleRecording(0, "ambiguous", (Likely("a", "slip", 0.52),))
-    found = ByRecording((own, own, own), {1: MOVED, 2: MOVED[:1]})
-    updates = updates_of(("a.csv", "b.csv", "c.csv"), found)
-    assert [("b.csv", MOVED), ("c.csv", MOVED[:1])] == [(u.recording, u.moved) for u in updates]
-    for moved, text in (
-        (MOVED, "With b.csv: slip 52 % -> 97 %; friction 45 % -> 2 %"),
-        ((Moved("a", "slip", None, 0.97),), "With b.csv: slip 97 %"),
-    ):
-        assert text == update_sentence("b.csv", moved).replace("\xa0", " ")
+def test_a_run_has_a_clock_and_a_table_has_none() -> None:
+    run = leaking()
+    rows = np.arange(HOLD // 2, len(run), HOLD)
+    table = sampled({name: v[rows] for name, v in run.values.items()})
+    for recording, timed in ((run, True), (table, False)):
+        system = rows_at(alone(), recording).system
+        assert system.data.timed is timed
+        assert system.data.of_rows is not timed
+        assert any(c.follows_time for c in system.candidates) is timed
+        assert system.candidates
+
+
+def test_files_of_their_own_have_none() -> None:
+    for one_clock in (True, False):
+        found = fitted(alone(), replace(leaking(), one_clock=one_clock))
+        assert one_clock == bool(list(intermittent(found, found.rows.system.candidates)))
+        tanks = bench(replace(made(), one_clock=one_clock))
+        assert one_clock == any(c.follows_time for c in tanks.candidates)
+
+
+def test_the_answer_says_so() -> None:
+    found = compared(alone(), replace(leaking(), one_clock=False))
+    assert any("no common time" in note for note in found.notes)
+    assert found.hidden is None
+    assert not any(f.periods for f in found.findings)
+    assert not any(place.periods for place in found.locations)

@@ -53,12 +53,7 @@ def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **mor
         ((SURE,), True, "named", "The model lacks gap flow that follows the temperature in A"),
         ((AGEING,), False, "named", "The model lacks wear in A."),
         ((UNSURE,), False, "ambiguous", "Not decided: gap flow"),
-        (
-            (FAULT, SENSOR),
-            False,
-            "fault",
-            "The model is right; the plant has a fault: flow lost in",
-        ),
+        ((FAULT, SENSOR), False, "fault", "The model is right; the plant has a fault: flow lost"),
         ((SENSOR, FAULT), False, "sensor", "The model is right; a sensor is not: reading shifted"),
         ((FAULT, SURE), False, "named", "The model lacks gap flow"),
         ((replace(FAULT, probability=0.5), SURE), False, "named", "The model lacks"),
@@ -69,8 +64,7 @@ def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **mor
 def test_verdict_and_headline(
     findings: Sequence[Finding], left: bool, verdict: str, headline: str
 ) -> None:
-    """Physics decides before faults and sensors, and is told apart from them; a free form is no
-    name."""
+    """Physics decides before faults and sensors; a free form is no name."""
     assert verdict == verdict_of(findings, left, SOUND)
     told = headline_of(verdict, findings, (), SOUND)
     assert told.startswith(headline)
@@ -78,7 +72,6 @@ def test_verdict_and_headline(
 
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
-    """Not where something beside it has one, were it larger."""
     at: Any = {"module": UNSURE.module, "place": UNSURE.place, "title": ""}
     large = Location(**at, share=0.8, region=(), periods=())
     small = replace(large, module="B", place="Q_imp", share=0.2)
@@ -87,8 +80,7 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
 
 
 def test_what_is_left_is_called_noise_only_where_it_is() -> None:
-    """Else it may be an error of the law's form, or the name is not all: how large it is, is said.
-    Where something without a name is missing, that says enough."""
+    """Else the law's form may be wrong, or the name is not all."""
     assert "only noise remains" in headline_of("none", (), (), SOUND, [fit_of(noise=0.3)])
     far = headline_of("none", (), (), SOUND, [fit_of()])
     assert "A.Q is off by 4 times its noise" in far
@@ -108,8 +100,7 @@ def test_what_is_not_sure_is_told_apart_from_what_is() -> None:
 
 
 def test_what_is_about_as_likely_stands_in_the_headline() -> None:
-    """An explanation of one chance in four is named there; one of one in twenty is not. Four laws
-    that say the same share the odds, and are one joint finding."""
+    """Four laws that say the same share the odds, and are one joint finding."""
     for probability, told in ((0.25, True), (0.05, False)):
         other = (Alternative("x", "x", "Another one", probability),)
         finding = replace(WARM, probability=1.0 - probability, alternatives=other)
@@ -122,7 +113,6 @@ def test_what_is_about_as_likely_stands_in_the_headline() -> None:
 
 
 def test_alternatives_of_one_title_are_one() -> None:
-    """Zero and gain of one reading have one title; it appears once, with the sum."""
     others = tuple(Alternative(f"x{i}", "x", "A.dp reads high", 0.25) for i in range(2))
     finding = replace(WARM, title="Gap flow", probability=0.5, alternatives=others)
     headline = headline_of("ambiguous", (finding,), (), SOUND)
@@ -154,8 +144,6 @@ def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
     ],
 )
 def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> None:
-    """A parameter beyond three u, an error beyond accuracy, or odds: what, is not known, and
-    told."""
     assert "unsure" == verdict_of((), False, doubt)
     headline = headline_of("unsure", (), (), doubt)
     assert headline == f"Something is missing, but this recording does not say what: {said}."
@@ -177,9 +165,7 @@ def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> N
     ],
 )
 def test_next_step(verdict: str, findings: Sequence[Finding], expected: str) -> None:
-    """One for each verdict; a hidden driver is to be recorded, whatever else was found."""
     assert next_step(verdict, findings, None, (NO_SENSOR,)).startswith(expected)
-    assert UNNAMED.hidden is not None
     step = next_step("named", (SURE,), UNNAMED.hidden, ())
     assert f"Record {UNNAMED.hidden.sensor} together with the rest, and run again." == step
 

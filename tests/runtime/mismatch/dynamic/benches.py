@@ -18,6 +18,7 @@ from rulec.mismatch.search.grow_sets import Search, grow_terms, join_columns
 from rulec.mismatch.search.simulated import Found, begun
 from rulec.mismatch.stores import Explanation, explanation
 from tests.conftest import ROOT
+from tests.runtime.sheets import sampled
 
 STEP = 4.0
 NOISE = 0.01
@@ -67,21 +68,19 @@ def made(
     spots = errors or {}
     balances = builder.balances(joined, tuple(spots))
     inputs = np.column_stack([u, *spots.values()])
-    values = {**dict(zip(builder.parameters.ids, builder.parameters.values, strict=True))}
-    values |= {**builder.parameters.constants, **TRUE, **(more or {})}
+    known = builder.parameters
+    values = {**dict(zip(known.ids, known.values, strict=True)), **known.constants, **TRUE}
+    values |= more or {}
     course = balances.run(time, inputs, np.ones(inputs.shape[1], dtype=bool), values)
     y = course.shown[:, balances.outputs.index("shown:lower.y")]
     y = np.clip(y + NOISE * np.random.default_rng(seed + 100).standard_normal(n), 0.0, 10.0)
     shown = {"pump.u": u, "lower.y": np.round(y, 3)}
-    segment = np.zeros(n, dtype=int)
-    return Recording(time=time, values=shown, segment=segment, missing=("upper.y",), notes=())
+    return sampled(shown, time, missing=("upper.y",))
 
 
 def bench(recording: Recording) -> SimulationProblem:
-    """The recording on its bench."""
     ruleset, builder = tanks()
     record = record_of(recording, ruleset, builder.given)
-    assert record is not None
     return SimulationProblem(ruleset, builder, record)
 
 
@@ -117,6 +116,5 @@ def as_found(ends: FinalFits, plain: Fitted, best: Fitted) -> Found:
 def explained(
     recording: Recording, place: SimulationProblem, ends: FinalFits, plain: Fitted, best: Fitted
 ) -> Explanation:
-    """What is told of that."""
     model = model_of(place, best, ends.judged)
     return explanation(recording, model, as_found(ends, plain, best))

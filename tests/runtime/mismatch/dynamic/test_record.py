@@ -1,4 +1,4 @@
-"""A recording as the analysis of a plant that stores reads it, and sensors that fail in it."""
+"""A recording as the analysis of a plant that stores reads it; failing sensors; what errors say."""
 
 from __future__ import annotations
 
@@ -8,9 +8,19 @@ import numpy as np
 import pytest
 from rulec_runtime.recordings.columns import glitches_in, runs_of_same
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.robust_statistics import memory_of
 from rulec_runtime.recordings.standing_still import standing_still
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 from rulec.mismatch.evidence.failing_sensors import coarse_step, failing
+from rulec.mismatch.evidence.stores.noise import (
+    Noise,
+    gain,
+    innovations,
+    noise_of,
+    score_covariance,
+)
 from rulec.mismatch.evidence.stores.simulation_problem import Record, record_of
 from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 from tests.runtime.mismatch.dynamic.benches import made, tanks
@@ -21,14 +31,11 @@ NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 
 
 
 def read(recording: Recording) -> Record:
-    record = record_of(recording, tanks()[0], tanks()[1].given)
-    assert record is not None
-    return record
+    return record_of(recording, tanks()[0], tanks()[1].given)
 
 
 def test_blocks_follow_from_the_inputs_alone() -> None:
-    """Other readings, the same split; a fifth is held out, but never the beginning: what was stored
-    at the first sample is a parameter, and shows there alone."""
+    """What was stored at the first sample is a parameter that shows at the beginning alone."""
     recording = made()
     first = read(recording)
     other = read(changed(recording, {"lower.y": recording.values["pump.u"]}))
@@ -41,7 +48,6 @@ def test_blocks_follow_from_the_inputs_alone() -> None:
 
 
 def test_long_recordings_keep_the_volume_that_was_pumped() -> None:
-    """Neighbours are averaged: what flowed in stays the same."""
     recording = made(3 * SAMPLE_BUDGET)
     record = read(recording)
     assert len(record.time) <= SAMPLE_BUDGET
@@ -50,7 +56,6 @@ def test_long_recordings_keep_the_volume_that_was_pumped() -> None:
 
 
 def test_what_is_missing() -> None:
-    """Without input or reading nothing is compared; gaps in an input hold the last value."""
     recording = made()
     for missing in ("pump.u", "lower.y"):
         assert record_of(without(recording, missing), tanks()[0], tanks()[1].given) is None
@@ -74,16 +79,8 @@ def test_a_sensor_that_drops_out_is_told() -> None:
 
 
 def test_a_reading_that_loses_its_noise_is_stuck() -> None:
-    for behind in (215, 260):
-        stuck = NOISY.copy()
-        stuck[200:behind] = stuck[200]
-        assert [(200, behind)] == standing_still(stuck)
-
-
-def test_a_reading_that_is_often_the_same_is_not_stuck() -> None:
-    """Noise of a third of a step repeats itself by chance, for 25 readings here; a smooth course
-    that is rounded stands still by itself, and so does a clipped one; as does a plateau on which
-    noise is half a digit, after one on which it is three digits."""
+    """Not one that is often the same: noise of a third of a step, for 25 readings here; a smooth
+    course that is rounded or clipped; a plateau on which noise is half a digit."""
     quiet = np.round(3.0 + 0.35 * np.random.default_rng(2).standard_normal(600))
     rest = np.round(np.minimum(COURSE, 3.4), 2)
     rest = np.concatenate([rest, np.full(100, rest[-1])])
@@ -93,6 +90,10 @@ def test_a_reading_that_is_often_the_same_is_not_stuck() -> None:
     assert max(b - a for a, b in runs_of_same(plateau, 1)[0]) > 40
     for values in (NOISY, quiet, rest, np.minimum(NOISY, 3.4), plateau):
         assert standing_still(values) == []
+    for behind in (215, 260):
+        stuck = NOISY.copy()
+        stuck[200:behind] = stuck[200]
+        assert [(200, behind)] == standing_still(stuck)
 
 
 def test_a_coarse_display_is_told_by_its_step() -> None:
@@ -102,3 +103,48 @@ def test_a_coarse_display_is_told_by_its_step() -> None:
     assert coarse_step(many, 0.01) == pytest.approx(0.1)
     assert coarse_step(NOISY, 0.025) == 0.0
     assert coarse_step(np.where(COURSE > 3.0, 1.0, 0.0), 0.025) == 0.0
+
+
+N = 20_000
+ALL = np.ones(N, dtype=bool)
+
+
+@pytest.mark.parametrize(("rho", "expected"), [(0.0, 1.0), (0.9, 1.81 / 0.19)])
+def test_memory_of_a_fading_error(rho: float, expected: float) -> None:
+    """The sum of squared correlations of an AR(1) process is (1 + rho**2)/(1 - rho**2), also where
+    blocks are held out, which are no zeros; that of white noise is 1 to the last digit."""
+    error = lfilter([1.0], [1.0, -rho], np.random.default_rng(1).standard_normal(N))
+    assert memory_of(error, ALL) == pytest.approx(expected, rel=0.2 if rho else 0.0)
+    known = (np.arange(N) // 400) % 5 != 2
+    assert memory_of(error, known) == pytest.approx(memory_of(error, ALL), rel=0.15)
+
+
+def test_noise_that_lasts_is_counted() -> None:
+    """The doubt of a mean in noise of first order: (1 + r)/(1 - r) times that of white noise."""
+    error = lfilter([1.0], [1.0, -0.8], np.random.default_rng(1).standard_normal(N))
+    ratio = float(score_covariance(np.ones((N, 1)), error, ALL)[0, 0]) / N
+    assert ratio == pytest.approx(1.8 / 0.2, rel=0.15)
+
+
+def test_what_an_error_says() -> None:
+    assert Noise(0.01, 1.0) == noise_of(np.zeros(100), np.ones(100, dtype=bool), 0.01)
+    assert gain(Noise(2.0, 50.0), Noise(1.0, 10.0), 1000) == pytest.approx(100 * np.log(2.0))
+
+
+@pytest.mark.parametrize("smoothness", [1.0, 3.0])
+@pytest.mark.parametrize(("size", "lasts"), [(1e-3, 10.0), (50.0, 200.0)])
+def test_a_settled_filter_is_the_whole_covariance(
+    size: float, lasts: float, smoothness: float
+) -> None:
+    runs = [slice(0, 300), slice(300, 350)]
+    readings = np.random.default_rng(1).standard_normal((350, 2)) * max(size, 1.0)
+    own = innovations(size, lasts, smoothness)
+    logs, found = 0.0, []
+    for run in runs:
+        gap = np.sqrt(smoothness) / lasts * np.arange(run.stop - run.start)
+        alike = np.exp(-gap) * (1.0 + gap if smoothness > 1.0 else 1.0)
+        lower = np.linalg.cholesky(size**2 * toeplitz(alike) + np.eye(len(gap)))
+        found.append(np.linalg.solve(lower, readings[run]))
+        logs += float(np.sum(np.log(np.diag(lower))))
+    np.testing.assert_allclose(own.of(readings, runs), np.concatenate(found), atol=1e-4)
+    assert own.logs(runs) == pytest.approx(logs, abs=1e-6)

@@ -1,7 +1,4 @@
-"""What has no name in a plant that stores is told with place, driver, shape, memory and rivals.
-
-The catalogue has the right entry when the recording is made, and lacks it when it is searched.
-"""
+"""What has no name in a plant that stores: its shape, where the catalogue lacks the right entry."""
 
 from __future__ import annotations
 
@@ -14,8 +11,6 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch.analyse import analyse
-from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.evidence.stores.fit import plain_end
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.search.curve_by_simulation import curve_of
@@ -46,8 +41,6 @@ action: mend the flap
 source: "[assumed]"
 """
 LAW = "lower.outlet-exponent@outflow"
-KEPT = ("outlet-exponent", "pump-roll-off")
-"""Entries that the catalogue of a whole analysis keeps: with all of them it takes minutes."""
 
 
 @pytest.fixture
@@ -56,7 +49,7 @@ def thin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     kb = tmp_path / "kb"
     shutil.copytree(ROOT / "kb", kb)
     for file in (kb / "effects").glob("*.yaml"):
-        if file.stem not in KEPT:
+        if file.stem not in ("outlet-exponent", "pump-roll-off"):
             file.unlink()
     (kb / "effects" / "sticking-flap.yaml").write_text(EFFECT.lstrip(), encoding="utf-8")
     monkeypatch.setenv("RULEC_KB", str(kb))
@@ -96,7 +89,6 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     ends, plain = plain_end(place, {})
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
     term = fitted_curve(ends, plain, spot, "lower.h")
-    assert term is not None
     curve = curve_of(term)
     assert "lower.y" == curve.driver
     off = curve.value - left_out(curve, term)
@@ -110,39 +102,15 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
 
 
 def test_place_and_driver_are_found(thin: Path) -> None:
-    """Among all places and all that they may follow; no memory, and the name that lost. No curve is
-    drawn through noise."""
+    """Among all places and all that they may follow; no curve is drawn through noise."""
     assert likeliest_curve(searched(bench(made(SAMPLES, 1)), LAW)) is None
     unnamed = likeliest_curve(searched(bench(flapping(thin, 1)), LAW))
-    assert unnamed is not None
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
     assert f"{curve.place.module}.{curve.place.place}" in ("lower.outflow", "lower.h")
     assert "lower.y" == curve.driver
     assert unnamed.share > 0.9
-    assert curve.branches is not None
     assert abs(curve.branches.gap) < 0.05 * float(np.ptp(curve.value))
     (lost,) = curve.lost
     assert "outlet-exponent" == lost.candidate.name
     assert lost.nats > 100.0
-
-
-@pytest.mark.prove
-def test_the_whole_answer(thin: Path) -> None:
-    """Text and machine form are those of settled plants."""
-    recording = flapping(thin, 2)
-    found = analyse(recording, *tanks())
-    assert "unnamed" == found.verdict
-    assert "It depends on lower.y." in found.headline
-    assert found.next.startswith("Look at what ")
-    assert "lower.y" in found.next
-    at = max((at for at in found.locations if at.shape), key=lambda at: at.share)
-    assert at.shape is not None
-    # What is held back lessens what flows out, which a balance has more of.
-    sign = -1.0 if at.place == "outflow" else 1.0
-    turn = float(at.shape.at[np.argmax(sign * at.shape.value)])
-    assert abs(turn - (TRUE["lower.g"] * NEAR + TRUE["lower.y0"])) < 0.3
-    assert (False, "no") == (at.shape.monotone, at.shape.memory)
-    (told,) = [f for f in mismatch_form(found, "plant.yaml")["locations"] if "shape" in f]
-    assert {"shape", "memory", "beaten"} <= set(told)
-    assert told["beaten"]

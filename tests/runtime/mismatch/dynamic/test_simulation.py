@@ -1,5 +1,4 @@
-"""Simulated tanks: exact slopes, what arrives later, rims between samples, ends of what a model and
-a sensor can say; and fits with them, in which the truth lies within its uncertainty."""
+"""Simulated tanks: exact slopes, delays, rims, ends of what a sensor says; and fits with them."""
 
 from __future__ import annotations
 
@@ -38,7 +37,6 @@ FORGOTTEN = 150
 
 @functools.cache
 def plain() -> SimulationProblem:
-    """The plain plant."""
     return bench(made())
 
 
@@ -50,7 +48,6 @@ def shown(tau: float | None = None, **moved: float) -> Array:
 
 @pytest.mark.parametrize(("samples", "off"), [(0, 0.02), (5, 0.01), (25, 0.01)])
 def test_a_dead_time_shifts(samples: int, off: float) -> None:
-    """The level is the same, only later, but for what a sample resolves."""
     late, first = shown(samples * STEP), FORGOTTEN if samples else 0
     error = late[first + samples :] - shown()[first : len(late) - samples]
     assert np.abs(error).max() < off * np.std(shown())
@@ -93,8 +90,7 @@ def test_a_rim_is_seen_within_a_sample(sharpness: float) -> None:
 
 
 def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
-    """Noise remains, and the truth lies within its uncertainty. What only a prior tells is as
-    uncertain as that: all levels of an unmeasured tank could be larger."""
+    """What only a prior says stays uncertain: an unmeasured tank's levels could be larger."""
     place = bench(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM))
     ends, plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
     assert plain.noise["lower.y"].spread > 5 * NOISE
@@ -131,7 +127,6 @@ def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize("least", [0.0, -0.4])
 def test_a_sensor_shows_what_the_recording_proves(least: float) -> None:
-    """A range that begins at zero ends there, unless readings below zero were recorded."""
     recording = made(200)
     y = recording.values["lower.y"]
     own = bench(changed(recording, {"lower.y": y - y.min() + least}) if least else recording)
