@@ -1,8 +1,6 @@
 """For tests of the truth of tanks: a plant of three tanks, its true parameters with units,
 its volumes, and instruments without errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

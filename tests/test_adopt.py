@@ -1,7 +1,5 @@
 """What a mismatch found, taken over into a plant folder that is used like any other."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Effects built into module types: where they join, what stands where, what the plan gives."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import shutil

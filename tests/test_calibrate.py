@@ -1,7 +1,5 @@
 """Calibration finds the parameters of the independent truth, and says when it cannot."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from pathlib import Path

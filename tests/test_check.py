@@ -1,7 +1,5 @@
 """`rulec check`: what a recording is good for, what is doubted, and what programs are told."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The unit and the container file of docs/deploy: what they start exists and is taken."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import tomllib

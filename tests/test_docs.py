@@ -3,8 +3,6 @@
 A block with a `title` is a file that the reader writes; it is written where the page has it.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import doctest

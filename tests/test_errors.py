@@ -1,7 +1,5 @@
 """Every diagnostic code has a failing example, whose whole text is compared."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

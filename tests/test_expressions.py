@@ -1,7 +1,5 @@
 """Hostile and malformed equations, names and files end in a message; nothing is evaluated."""
 
-from __future__ import annotations
-
 import builtins
 import json
 import os

@@ -1,7 +1,5 @@
 """`diagnose` of a pump by its sheet: what nobody would believe is not told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Golden rulesets: a refactor leaves them byte-identical. Re-made only by `make golden`."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

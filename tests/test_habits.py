@@ -1,7 +1,5 @@
 """Habits of the command line: version, help, completion, standard output, quiet, progress."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

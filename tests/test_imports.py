@@ -1,7 +1,5 @@
 """Who may import whom, by folder, and what the commands load."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess

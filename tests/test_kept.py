@@ -1,7 +1,5 @@
 """Compiled plants are kept, in a private folder, as long as their sources stay what they are."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import threading

@@ -3,8 +3,6 @@
 Names of kb/ are looked for in identifiers and in strings, whole words; not in docstrings.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import re

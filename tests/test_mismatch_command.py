@@ -1,7 +1,5 @@
 """The command `rulec mismatch`: arguments, files, refusals. The analysis itself is replaced."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What is refused on the command line: exit code, a message that helps on, and nothing written."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pages as a site: built strictly, and nothing of it comes from elsewhere."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`rulec study`: the same figures on any number of processes, and counts that add up."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

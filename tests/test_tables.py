@@ -1,7 +1,5 @@
 """Characteristics by points: what the plan, its derivatives and the simulation make of them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What makes cases of the proof harder: form errors, noise with a memory, drifts, few states."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

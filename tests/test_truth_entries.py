@@ -1,7 +1,5 @@
 """Entries of the catalogue explain what the independent truth does: their laws, written twice."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from dataclasses import replace

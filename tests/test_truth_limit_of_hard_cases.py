@@ -1,7 +1,5 @@
 """What can be seen at best of hard cases: random form errors, coloured noise, drifts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A seed draws the same recording in every version: what is added to the suite changes no case."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The independent truth of stationary plants: its numbers, its network, its cases and their key."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The truth simulator of tanks obeys its physics, and is independent of what it tests."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

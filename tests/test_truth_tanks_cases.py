@@ -1,7 +1,5 @@
 """Cases of the truth of tanks: effects act, columns fit the plant, nothing depends on luck."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import math

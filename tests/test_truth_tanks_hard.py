@@ -1,7 +1,5 @@
 """Hard cases of tanks: form errors, noise with a memory, drifts, any start, few set values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

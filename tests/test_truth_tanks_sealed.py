@@ -1,7 +1,5 @@
 """Sealed cases of tanks: nothing told beforehand, the limit of what can be seen, the best refit."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import pickle

@@ -1,7 +1,5 @@
 """Mistakes of wiring and files: what stands in the columns, and what a perfect analysis says."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files that tests write, plants and recordings, and what a command writes."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Mapping

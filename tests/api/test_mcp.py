@@ -1,7 +1,5 @@
 """Agents ask, by the SDK's own client in memory; nothing is written, nothing outside is read."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

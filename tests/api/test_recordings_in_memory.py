@@ -1,7 +1,5 @@
 """Recordings in memory say what their files say, and are refused as files are."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

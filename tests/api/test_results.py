@@ -1,7 +1,5 @@
 """Results: frozen, the machine form of the command, tables, stories, errors."""
 
-from __future__ import annotations
-
 import functools
 import json
 import os

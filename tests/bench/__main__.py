@@ -4,8 +4,6 @@ Every peer runs in a process of its own, after ours in the same process: ratios 
 time, warm, on one core. `--only` takes some of them; `--json -` prints all.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

@@ -5,8 +5,6 @@ not failed: only results that differ fail a benchmark. `python -m tests.bench.go
 a key as JSON.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 `make goals` shows all of it. Here only the benchmarks run that have a figure on a page.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

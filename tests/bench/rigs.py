@@ -1,7 +1,5 @@
 """Large plants to compile, as plant.yaml text."""
 
-from __future__ import annotations
-
 TYPES = ("dosing-pcp", "dosing-pcp", "dosing-pcp", "dosing-membrane", "dosing-centrifugal")
 FLOWS = (519.0, 519.0, 519.0, 345.0, 530.0)
 LOSS = 0.3  # bar, of all mixers of a chain together: more than that a centrifugal pump cannot lift

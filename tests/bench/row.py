@@ -1,7 +1,5 @@
 """A row of the table: ours beside a peer's, and what is the same in both."""
 
-from __future__ import annotations
-
 import gc
 import statistics
 import time

@@ -1,7 +1,5 @@
 """Compile time and memory of large plants."""
 
-from __future__ import annotations
-
 import math
 import os
 import resource

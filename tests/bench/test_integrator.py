@@ -1,7 +1,5 @@
 """Integrating two tanks over a recording of 1024 samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import rulec_runtime.simulation.kernel as kernel

@@ -7,8 +7,6 @@ that, for which they load sympy. `study` and `adopt` build theirs before any rec
 looked at until then. Others do nothing else, and are measured to their end.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A maker's points become a module type; what is no sheet is refused with a reason."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A characteristic learnt from operation: near the truth, with a band that says so, or refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

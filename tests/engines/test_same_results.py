@@ -1,7 +1,5 @@
 """A study and a proof give the same, to the byte, on this machine and on dask."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator

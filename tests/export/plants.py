@@ -1,7 +1,5 @@
 """Compiled plants with their code, once for all tests."""
 
-from __future__ import annotations
-
 import functools
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Exported C and structured text: compiled or parsed without a warning, and equal to the plan."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Modules apart and a central part apart give the findings of the whole."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@
 measurements, stale ones first. `measure`: run the commands again, rewrite ledger and pages.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

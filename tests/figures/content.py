@@ -1,7 +1,5 @@
 """Is a figure older than what it depends on? Told by content, so it needs no history."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import hashlib

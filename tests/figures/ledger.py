@@ -1,7 +1,5 @@
 """docs/figures.yaml as values, and what is wrong with it."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping

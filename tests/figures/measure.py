@@ -1,7 +1,5 @@
 """Figures measured again: a command run, and what it gives written into ledger and pages."""
 
-from __future__ import annotations
-
 import datetime
 import json
 import re

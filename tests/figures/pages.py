@@ -1,7 +1,5 @@
 """Where pages print figures, and the numbers on them that nobody answers for."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

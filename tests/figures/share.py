@@ -1,7 +1,5 @@
 """A share that was counted."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

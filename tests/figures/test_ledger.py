@@ -1,7 +1,5 @@
 """What pages print is what the ledger says, and what it says was measured."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 """A fleet of a few plants, and what the models of many leave out: what is told, whatever is wrong
 with a recording, and that nothing is lost, or done twice."""
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """What grows over the days of a plant, below its threshold on each of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A hostile input: files in a folder, and a command that is run there."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

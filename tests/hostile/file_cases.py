@@ -1,7 +1,5 @@
 """Hostile files in all places where one is read, paths that lead elsewhere, hostile arguments."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

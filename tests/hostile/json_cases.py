@@ -1,7 +1,5 @@
 """Hostile rulesets, and hostile results of a mismatch."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Iterator

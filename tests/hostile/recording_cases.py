@@ -1,7 +1,5 @@
 """Hostile recordings."""
 
-from __future__ import annotations
-
 import gzip
 from collections.abc import Iterator
 

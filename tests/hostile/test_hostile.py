@@ -1,7 +1,5 @@
 """No input hangs, crashes, steers the terminal or writes outside its folder."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import io

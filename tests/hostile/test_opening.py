@@ -1,8 +1,6 @@
 """One module opens what somebody gave, and decides what may be opened; one writes: whole files or
 none, under a name that nobody can foresee."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import errno

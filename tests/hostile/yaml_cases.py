@@ -1,7 +1,5 @@
 """Hostile knowledge and plant files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 from tests.hostile.case import Case

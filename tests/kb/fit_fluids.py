@@ -4,8 +4,6 @@ Done once; the knowledge base holds the rounded result, and CoolProp is never ne
 The largest relative deviation over the range is made small (Lawson's reweighted least squares).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A case with `known_gap` says what the tool cannot do today; the test fails once 
 counted and printed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ That an effect is off at its null, with starts in the range and known slots, is 
 knowledge base says.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import random

@@ -1,7 +1,5 @@
 """Fluids and friction of kb/ against CoolProp, `fluids`, and Walther's equation written anew."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

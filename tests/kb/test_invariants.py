@@ -3,8 +3,6 @@
 A new module type gets all of this for free: it only needs a plant below.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset

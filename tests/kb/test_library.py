@@ -1,7 +1,5 @@
 """Types of the library: laws against their sources, faults told apart."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path

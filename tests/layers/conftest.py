@@ -1,7 +1,5 @@
 """A plant with knowledge of its own, and a package with more, as a maker would ship it."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Skeletons and schemas."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Knowledge of one's own beside the shipped one."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

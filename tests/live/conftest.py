@@ -1,7 +1,5 @@
 """A ruleset in a file, and a disk that is soon full."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

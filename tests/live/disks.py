@@ -1,7 +1,5 @@
 """A small disk, and a way to fill it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Iterator

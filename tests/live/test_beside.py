@@ -1,7 +1,5 @@
 """Plants in parts: what moves alone is judged, and looks that go on beside the rows."""
 
-from __future__ import annotations
-
 import functools
 import os
 import signal

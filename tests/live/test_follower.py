@@ -1,7 +1,5 @@
 """Rows in, events out: the same mathematics as of a whole recording, in bounded memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Clocks that jump, forward or back, both at once: nothing waits for the time that was skipped."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`watch` as a process: killed at any moment, it tells everything, and nothing twice."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

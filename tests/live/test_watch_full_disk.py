@@ -1,7 +1,5 @@
 """A disk that is full or can be read alone: the watch goes on, and owes nothing afterwards."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """Where a watch tells what it finds, as a process: journal, broker, OPC UA server, page."""
 
-from __future__ import annotations
-
 import re
 import signal
 from contextlib import closing

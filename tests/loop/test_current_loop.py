@@ -1,7 +1,5 @@
 """A pump whose flow meter is a current loop, made by hand: independent of the compiler."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Readings of the independent truth, as inputs of a ruleset; plants of this folder, compiled."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """How far apart faults are, and whether the advised sensors keep what is promised."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

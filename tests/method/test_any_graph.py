@@ -1,7 +1,5 @@
 """Residuals of any directed graph: they are right, complete, and each stands once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from types import SimpleNamespace
 from typing import Any, cast

@@ -4,8 +4,6 @@ The simulator here is independent of the compiler: it finds the flow by bisectio
 faults in where they act (head curve, power, flow through the impeller).
 """
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 

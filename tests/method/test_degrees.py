@@ -1,7 +1,5 @@
 """Degrees from noise-free readings of the simulator (method.md, section 3, claims 5 to 8)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What `downstream(name)` sums, graph by graph."""
 
-from __future__ import annotations
-
 import pytest
 
 from rulec.algebra.continuity import FlowGraph

@@ -1,7 +1,5 @@
 """Readings at which observers end (method.md, section 1.9, claim 19)."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Mapping

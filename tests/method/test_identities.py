@@ -1,7 +1,5 @@
 """Residual identities, rank, and silence of a healthy plant (method.md, claims 1 and 2)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array

@@ -1,7 +1,5 @@
 """Isolation, false alarms and bounds with the noise of Table 1 (method.md, claims 10, 15, 16)."""
 
-from __future__ import annotations
-
 import functools
 from collections import defaultdict
 

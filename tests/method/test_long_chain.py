@@ -1,7 +1,5 @@
 """In a long plant flows are compared with those nearby; that says the same as sums of all flows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

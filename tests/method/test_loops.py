@@ -1,7 +1,5 @@
 """Splits, parallel mixers, recirculation, modules without observer, against an own solver."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from typing import Any

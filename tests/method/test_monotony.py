@@ -1,7 +1,5 @@
 """Degrees grow with the fault (method.md, claim 20)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rulec_runtime.diagnosis.steady.isolate import isolate

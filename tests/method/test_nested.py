@@ -1,7 +1,5 @@
 """Nested signatures, and what a minimum over non-zero residuals makes of them (claim 14)."""
 
-from __future__ import annotations
-
 import pytest
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper

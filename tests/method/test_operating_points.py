@@ -1,7 +1,5 @@
 """What several operating points, several faults and several blocks give (method.md, section 6)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Signs of the fault-symptom matrix: Figure 4 of the seed paper, other plants, and the simulator
 (method.md, section 2, claims 3, 4 and 18)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Slopes, visibility and thresholds (method.md, sections 1 and 2, claim 9)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

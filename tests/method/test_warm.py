@@ -3,8 +3,6 @@
 Nothing here is taken from the compiler or from kb/fluids: the parameters stand by hand.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

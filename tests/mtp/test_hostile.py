@@ -1,7 +1,5 @@
 """Files that an attacker, or a broken tool, may hand over."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import random

@@ -1,7 +1,5 @@
 """What an import finds, concludes, writes and tells."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

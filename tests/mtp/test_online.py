@@ -1,7 +1,5 @@
 """Units and ranges that a file leaves to the controller, read from a server on loopback."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

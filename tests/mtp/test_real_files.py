@@ -1,7 +1,5 @@
 """Files of real makers, which are not part of the project; a plain walk counts what is there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Out of MTPPy, which writes a manifest from a module in Python, and in again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

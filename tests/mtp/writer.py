@@ -1,7 +1,5 @@
 """A small writer of Module Type Packages, and the example that ships with plant dosing-line."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr

@@ -1,7 +1,5 @@
 """A run made by hand, with everything that may come out of one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rulec.prove.results import Claim, Heldout, Judged, Run

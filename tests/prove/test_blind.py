@@ -1,7 +1,5 @@
 """A blind test of somebody's own recording: told first what shows, with how often and what else."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

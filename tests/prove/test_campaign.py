@@ -1,7 +1,5 @@
 """A run of the proof as a user starts it: sealed, resumed after a kill, told."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

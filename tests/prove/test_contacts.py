@@ -1,7 +1,5 @@
 """First contacts: what is drawn, and how answers are counted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A run that is interrupted leaves no process and goes on; a folder of other things is refused."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

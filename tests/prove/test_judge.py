@@ -1,7 +1,5 @@
 """An answer held against what was planted: names, places and what is left open."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

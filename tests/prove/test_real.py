@@ -1,7 +1,5 @@
 """Real recordings in a plain form: what is wrong with a folder, what is shown, how it is scored."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

@@ -1,7 +1,5 @@
 """A second round: further recordings of the same true plant, and what is told of them."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

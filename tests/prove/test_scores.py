@@ -1,7 +1,5 @@
 """Scores, mistakes, page and terminal of runs made by hand."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

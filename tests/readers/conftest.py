@@ -1,7 +1,5 @@
 """The example as shipped, and its plant with a column map."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """Every format gives the same recording as a CSV file; of damaged and hostile files a message with
 place and remedy, nothing executed, nothing opened."""
 
-from __future__ import annotations
-
 import gc
 import io
 import pickle

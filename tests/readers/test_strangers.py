@@ -1,8 +1,6 @@
 """Files as historians, SCADA systems, test benches and spreadsheets write them: the same recording
 in each form, or a refusal that names the key of the column map; never something else in silence."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """CSV files and workbooks as loggers and historians write them."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import sys

@@ -1,7 +1,5 @@
 """The same recording, written by the programs that write such files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Commands as a user types them, and a plant that is commissioned by them."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from pathlib import Path

@@ -5,8 +5,6 @@ one row a minute, in the order of the source. Water rows have neither density no
 follow from the inlet temperature. The pump's plain law is calibrated on water.
 """
 
-from __future__ import annotations
-
 import csv
 import gzip
 from collections.abc import Callable, Mapping

@@ -6,8 +6,6 @@ judges them in two processes of this machine, then again on a cluster of dask wi
 which one is killed on the way.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

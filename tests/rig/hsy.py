@@ -1,7 +1,5 @@
 """Samples of the waste-water station that are settled, as JSON: `python -m tests.rig.hsy`."""
 
-from __future__ import annotations
-
 import json
 
 from tests.conftest import recordings_folder

@@ -8,8 +8,6 @@ controller holds it.
 Times are CPU seconds of the whole command without its start, for twenty files.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import itertools

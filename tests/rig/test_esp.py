@@ -1,7 +1,5 @@
 """Pump curves of the test loop: a table of points calibrates the plain law on water."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

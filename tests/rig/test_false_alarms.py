@@ -1,7 +1,5 @@
 """What was told wrongly of a real recording once is not told as certain again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

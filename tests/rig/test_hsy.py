@@ -4,8 +4,6 @@ There are no labels. What can be shown: degrees change where something happens t
 it runs, a stop).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import diagnose

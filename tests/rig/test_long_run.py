@@ -1,7 +1,5 @@
 """What the bench of the long run is itself sure of."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

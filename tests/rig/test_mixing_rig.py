@@ -1,7 +1,5 @@
 """The measuring of the rig: figures of a small run, and that the counting itself is right."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Peers on a table whose residual is known: the learners predict it, the sparse ones name it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

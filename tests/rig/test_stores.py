@@ -3,8 +3,6 @@
 The whole search takes minutes (`rulec mismatch`); here the explanations it found are fitted anew.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from rulec_runtime.recordings.recording import read_recording
 

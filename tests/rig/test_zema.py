@@ -1,7 +1,5 @@
 """The ZeMA rig: commissioning on some blocks, diagnosis of the others, against the labels."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil

@@ -6,8 +6,6 @@ such block) and score; no method reads them otherwise.
 ``python -m tests.rig.zema`` prints the figures as JSON.
 """
 
-from __future__ import annotations
-
 import csv
 import gzip
 import json

@@ -1,7 +1,5 @@
 """Fixtures of the runtime's tests."""
 
-from __future__ import annotations
-
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 

@@ -4,8 +4,6 @@ Floats, arrays, `uncertainties` and GTC numbers all pass: nothing but + - * / **
 are differentiated by hand. Shares nothing with the compiler; SI throughout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

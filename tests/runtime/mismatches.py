@@ -1,7 +1,5 @@
 """Comparisons as they may come out, one of each verdict, made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A page of every kind, small and quickly made, with the verdict that it must have as heading."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

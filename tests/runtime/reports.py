@@ -1,7 +1,5 @@
 """Recordings judged for a report, and what stands in the page."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import re

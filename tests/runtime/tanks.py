@@ -1,7 +1,5 @@
 """Recordings of plants that store, made with their own balances and true parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 

@@ -1,7 +1,5 @@
 """`rulec diagnose` on what goes wrong in plants: a message or "cannot judge", never an alarm."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import gzip

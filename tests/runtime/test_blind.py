@@ -1,7 +1,5 @@
 """What cannot be seen because readings are not there is told, and nothing else is."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The course of a degree: faults that grow, or come and go; what is learned before they begin."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Diagnosis of plants that store, on recordings made with their own balances."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """How often faults come, and errors that no module lists: what is named first, and what beside."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Recordings that go through memory in pieces give what they give as a whole."""
 
-from __future__ import annotations
-
 import gzip
 from collections.abc import Callable
 from copy import copy

@@ -1,7 +1,5 @@
 """Numbers that decide: each stands once, with its meaning and its origin."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

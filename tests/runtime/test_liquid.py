@@ -1,7 +1,5 @@
 """A liquid that gets cold: one cause in all modules at once, told as such and not as clogging."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

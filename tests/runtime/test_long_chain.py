@@ -1,7 +1,5 @@
 """Plants in which hundreds of estimates check each other."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from dataclasses import replace

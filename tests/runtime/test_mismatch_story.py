@@ -1,7 +1,5 @@
 """A comparison on the terminal, as JSON and as a page: content, order, texts, absent numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json

@@ -1,7 +1,5 @@
 """Parts of pages and reports: axes, thinned curves, the sketch of a plant, truth, courses."""
 
-from __future__ import annotations
-
 import dataclasses
 import xml.etree.ElementTree as ET
 from pathlib import Path

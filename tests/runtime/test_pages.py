@@ -1,7 +1,5 @@
 """All pages in a real browser: on a telephone, a screen and paper, by day and night."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The interpreter of plans, the graph that makes them, and rulesets as files."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

@@ -1,7 +1,5 @@
 """The reader of recordings: whatever a logger writes, the same numbers or a clear message."""
 
-from __future__ import annotations
-
 import dataclasses
 import gzip
 import re

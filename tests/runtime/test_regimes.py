@@ -1,7 +1,5 @@
 """Reverse flow, a pump against a closed way, a pump that runs dry."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The report: self-contained, safe, small, and every number in it computed from the data."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sensors that fail are told before physics; what is in mended readings is judged all the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

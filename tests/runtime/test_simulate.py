@@ -1,7 +1,5 @@
 """Readings simulated from a ruleset alone, against the independent truth and against themselves."""
 
-from __future__ import annotations
-
 import functools
 import shutil
 from pathlib import Path

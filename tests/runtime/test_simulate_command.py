@@ -1,7 +1,5 @@
 """`rulec simulate`: predicted recordings as files, against the independent truth and real ones."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import json

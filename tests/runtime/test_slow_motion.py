@@ -1,7 +1,5 @@
 """Slow motion is evidence, with an error that grows with the rate; noise of a mean."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

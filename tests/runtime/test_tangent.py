@@ -1,7 +1,5 @@
 """Exact derivatives of plans: against finite differences, the compiler's own, and in corners."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy

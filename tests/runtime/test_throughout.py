@@ -1,7 +1,5 @@
 """A fault that is there from the first sample, and too small for any one operating point."""
 
-from __future__ import annotations
-
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 

@@ -1,7 +1,5 @@
 """Several recordings read as one; tables of operating points, told from recordings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

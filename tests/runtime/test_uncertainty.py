@@ -1,7 +1,5 @@
 """Uncertainties of residuals and degrees against propagation by hand, and Monte Carlo."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Mapping

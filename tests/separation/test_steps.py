@@ -1,7 +1,5 @@
 """From a finding with alternatives to the step that tells them apart, which keeps all limits."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ their numbers, rows of a file, faults that were planted. `all_bad` counts traceb
 steer a terminal. Network and disk need root; all parts take more than an hour.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """A disk that is full for a while: nothing lost, nothing twice."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The watch stands still, as in a container that is frozen, and goes on."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`kill -9` of the watch at random moments, beside a logger that writes on."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections import Counter

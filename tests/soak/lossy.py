@@ -5,8 +5,6 @@ lines on its standard input: ``loss 0.3``, ``silent``. Needs root and /dev/net/t
 `tc netem`, which kernels without the module `sch_netem` do not have.
 """
 
-from __future__ import annotations
-
 import ctypes
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Mutated rows through the whole watch: it goes on, and nothing steers a terminal."""
 
-from __future__ import annotations
-
 import os
 import pty
 import random

@@ -1,7 +1,5 @@
 """A network that loses packets, and one that falls silent with both ends still connected."""
 
-from __future__ import annotations
-
 import random
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Events against what was planted, and against those of a watch that nobody disturbed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing

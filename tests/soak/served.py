@@ -4,8 +4,6 @@ Row k of the course is due at its start plus k steps, whoever serves it: a serve
 goes on where the plant is by now. Prints "up" when it can be reached.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

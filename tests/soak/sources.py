@@ -1,7 +1,5 @@
 """The source killed and started again, while the watch runs on."""
 
-from __future__ import annotations
-
 import random
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The soak command on a few rows: what it counts is there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.soak import mutated, score

@@ -1,7 +1,5 @@
 """`rulec watch` as a process that is started, killed, interrupted."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Small plants that store, written for a test, and an independent solution of two tanks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Physics that a plant left out in what it stores, taken over: it predicts as the analysis did."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

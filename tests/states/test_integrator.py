@@ -1,7 +1,5 @@
 """The integrator: values against LSODA, derivatives against differences, limits, operations."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from pathlib import Path

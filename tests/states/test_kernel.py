@@ -1,7 +1,5 @@
 """Machine code of tapes: to the last bit what the interpreter gives."""
 
-from __future__ import annotations
-
 import functools
 import mmap
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Plants that store: what the compiler says of them, and `rulec simulate`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

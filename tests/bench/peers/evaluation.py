@@ -1,7 +1,5 @@
 """Beside sympy's lambdify: the plan of a plant, all residuals and degrees with uncertainties."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

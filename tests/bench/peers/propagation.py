@@ -3,8 +3,6 @@
 Equations stand by hand in `tests/runtime/equations.py`; nothing of the compiler is in them.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Beside a rule engine that takes sample by sample: `rule-engine`, whose rules are text."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

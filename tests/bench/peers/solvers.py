@@ -4,8 +4,6 @@ Their rates are equations and derivatives by hand, compiled by numba. The voltag
 sample to sample, so every solver starts anew at each sample, as it has to where inputs jump.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

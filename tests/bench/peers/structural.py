@@ -8,8 +8,6 @@ Source: Frisk, Krysander, Jung: A toolbox for analysis and design of model based
 for large scale models, IFAC 2017; `faultdiagnosistoolbox` on PyPI.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path

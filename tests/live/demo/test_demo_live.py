@@ -1,7 +1,5 @@
 """`rulec demo --live`: servers, watch, journal, on a short recording."""
 
-from __future__ import annotations
-
 import re
 from importlib.util import find_spec
 

@@ -1,7 +1,5 @@
 """Databases of our own: a file, and a schema in a PostgreSQL server."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4

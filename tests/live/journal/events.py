@@ -1,7 +1,5 @@
 """Events as a watcher tells them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Inside the process of the tests its orderly shutdown can wait for a client for ever.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import socket

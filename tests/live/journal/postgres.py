@@ -1,7 +1,5 @@
 """A PostgreSQL server of our own, in a folder of its own, that can be stopped and started."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """`rulec journal`: what people and scripts get."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Device health as a client sees it, and that it can change nothing."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
 from collections.abc import Awaitable, Callable, Iterator

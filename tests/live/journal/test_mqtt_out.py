@@ -1,7 +1,5 @@
 """Events and status at a real broker; TLS to one that nobody vouches for."""
 
-from __future__ import annotations
-
 import ipaddress
 import json
 from collections.abc import Iterator

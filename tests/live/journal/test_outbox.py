@@ -1,7 +1,5 @@
 """Events and acknowledgements for a sink that is gone: nothing lost, nothing twice, told once."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager

@@ -1,7 +1,5 @@
 """What is committed is there, once, with the state that belongs to it; so in a file of lines."""
 
-from __future__ import annotations
-
 import math
 import sqlite3
 from collections.abc import Iterator

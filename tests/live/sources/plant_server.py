@@ -1,7 +1,5 @@
 """An OPC UA server on loopback, in a thread of its own, that can be killed and started again."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import socket

@@ -1,7 +1,5 @@
 """Files that grow, are rotated, cut and left by a process that was killed; their heads."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """Maps: what is wrong with one is told with its line and a remedy; secrets stay secret."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MQTT against a broker on loopback that is stopped and started again."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -1,7 +1,5 @@
 """OPC UA against a server on loopback that is killed, changed, odd and wrong."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

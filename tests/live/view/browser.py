@@ -1,7 +1,5 @@
 """A headless Chromium, spoken to over two pipes: no driver, no port, no package."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

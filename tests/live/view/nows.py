@@ -1,7 +1,5 @@
 """Moments of a plant, made of diagnoses of the shipped examples; one full of hostile texts."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import fields, is_dataclass, replace
 from typing import Any

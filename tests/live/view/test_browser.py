@@ -1,8 +1,6 @@
 """The page in a real browser: by day and night, on a screen and a telephone, with and without
 scripts, and while the server dies and comes back."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

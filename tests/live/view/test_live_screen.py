@@ -1,8 +1,6 @@
 """The terminal beside the plant: its picture, kept up to date, ended by a key, steered by no text;
 lines where nobody watches."""
 
-from __future__ import annotations
-
 import io
 import os
 import pty

@@ -1,7 +1,5 @@
 """The page: what it shows, whom it lets in, and that no text of the plant becomes markup."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import html.parser

@@ -3,8 +3,6 @@
 Run ``python -m tests.rig.exported`` for the figures, as JSON.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run exported C: compiled with every warning an error, called for many points at once."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 """What slopes by the degrees lose against equations: simulated faults of plant `abc`, judged as a
 whole and by results of modules that hold no readings."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

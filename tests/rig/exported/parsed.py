@@ -1,7 +1,5 @@
 """Run exported structured text: parsed by the grammar of blark, its tree evaluated."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

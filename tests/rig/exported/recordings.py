@@ -1,7 +1,5 @@
 """Shipped and real recordings of settled plants, each with the plant that judges it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the plan says at the inputs of a routine, and random inputs with all that can go wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

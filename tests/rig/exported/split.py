@@ -1,7 +1,5 @@
 """Modules apart, central part apart: are the findings those of the whole?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

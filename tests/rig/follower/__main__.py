@@ -1,7 +1,5 @@
 """How fast rows are followed, in processor time, as JSON: `python -m tests.rig.follower`."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -1,7 +1,5 @@
 """What a watch told when its source ended, beside the diagnosis of the whole recording."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Plants with 200 readings, and recordings of them in which faults come and go."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass

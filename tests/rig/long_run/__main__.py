@@ -1,7 +1,5 @@
 """The long run, measured, as JSON: `python -m tests.rig.long_run [rows|courses|pairs|year...]`."""
 
-from __future__ import annotations
-
 import argparse
 import json
 

@@ -1,7 +1,5 @@
 """Sixty drawn courses of a degree: is the last one told, and when it will reach more?"""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is right, as data, and what an answer lacks of it, in words."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Drawn pairs of a fault and a sensor problem or an odd way to run the plant."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the truth's laws leave out: pumps that stand or run dry, a liquid that gets cold."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rigs as they are compiled and as they truly are; recordings of them; the tool asked of one."""
 
-from __future__ import annotations
-
 import functools
 import json
 import tempfile

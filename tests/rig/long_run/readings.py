@@ -1,7 +1,5 @@
 """What goes wrong with columns of a recording; each function returns new columns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ten rows: each makes recordings of both rigs and says what is right."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import product

@@ -4,8 +4,6 @@ The liquid is warm in summer and cold in winter, sensors drift inside their clas
 with every shift.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

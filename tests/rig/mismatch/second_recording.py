@@ -4,8 +4,6 @@
 several explanations open, and of how many of those the second one names the truth.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -1,7 +1,5 @@
 """Measure and print JSON: `python -m tests.rig.mixing_rig [EXPERIMENT...] [--quick]`."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

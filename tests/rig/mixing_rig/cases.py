@@ -1,7 +1,5 @@
 """What is recorded: every experiment as a list of tasks, their seeds fixed in advance."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A calibrated ruleset for every replicate: recorded, calibrated and compiled as a maker does."""
 
-from __future__ import annotations
-
 import functools
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tasks to answers: record, diagnose, and say in plain data what was answered."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor

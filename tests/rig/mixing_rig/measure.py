@@ -1,7 +1,5 @@
 """From answers to figures, as the plain data that the commands print."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 

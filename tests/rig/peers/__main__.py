@@ -3,8 +3,6 @@
 RIGS is a folder of rigs, KEPT what `rulec prove --real RIGS --keep KEPT` left.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """A rig as peers see it: the recalibrated prediction, its residual in training, and the inputs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

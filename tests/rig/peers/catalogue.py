@@ -4,8 +4,6 @@ Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016), the thresh
 cross-validation over blocks of time; none is chosen where that predicts best.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """All peers on a rig: errors on unseen rows, and what those that name say."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ standardised and within their range in training. Each corrects nothing where tha
 blocks of the training recording.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 

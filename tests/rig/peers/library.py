@@ -5,8 +5,6 @@ usual size, all else held; effects with shapes have several. Those that the read
 apart are one column with several causes, as they are one class in our own answer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

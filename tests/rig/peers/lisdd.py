@@ -11,8 +11,6 @@ Source: Wang 2026, Where Is My Physics Wrong? (arXiv 2606.23215), abstract; Benj
 Hochberg 1995.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

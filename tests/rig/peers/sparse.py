@@ -5,8 +5,6 @@ Thresholds are chosen by cross-validation over blocks in time.
 Source: Brunton, Proctor, Kutz 2016, with sequentially thresholded least squares.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager

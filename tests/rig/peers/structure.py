@@ -9,8 +9,6 @@ Source: Frisk, Krysander, Jung: A toolbox for analysis and design of model based
 for large scale models, IFAC 2017; `faultdiagnosistoolbox` on PyPI.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from typing import Any
 

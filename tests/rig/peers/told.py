@@ -4,8 +4,6 @@ Errors: root mean square of the reading that counts on rows that were never show
 null does not apply.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

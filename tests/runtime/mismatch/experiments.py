@@ -1,7 +1,5 @@
 """An experiment made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

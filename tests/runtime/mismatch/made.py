@@ -4,8 +4,6 @@ The readings are those at which all estimates of an amended plant balance. They 
 plans as the analysis, so these recordings test the analysis, not the equations.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 import io

@@ -1,7 +1,5 @@
 """The chain: compare, adopt, compile, simulate. The adopted plant is as good as was promised."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Recordings that ship with the project are by the independent truth in rulec/prove/truth; the
 others are made from the plant's own equations with a candidate built in."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil

@@ -1,7 +1,5 @@
 """What the independent truth conceals and the search once took for something else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import comb
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Errors of form: each law has its own size, and none explains the noise of a reading."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -7,8 +7,6 @@ Source: Skilling 2006 (nested sampling); Speagle 2020 (dynesty); Petrosyan and H
 prior leaves the evidence as it is).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

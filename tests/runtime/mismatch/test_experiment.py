@@ -1,7 +1,5 @@
 """Set points that tell explanations apart: what is predicted of them, and within which limits."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Refits: true values come back, priors hold, and a few bad points do not bend a model."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import replace

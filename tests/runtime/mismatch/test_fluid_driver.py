@@ -1,7 +1,5 @@
 """A property of the plant's fluid drives a law where only the fluid's temperature is read."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import shutil

@@ -1,7 +1,5 @@
 """Where a mismatch sits, in which region and when; a driver that nobody recorded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

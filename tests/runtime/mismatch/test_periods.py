@@ -1,7 +1,5 @@
 """Faults that come and go, and faults that grow: courses of a degree, levels, onset and rate."""
 
-from __future__ import annotations
-
 import functools
 import json
 from itertools import combinations

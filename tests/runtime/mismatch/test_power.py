@@ -1,7 +1,5 @@
 """Replays of a recording by the plant's own model, and how often they tell what they hold."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

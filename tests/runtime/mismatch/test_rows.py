@@ -1,7 +1,5 @@
 """Settled points, what they serve for, and residuals as rows; every row is counted once."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What has no name is told with its shape, and with memory; never beside a law that it holds."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from types import SimpleNamespace

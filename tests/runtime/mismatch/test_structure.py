@@ -1,7 +1,5 @@
 """Columns that are not what their header says or of another clock, and pipes that lie elsewhere."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

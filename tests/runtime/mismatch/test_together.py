@@ -1,7 +1,5 @@
 """Several recordings in one analysis: own zeros, own clocks, own held-out parts, what changed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

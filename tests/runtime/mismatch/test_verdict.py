@@ -1,7 +1,5 @@
 """The answer in one word and one sentence, for every kind of finding."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Benches for tests: recordings that the compiled model made, with noise and something left out."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 

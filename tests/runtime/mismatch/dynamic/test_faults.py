@@ -1,7 +1,5 @@
 """Faults of a plant that stores: each from some time on."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """A recording as the analysis of a plant that stores reads it; failing sensors; what errors say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a search finds in tanks, how sure it is that nothing is missing, and what has no name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """What has no name in a plant that stores: its shape, where the catalogue lacks the right entry."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulated tanks: exact slopes, delays, rims, ends of what a sensor says; and fits with them."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 
