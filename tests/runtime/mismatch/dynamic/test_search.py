@@ -57,21 +57,21 @@ def test_a_law_is_found_although_its_special_case_fits() -> None:
 
 @pytest.mark.prove
 @pytest.mark.parametrize(
-    ("built", "more", "value", "off"),
+    ("built", "named", "more", "value", "off"),
     [
         # Recalibrated tanks that look slow are far from the plant as it is stated.
-        ("pump.lag-flow@pump", {"tau": 120.0}, "tau", 5.0),
+        ("pump.lag-flow@pump", "lag-flow", {"tau": 120.0}, "tau", 5.0),
         # A pump that follows no further at all has a strength at the end of its range.
-        ("pump.pump-saturation@u", {"c": 1.0, "s": 3.5}, "s", 0.05),
+        ("pump.pump-saturation@u", "pump.pump-saturation@u", {"c": 1.0, "s": 3.5}, "s", 0.05),
     ],
 )
 def test_what_recalibration_makes_up_for_is_named(
-    built: str, more: dict[str, float], value: str, off: float
+    built: str, named: str, more: dict[str, float], value: str, off: float
 ) -> None:
     own = {f"{built}.{name}": number for name, number in more.items()}
     found = search(bench(made(joined=(built,), more=own)), lambda text: None)
     (name,) = found.best.ids
-    assert built.partition("@")[0] in name
+    assert named in name
     assert abs(found.best.values[f"{name}.{value}"] - more[value]) < off
 
 
