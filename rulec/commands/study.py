@@ -22,7 +22,7 @@ from rulec.commands.arguments import Plant, folder_of
 from rulec.engines.engine import chosen
 from rulec.passes.compile_cache import open_plant
 from rulec.simulation.equations import equations_of
-from rulec.simulation.prediction import SensorErrors
+from rulec.simulation.sensing import SensorErrors
 from rulec.study.campaign import (
     Group,
     Settings,

@@ -14,7 +14,8 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import SimulationRefused, equations_of
 from rulec.simulation.predict_settled import predict_settled
-from rulec.simulation.prediction import Injected, Prediction, SensorErrors, sense, within_range
+from rulec.simulation.prediction import Injected, Prediction, within_range
+from rulec.simulation.sensing import SensorErrors, sense
 
 SHOWN = 5
 

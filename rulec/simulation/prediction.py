@@ -1,8 +1,4 @@
-"""The prediction of a model for a recording, with the errors of its sensors, and as a file.
-
-The systematic error of a sensor is one draw per recording from a normal distribution with the
-standard uncertainty of its class; the statistical error is new in every sample.
-"""
+"""The prediction of a model for a recording, and as a file."""
 
 from __future__ import annotations
 
@@ -15,12 +11,10 @@ from typing import TextIO
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.limits import COVERAGE, STATISTICAL_SHARE
 from rulec_runtime.output.csv_cell import as_meant, defused, row_of
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.recording_file import RecordingFile, form_of
-from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.simulation.equations import SimulationRefused
 
@@ -164,45 +158,3 @@ def cells(values: Array, comma: bool = False) -> list[str]:
     """Numbers as text for a file."""
     shown = ["" if isnan(v) else f"{v:.{DIGITS}g}" for v in values.tolist()]
     return [cell.replace(".", ",") for cell in shown] if comma else shown
-
-
-@dataclass(frozen=True)
-class SensorErrors:
-    """Size of sensor errors.
-
-    `statistical` is their standard deviation as a share of the systematic standard uncertainty.
-    `bounded` keeps systematic errors inside the bounds of their sensor class; the normal
-    distribution leaves 5 % outside.
-    """
-
-    statistical: float = STATISTICAL_SHARE
-    bounded: bool = False
-
-
-def sense(
-    ruleset: Ruleset,
-    values: Mapping[str, Array],
-    errors: SensorErrors,
-    random: np.random.Generator,
-    gains: Mapping[str, Array] | None = None,
-) -> dict[str, Array]:
-    """Readings of one recording by signal id, shape (n,), SI. Equal generators give equal readings.
-
-    Parameters
-    ----------
-    values : an array per signal id, shape (n,), SI, as a perfect sensor would show it.
-    gains : factors by which faults in sensors scale readings, shape (n,); they scale the errors of
-        the sensors too, as in the seed paper, which multiplies the reading.
-    """
-    readings = {}
-    for signal in ruleset.signals:
-        if signal.id not in values:
-            continue
-        true = values[signal.id]
-        shared = float(random.standard_normal())
-        while errors.bounded and abs(shared) > COVERAGE:
-            shared = float(random.standard_normal())
-        own = errors.statistical * random.standard_normal(len(true))
-        gain = (gains or {}).get(signal.id, 1.0)
-        readings[signal.id] = true + gain * systematic_u(signal, true) * (shared + own)
-    return readings

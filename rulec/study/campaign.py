@@ -23,7 +23,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.engines.call import LOCAL, Call, Engine
 from rulec.engines.engine import in_order
 from rulec.simulation.equations import Equations, equations_of
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import Simulated, simulate_with
 from rulec.study.points import Points
 

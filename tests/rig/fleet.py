@@ -30,7 +30,7 @@ from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT
 

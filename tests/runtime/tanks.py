@@ -10,7 +10,7 @@ from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_sta
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.passes.pipeline import compile_plant
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from tests.conftest import ROOT
 from tests.runtime.sheets import sampled
 

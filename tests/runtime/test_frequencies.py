@@ -30,7 +30,7 @@ from rulec.export.value_names import listed_undo
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import TABLE_1, operating_points, record
 from rulec.simulation.equations import equations_of
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.campaign import campaign
 from tests.conftest import ROOT, compiled

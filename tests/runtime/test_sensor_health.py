@@ -12,8 +12,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
+from rulec_runtime.recordings.clock_set_back import in_order
 from rulec_runtime.recordings.reading_unit import parse_unit
-from rulec_runtime.recordings.recording import Recording, in_order
+from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, standing_still
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import kept_of

@@ -1,9 +1,4 @@
-"""A recording: readings over time, in SI, with remarks on their flaws; rows in order of time.
-
-Rows that a program wrote out of order are sorted. A clock that was set back, as at the end of
-summer time without a zone, repeats times: sorting would mix rows from before and after. There the
-order of rows stays, and later times are shifted.
-"""
+"""A recording: readings over time, in SI, with remarks on their flaws."""
 
 from __future__ import annotations
 
@@ -22,8 +17,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.columns import interval_of, runs_of_same
+from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
+from rulec_runtime.recordings.columns import interval_of
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign, parts_of
 from rulec_runtime.recordings.larger_than_memory import (
@@ -36,60 +31,6 @@ from rulec_runtime.recordings.larger_than_memory import (
 )
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
-
-
-@dataclass(frozen=True)
-class ClockSet:
-    """At a time of the recording, s, the clock was set back by `seconds`, or stood for `rows`."""
-
-    time: float
-    seconds: float
-    rows: int = 0
-
-
-@dataclass(frozen=True)
-class Ordered:
-    """Rows in order of time.
-
-    `order` are the rows, None if unchanged; `time` are their times, s, which never decrease; `sets`
-    are changes of the clock; `sorted`: the rows were out of order.
-    """
-
-    order: NDArray[np.intp] | None
-    time: Array
-    sets: tuple[ClockSet, ...]
-    sorted: bool
-
-
-def in_order(time: Array) -> Ordered:
-    """Put rows in order; each has a time."""
-    back = np.flatnonzero(time[1:] < time[:-1]) + 1
-    same, _ = runs_of_same(time, limits.CLOCK_STOOD)
-    stood = tuple(ClockSet(float(time[a]), 0.0, b - a) for a, b in same)
-    if not len(back):
-        return Ordered(None, time, stood, False)
-    runs = list(pairwise([0, *back.tolist(), len(time)]))
-    many = len(time) < limits.ROWS_PER_STEP_BACK * len(back)
-    if many or not any(_set(time, a, b) for a, b in pairwise(runs)):
-        order = np.argsort(time, kind="stable")
-        return Ordered(order, time[order], stood, True)
-    usual = float(np.median(np.diff(time)))
-    moved, sets = time.copy(), []
-    for before, here in pairwise(runs):
-        start, end = time[here[0]], time[before[1] - 1]
-        moved[here[0] : here[1]] += moved[before[1] - 1] + usual - start
-        sets.append(ClockSet(float(moved[here[0]]), float(end + usual - start)))
-    return Ordered(None, moved, (*stood, *sets), False)
-
-
-def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
-    """Whether the clock was set between two ordered runs of rows."""
-    first, second = time[slice(*before)], time[slice(*here)]
-    if second[-1] < first[0]:
-        return bool(first[0] - second[-1] > limits.CLOCK_LOST * (np.ptp(first) + np.ptp(second)))
-    twice = min(int((first >= second[0]).sum()), int((second <= first[-1]).sum()))
-    return twice >= limits.WRITTEN_TWICE
-
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
 

@@ -8,7 +8,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.simulation.equations import equations_of
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.bench.row import Row, median
 from tests.conftest import compiled

@@ -13,7 +13,7 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.equations import equations_of
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT
 

@@ -30,7 +30,7 @@ from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.inference.prove import series_csv
 from rulec.mismatch.result import Mismatch
-from rulec.simulation.prediction import SensorErrors, sense
+from rulec.simulation.sensing import SensorErrors, sense
 from tests.conftest import ROOT
 from tests.runtime.sheets import sampled
 

@@ -25,15 +25,8 @@ from rulec_runtime.live.journal.event_records import (
     record_of,
 )
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
-from rulec_runtime.live.journal.tables import (
-    ACKNOWLEDGED,
-    EVENTS,
-    STATES,
-    Watcher,
-    checked,
-    clock,
-    insert,
-)
+from rulec_runtime.live.journal.tables import ACKNOWLEDGED, EVENTS, STATES, checked, clock, insert
+from rulec_runtime.live.journal.watcher import Watcher
 
 
 @dataclass(frozen=True)
