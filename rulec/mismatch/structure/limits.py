@@ -44,9 +44,7 @@ STRUCTURE_REFITTED = 5
 
 STRAINED = 100.0
 """How far the refit of the plain model must move parameters, as a negative log prior, nats, before
-connections are doubted without gross comparisons. Origin: measured by `python -m
-tests.rig.mismatch.connections` (clean plants: 17 at most).
-"""
+connections are doubted without gross comparisons. Origin: numerical (clean plants: 17 at most)."""
 
 MOST_REWIRINGS = 40
 """Most other connections that are tried, those at the largest contradictions first. Origin:
