@@ -40,9 +40,6 @@ SAME_PATTERN = 0.99
 """Cosine of the errors of two places above which no residual distinguishes them. Origin:
 assumed."""
 
-COURSE_KNOTS = 48
-"""Knots of an error over a recording. Origin: assumed."""
-
 # Terms without a name.
 
 FEATURE_VARIES = 5.0

@@ -75,13 +75,13 @@ def explain(
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, judged)
     model = model_of(bench, best, judged)
-    nameless: tuple[Location, ...] = ()
+    places: tuple[Location, ...] = ()
     if found.nameless:
         tell("drawing what has no name")
         unnamed = likeliest_curve(found)
         if unnamed is not None:
-            nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
-    told = explanation(recording, model, found, accepted, nameless, dropped)
+            places = (location_of_curve(model, unnamed.curve, unnamed.share),)
+    told = explanation(recording, model, found, accepted, places, dropped)
     return told if dropped else replace(told, curves=curves_of(found))
 
 
@@ -90,7 +90,7 @@ def explanation(
     model: StoresModel,
     found: Found,
     accepted: tuple[Accepted, ...] = (),
-    nameless: tuple[Location, ...] = (),
+    places: tuple[Location, ...] = (),
     dropped: tuple[str, ...] = (),
 ) -> Explanation:
     """The result of a search; unrecorded drivers are not sought, but reported as places."""
@@ -103,14 +103,13 @@ def explanation(
         model=model,
         accepted=accepted,
         failing=(*failing(recording, ruleset), *impossible(recording, ruleset)),
-        places=nameless,
+        places=places,
         hidden=None,
         posterior=found.posterior,
         noise="noise from third differences of the readings; errors of the repaired model are "
         f"correlated ({correlated}) and count once per correlation time",
         untimed="files, each with a clock of its own,",
         found=found,
-        nameless=nameless,
         dropped=dropped,
         believed=model.fitted.values,
         nothing=1.0 if dropped else found.posterior.unseen,
@@ -121,13 +120,11 @@ def explanation(
 class Explanation(Explained[Fitted]):
     """An explanation by simulation errors.
 
-    `nameless` are places where the model is still wrong, `dropped` titles of explanations that
-    held-out blocks rejected.
+    `dropped` are titles of explanations that held-out blocks rejected.
     """
 
     model: StoresModel
     found: Found
-    nameless: tuple[Location, ...]
     dropped: tuple[str, ...]
 
     @property
@@ -224,7 +221,7 @@ class Explanation(Explained[Fitted]):
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """What held-out blocks rejected, what is hidden and what remains; what was left out."""
-        before = [*self._rejected(), *self._hiding(), *self._remaining()]
+        before = [*self._rejected(), *self._hiding()]
         behind = [
             f"{count} single readings of {name} are left out: neither neighbour supports them"
             for name, count in self._bench.record.glitches.items()
@@ -264,15 +261,6 @@ class Explanation(Explained[Fitted]):
             for a in hidden
         )
         return [f"these show up only together (gain in log likelihood): {'; '.join(gains)}"]
-
-    def _remaining(self) -> list[str]:
-        if not self.nameless or not (self.accepted or self.failing):
-            return []
-        place = self.nameless[0]
-        return [
-            f"what is left is not noise: an error of {place.module}.{place.place} in time would "
-            f"explain {100 * place.share:.0f} % of it; no further entry of the catalogue does"
-        ]
 
 
 def prove(bench: SimulationProblem, plain: Fitted, best: Fitted, judged: Judged) -> list[Proof]:

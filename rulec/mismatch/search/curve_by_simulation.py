@@ -17,8 +17,7 @@ from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, inverse_of
-from rulec.mismatch.evidence.stores.model import response
-from rulec.mismatch.evidence.stores.noise import score_covariance
+from rulec.mismatch.evidence.stores.noise import hats, score_covariance
 from rulec.mismatch.evidence.term import basis_over, ways_there
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import (
@@ -106,8 +105,8 @@ def _means(drawn: FittedCurve) -> Array:
     much better are reported.
     """
     height = float(np.std(drawn.form.table @ drawn.amounts))
-    bench, (table, known) = drawn.fitter.bench, drawn.rows
-    found = response(bench, drawn.fitted, drawn.place.spot, common.COURSE_KNOTS)
+    table, known = drawn.rows
+    found = _response(drawn)
     if found is None or not height > 0.0:
         return np.zeros((0, 3))
     moved, shapes, size = found
@@ -126,6 +125,35 @@ def _means(drawn: FittedCurve) -> Array:
     u = np.sqrt(np.einsum("ij,jk,ik->i", ways, inverse, ways))
     determined = u**2 < 0.5 * height**2
     return np.asarray(np.stack([mean @ course, ways @ off, u], axis=1)[determined])
+
+
+def _response(drawn: FittedCurve) -> tuple[Array, list[Array], float] | None:
+    """Effects of unit errors at the place of a curve on all readings, stacked, with the shapes of
+    the errors and the unit, SI; None where there is no effect.
+
+    A constant unit error moves readings by their scatter.
+    """
+    bench, fitted, spot = drawn.fitter.bench, drawn.fitted, drawn.place.spot
+
+    def shown(course: Array) -> Array:
+        inputs = {**fitted.inputs, spot.unknown: course}
+        return bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,)).stacked
+
+    scatter = max(float(np.nanstd(v)) for v in bench.record.measured.values())
+    zero = np.zeros(len(bench.time))
+    try:
+        plain = shown(zero)
+        size = 1e-6 * spot.factor
+        moved = float(np.nanmax(np.abs(shown(zero + size) - plain)))
+        if moved <= 1e-12 * scatter:
+            return None
+        size *= scatter / moved
+        shapes = hats(bench.time, limits.COURSE_KNOTS)
+        step = 0.02 * size
+        columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
+    except RanAway:
+        return None
+    return np.column_stack(columns), shapes, size
 
 
 def _branches(drawn: FittedCurve) -> Branches | None:

@@ -353,21 +353,26 @@ class StoresEvidence(Evidence):
             best = [way for kind in kinds if (way := nearest(self.bench, kind)) is not None]
             # Kinds often agree on the best one.
             ways = {tuple(way.values.items()): way for way in best}.values()
-            near = [self._tried(names, way, limits.EVALUATIONS_OF_EACH, fits=1) for way in ways]
+            near = [self._tried(names, way, limits.EVALUATIONS_OF_EACH, 1) for way in ways]
             tried += [max(near, key=promise)] if near else []
         # Larger sets have improved more by now, so both kinds are kept apart.
         few, more = ([t for t in tried if (len(t[1]) > 1) is pair] for pair in (False, True))
         for kind, most in ((few, common.SETS_REFITTED), (more, common.SETS_REFITTED // 2)):
             half = sorted(kind, key=promise, reverse=True)[: max(most, len(kind) // 2)]
-            ends = [max(t, self._tried(*t[1:]), key=promise) for t in half]
+            ends = [max(one, self._tried(*one[1:]), key=promise) for one in half]
             for _, names, way in sorted(ends, key=promise, reverse=True)[:most]:
                 yield names, way
 
     def _tried(
-        self, names: Names, way: Configuration, *count: int, **fits: int
+        self,
+        names: Names,
+        way: Configuration,
+        evaluations: int = limits.EVALUATIONS,
+        fits: int = limits.FITS_FROM_AFAR,
     ) -> tuple[float, Names, Configuration]:
+        """Least squares from a setting: how promising its end is, and the end."""
         try:
-            there = from_afar(self.bench, way, *count, **fits)
+            there = from_afar(self.bench, way, evaluations, fits)
         except np.linalg.LinAlgError:
             return -np.inf, names, way
         return self.promise(there), names, there

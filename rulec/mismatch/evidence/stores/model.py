@@ -8,46 +8,14 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.simulation.balances import RanAway
 
-from rulec.effects.candidate import Candidate, DisturbanceLocation
+from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.errors_of_form import changes
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
-from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate, Period
-
-
-def response(
-    bench: SimulationProblem, fitted: Fitted, spot: DisturbanceLocation, knots: int
-) -> tuple[Array, list[Array], float] | None:
-    """Effects of unit errors at a place on all readings, stacked, with the shapes of the errors and
-    the unit, SI; None where there is no effect.
-
-    A constant unit error moves readings by their scatter.
-    """
-
-    def shown(course: Array) -> Array:
-        inputs = {**fitted.inputs, spot.unknown: course}
-        return bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,)).stacked
-
-    scatter = max(float(np.nanstd(v)) for v in bench.record.measured.values())
-    zero = np.zeros(len(bench.time))
-    try:
-        plain = shown(zero)
-        size = 1e-6 * spot.factor
-        moved = float(np.nanmax(np.abs(shown(zero + size) - plain)))
-        if moved <= 1e-12 * scatter:
-            return None
-        size *= scatter / moved
-        shapes = hats(bench.time, knots)
-        step = 0.02 * size
-        columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
-    except RanAway:
-        return None
-    return np.column_stack(columns), shapes, size
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,10 +82,11 @@ def ways_to_join(
     new = {c.candidate.id: c.candidate for c, _ in proposals[0].starts}.values()
     fixed = {c.id: references(setting, c) for c in new}
     shapes = itertools.product(*(starts(setting, c) for c in new))
-    signs = {
+    # Each once, in an order that every process has.
+    signs = dict.fromkeys(
         tuple((c.amplitude, np.sign(v - (c.amplitude.null or 0.0))) for c, v in one.starts)
         for one in proposals
-    }
+    )
     usually = []
     for each in itertools.islice(shapes, limits.SHAPES):
         for ahead in signs:
