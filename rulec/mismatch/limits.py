@@ -63,10 +63,6 @@ PROVEN = 1.0
 """Log likelihood that named explanations must gain on held-out blocks, or may lose if no reading
 there is off by more than noise, as when a step lies outside these blocks. Origin: assumed."""
 
-HIDES = 0.5
-"""Share of its gain beside the others below which an explanation counts as hidden when alone.
-Origin: assumed."""
-
 PREDICTORS_TRIED = 5
 """Readings per finding from which the one that shows it best is chosen. Origin: assumed."""
 

@@ -221,7 +221,7 @@ class Explanation(Explained[Fitted]):
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """What held-out blocks rejected, what is hidden and what remains; what was left out."""
-        before = [*self._rejected(), *self._hiding()]
+        before = self._rejected()
         behind = [
             f"{count} single readings of {name} are left out: neither neighbour supports them"
             for name, count in self._bench.record.glitches.items()
@@ -247,20 +247,6 @@ class Explanation(Explained[Fitted]):
             f"{listed(self.dropped)} fitted the other blocks but gained nothing on the held-out "
             "ones, so rulec does not name it; here the held-out blocks took part in the search"
         ]
-
-    def _hiding(self) -> list[str]:
-        alone = self.found.alone
-        hidden = [
-            a for a in self.accepted if alone.get(a.candidate.id, 0.0) < limits.HIDES * a.gain
-        ]
-        if len(self.accepted) < 2 or not hidden:
-            return []
-        gains = (
-            f"{a.candidate.title.lower()} in {a.candidate.module} gains "
-            f"{alone.get(a.candidate.id, 0.0):.0f} alone and {a.gain:.0f} beside the others"
-            for a in hidden
-        )
-        return [f"these show up only together (gain in log likelihood): {'; '.join(gains)}"]
 
 
 def prove(bench: SimulationProblem, plain: Fitted, best: Fitted, judged: Judged) -> list[Proof]:
