@@ -55,7 +55,7 @@ BESIDE = {
     "runtime/rulec_runtime/live/journal/mqtt_out.py": "a file that was looked into",
     "runtime/rulec_runtime/live/sources/mqtt.py": "files that were found to be regular",
     "runtime/rulec_runtime/commands/frame.py": "the null device",
-    "runtime/rulec_runtime/live/journal/tables.py": "what the system says of itself",
+    "runtime/rulec_runtime/live/journal/watcher.py": "what the system says of itself",
     "runtime/rulec_runtime/live/view/live_screen.py": "the terminal",
     "runtime/rulec_runtime/output/append_file.py": "to append; it looks for itself",
     "runtime/rulec_runtime/output/private_folder.py": "the user's own folder; it looks for itself",
