@@ -9,8 +9,6 @@ Functions are loaded when they are first asked for, so that `import rulec` costs
 Reading order of the compiler: `passes/pipeline.py` names the passes; each is a file of that name.
 """
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from types import ModuleType

@@ -4,8 +4,6 @@ This is the one place where compiler and runtime meet. Commands are imported whe
 the runtime verbs must start without sympy.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections.abc import Sequence

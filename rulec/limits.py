@@ -1,7 +1,5 @@
 """Numbers that decide what the compiler and what stands on it find, each with its origin."""
 
-from __future__ import annotations
-
 UNSURE = 3
 """Exit code of `mismatch` where something is or may be missing, and the recording does not tell
 what. Origin: assumed, as `--fail-on` of `watch` has it."""

@@ -1,7 +1,5 @@
 """Derivatives of expressions that share most of their parts: each part is differentiated once."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import sympy

@@ -1,7 +1,5 @@
 """Linear relations among flows: elimination (Gauss), and which signed sums are independent."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Mapping
 from fractions import Fraction

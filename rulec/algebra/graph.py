@@ -1,7 +1,5 @@
 """Builds a plan node by node; equal nodes are shared, and constants are folded."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 

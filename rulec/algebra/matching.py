@@ -1,7 +1,5 @@
 """Which equations determine which unknowns: matchings of a bipartite graph."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A sympy expression as a list of steps, made once and replayed for every instance."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Mapping
 from typing import Any

@@ -4,8 +4,6 @@ Source: forward-mode differentiation (Wengert 1964). At corners the compiler's c
 abs has slope 0, min and max half the slope of each side, sign has slope 0 everywhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a fault-free recording to the parameters of a plant: the steps in order."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A calibration for the terminal, and as data in the form of its file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Numbers that decide in calibration. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 COVERAGE = 2.0
 """Half of a calibrated range, in standard uncertainties of the sensor, at least. Origin: standard
 (GUM, coverage factor of 95 %)."""

@@ -8,8 +8,6 @@ Each error is one column: how far the flow would move, at every point, if one se
 parameter of the equation were one standard uncertainty off (GUM, 5.1: first order).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Arguments of the functions: plants and recordings, by path or in memory."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mistakes and doubts in knowledge files and plant files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A column map for a recording, proposed from its content."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """`rulec compile`: from the files of a plant to its ruleset."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from dataclasses import dataclass

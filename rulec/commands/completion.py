@@ -1,7 +1,5 @@
 """`rulec completion`: a script that makes a shell complete commands, options and file names."""
 
-from __future__ import annotations
-
 import argparse
 
 from argcomplete.shell_integration import shellcode

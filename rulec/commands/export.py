@@ -1,7 +1,5 @@
 """`rulec export`: write the observers of a plant's modules as code for their controllers."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`rulec import curve`: the law of a module type fitted to the points of a maker's sheet."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`rulec import mtp`: skeletons of module types, and a map for `rulec watch`, from MTP files."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path

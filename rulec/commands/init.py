@@ -1,7 +1,5 @@
 """`rulec init`: commented skeletons of a plant, a module type, a fault, an effect, a package."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

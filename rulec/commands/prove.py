@@ -1,7 +1,5 @@
 """`rulec prove`: the suite of concealed effects, in a process of its own."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 import subprocess

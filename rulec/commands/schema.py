@@ -1,7 +1,5 @@
 """`rulec schema`: write the schemas of all file kinds, and the line that leads editors to them."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

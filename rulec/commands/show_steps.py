@@ -1,7 +1,5 @@
 """The result of each compiler pass in readable equations, and effects matched to places."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The result of `rulec.study`: for the terminal, as a page, and as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar

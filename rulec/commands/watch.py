@@ -1,7 +1,5 @@
 """`rulec watch`: judge a plant while it runs, with a ruleset or a plant compiled on the way."""
 
-from __future__ import annotations
-
 import argparse
 
 from rulec_runtime.commands.watch import run as watch

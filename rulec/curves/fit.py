@@ -1,7 +1,5 @@
 """A module type's laws fitted to the points of a sheet, and how well they hold."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """A fitted law or a learnt curve as a module type: the file of the old type with new values."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Mapping

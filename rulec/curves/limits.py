@@ -1,7 +1,5 @@
 """Numbers that decide in fits of curves. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 MOST_SHEET_POINTS = 2000
 """Points that a sheet may have; what has more is a recording. Origin: assumed, a hundred times a
 printed table."""

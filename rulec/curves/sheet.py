@@ -2,8 +2,6 @@
 
 Titles of columns and tolerances of acceptance grades come from `words.yaml`."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence

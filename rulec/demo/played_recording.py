@@ -1,7 +1,5 @@
 """The played recording: the shipped fault-free one repeated, with simulated faults."""
 
-from __future__ import annotations
-
 import csv
 import io
 import socket

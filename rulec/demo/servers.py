@@ -6,8 +6,6 @@ Prints one JSON object per line: the endpoints of the servers, the time of the f
 only on loopback.
 """
 
-from __future__ import annotations
-
 import asyncio
 import csv
 import json

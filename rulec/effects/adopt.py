@@ -5,8 +5,6 @@ amendments keep the type, else the first ones do. Each other variant becomes a t
 named after its first module.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

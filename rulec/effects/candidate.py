@@ -3,8 +3,6 @@
 Candidates are data; `model_builder.py` turns a module with some of them built in into a plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

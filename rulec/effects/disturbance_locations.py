@@ -1,7 +1,5 @@
 """Disturbance locations: places where an error with an unknown course may act."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Equations of amended module types, and balances of modules, as text."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 

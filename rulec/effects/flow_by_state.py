@@ -5,8 +5,6 @@ used in the balances of the plant, becomes a law of its inflow or outflow, as in
 The observer keeps the equation that holds once the state has settled at its start value. Readings
 of other modules become sums over modules downstream."""
 
-from __future__ import annotations
-
 import ast
 import itertools
 from collections.abc import Iterable, Iterator, Mapping

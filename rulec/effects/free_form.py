@@ -1,8 +1,6 @@
 """Nonparametric terms at a place: a sum of products of readings, or a piecewise linear curve over
 one reading, with knots at its quantiles or at given values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

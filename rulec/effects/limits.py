@@ -1,7 +1,5 @@
 """Numbers that decide what effects join and how they are written. Origins: `rulec/limits.py`."""
 
-from __future__ import annotations
-
 CURVE_POINT = 60
 """Characters of an equation for each point of a curve, beside the name of its driver. Origin:
 numerical; two numbers with eight digits and an exponent."""

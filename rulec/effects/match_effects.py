@@ -5,8 +5,6 @@ of a slope. The result is data for the analysis; each candidate comes with the c
 type that it represents.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

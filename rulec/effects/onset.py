@@ -4,8 +4,6 @@ In a plant with states, calibration covers a deviation that exists from the begi
 begins later, so onset and degree are searched for together.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 from dataclasses import replace

@@ -4,8 +4,6 @@ The equation alone characterises a place: its dimension, its readings, the obser
 it, and its slopes at the reference point of the plant.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field

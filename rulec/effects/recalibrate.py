@@ -1,7 +1,5 @@
 """The values of a repaired plant as a calibration file, which replaces the old ones."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

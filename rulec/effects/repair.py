@@ -1,7 +1,5 @@
 """The repair of a plant, read from the JSON file of `rulec mismatch`."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import os

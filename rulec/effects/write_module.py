@@ -1,7 +1,5 @@
 """Write an amended module type as YAML: its author's file with the changes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from itertools import takewhile

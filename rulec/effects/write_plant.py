@@ -2,8 +2,6 @@
 
 It is written to a temporary folder, checked, then moved into place."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Pieces of work, and the choice of an engine."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

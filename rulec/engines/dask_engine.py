@@ -1,7 +1,5 @@
 """Work on a cluster of dask.distributed: an existing one, or one on this machine."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Do work in processes of this machine, or on a cluster of dask.distributed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NoReturn, TypeVar

@@ -1,7 +1,5 @@
 """Work in processes of this machine."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Print the code of a module as C99: a header and a file of plain functions on structs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 

@@ -4,8 +4,6 @@ The IEC standard ignores case and forbids double and trailing underscores, and n
 reads more than 32 characters. C accepts all these names except its own words.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

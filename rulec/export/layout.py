@@ -1,7 +1,5 @@
 """Lines and numbers of printed code."""
 
-from __future__ import annotations
-
 import textwrap
 
 WIDTH = 99

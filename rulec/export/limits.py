@@ -1,7 +1,5 @@
 """Numbers that decide in exported code. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 LONGEST_IDENTIFIER = 32
 """Characters of a name in exported code. Origin: assumed; common controllers read so many."""
 

@@ -1,7 +1,5 @@
 """All code of a plant: two routines for each module that estimates a flow, and their wiring."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from dataclasses import replace

@@ -4,8 +4,6 @@ They serve to check a controller when a module is put into service, and to try a
 there is a controller.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 

@@ -1,7 +1,5 @@
 """Print the code of a module as IEC 61131-3 structured text: a function block for each routine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 
 from rulec.export.layout import LEVELS, PLAIN_SIGNS, WIDTH, broken, literal, wrapped

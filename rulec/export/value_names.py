@@ -6,8 +6,6 @@ the equation has a name, the plan has a number. Modules know only listed faults:
 room for more slopes.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterable, Iterator, Mapping
 from math import isclose

@@ -5,8 +5,6 @@ exponentials are limited to where these are defined, and divisors are kept away 
 traps, and the conditions of an output say whether it agrees with the plan.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 

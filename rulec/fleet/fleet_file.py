@@ -1,7 +1,5 @@
 """Read and check the file of a fleet, and compile its plants, each ruleset once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import date

@@ -1,7 +1,5 @@
 """The plant-days of a fleet: files below folders that name plant and day."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The plants of a fleet, the worst first; and their page: the verdict, then a row per plant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A plant-day is done if its file exists. The name of the file holds the key of th
 work is not done twice, and other work (a new ruleset, a changed recording) replaces it.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path

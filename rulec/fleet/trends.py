@@ -4,8 +4,6 @@ The days of a plant are judged as one recording: a fault that stays below its th
 thirty days is reported if all days together show that it grows.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

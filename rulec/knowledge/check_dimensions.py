@@ -1,7 +1,5 @@
 """Check the dimensions and comparisons in all equations of a module type."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Check an effect: names, parameters, and laws that can be switched off."""
 
-from __future__ import annotations
-
 import math
 import random
 import re

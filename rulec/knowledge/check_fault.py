@@ -1,7 +1,5 @@
 """Check a fault: its law must use only g and x, change nothing at degree 0, and be solvable."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

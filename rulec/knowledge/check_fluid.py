@@ -1,7 +1,5 @@
 """Check a fluid: its equations use T, have the right dimensions, and give positive values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import sqrt

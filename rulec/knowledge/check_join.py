@@ -1,7 +1,5 @@
 """Check the joins of an effect: the places it joins, and the law they then have."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,8 +1,6 @@
 """Pass 2a, check knowledge: documents to checked module types, faults, effects, sensors and
 fluids, in SI."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Iterator, Mapping
 

@@ -5,8 +5,6 @@ terms. The rules of differentiation are applied here to counts of terms only, so
 that would become too long is refused before anything is built.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Check a module type: names, signals, parameters, equations, residuals, faults."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Collection, Mapping

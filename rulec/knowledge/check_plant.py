@@ -1,7 +1,5 @@
 """Pass 2b, check plant: check the plant's documents against the knowledge, convert to SI."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping

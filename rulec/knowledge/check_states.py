@@ -1,7 +1,5 @@
 """Check states (balances, limits, what sensors show of them) and regimes of a module type."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Doubts are not mistakes: a plant that has some still compiles. `rulec check` reports them.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping

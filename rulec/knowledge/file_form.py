@@ -1,7 +1,5 @@
 """The format of recordings, from a plant's column map."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime

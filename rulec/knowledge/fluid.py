@@ -1,7 +1,5 @@
 """The properties of a fluid in a module: closed forms and their errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial

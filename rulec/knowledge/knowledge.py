@@ -1,7 +1,5 @@
 """General knowledge of equipment: the checked content of kb/, in SI."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

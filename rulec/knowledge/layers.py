@@ -12,8 +12,6 @@ All of them apply together. A folder whose units.yaml lists the unit "1" is a wh
 as written by `rulec adopt`: the layers after it are left out.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """Numbers that decide what knowledge may say. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 # Equations
 
 MAX_COUNTED_TERMS = 100_000

@@ -1,7 +1,5 @@
 """Effects of a changed liquid: on a property that equations use, and on laws that do not use it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from rulec.knowledge.effect import PLAIN, EffectLaw, parse_law

@@ -9,8 +9,6 @@ about them, and leaves the others. No prior is ever dropped.
 Source: Lange, Little, Taylor 1989 (the t distribution); JCGM 100 (GUM), 4.3 (prior knowledge).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

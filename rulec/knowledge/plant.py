@@ -1,7 +1,5 @@
 """An engineer's description of a plant, checked, in SI."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

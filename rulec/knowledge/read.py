@@ -1,7 +1,5 @@
 """Pass 1, read: files to documents with the positions of all parts, not yet their meaning."""
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Documents of all layers of knowledge, by kind."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -6,8 +6,6 @@ plan, derivatives, simulation, faults, effects, code for controllers. The deriva
 the mean of those on both sides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise

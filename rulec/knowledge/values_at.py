@@ -1,7 +1,5 @@
 """Values of the equations of a module type at one point."""
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Mistakes in knowledge and plant files, as values with their places."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field

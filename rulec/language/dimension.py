@@ -1,7 +1,5 @@
 """The dimension of an equation as written."""
 
-from __future__ import annotations
-
 import ast
 import functools
 from collections.abc import Mapping

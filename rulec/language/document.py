@@ -4,8 +4,6 @@ Scalars follow the YAML 1.2 core schema (`1e-3` is a number, `no` is text). Dupl
 aliases, tags, numbers too large or too small, and more than one document are refused.
 """
 
-from __future__ import annotations
-
 import codecs
 import functools
 import os

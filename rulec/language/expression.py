@@ -5,8 +5,6 @@ a short list of functions are allowed; all else is refused with its column. symp
 not used, because `E`, `I`, `N` and `beta` are ordinary names here.
 """
 
-from __future__ import annotations
-
 import ast
 import keyword
 import math

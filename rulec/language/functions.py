@@ -8,8 +8,6 @@ within the operations of a plan; sympy's would give Heaviside, DiracDelta and un
 derivatives.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Numbers that decide what a text may be. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 # Reading files
 
 MAX_NESTING = 24

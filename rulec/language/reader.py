@@ -1,7 +1,5 @@
 """Reads the parts of one document, and reports mistakes at their places."""
 
-from __future__ import annotations
-
 import keyword
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace

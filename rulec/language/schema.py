@@ -1,7 +1,5 @@
 """Check a document against the JSON Schema of its kind; each violation becomes a diagnostic."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math

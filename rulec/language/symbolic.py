@@ -1,7 +1,5 @@
 """Checked equations to sympy, and equations solved for a symbol."""
 
-from __future__ import annotations
-
 import ast
 import functools
 from collections.abc import Callable, Mapping

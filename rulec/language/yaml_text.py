@@ -1,7 +1,5 @@
 """How numbers, sums and sentences are written, and plain data as YAML in the style of kb/."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """From a recording to an answer: the steps of the comparison in order, for any evidence."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any

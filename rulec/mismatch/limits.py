@@ -4,8 +4,6 @@ Each states what it means and, last, its origin: a distribution and its quantile
 command that measured it, numerical (it bounds effort or rounding), or assumed.
 """
 
-from __future__ import annotations
-
 # Recordings: settled points, samples, blocks.
 
 FEWEST_POINTS = 12

@@ -3,8 +3,6 @@
 Values are as shown, in their `unit`, times in s; arrays have shape (n,) unless stated otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Import modules from files: what was found, what is odd, and the files to write."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

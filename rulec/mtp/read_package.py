@@ -1,7 +1,5 @@
 """Read the modules that the AutomationML files of one container describe."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Makers write this in three ways: links between ids of nozzles, links between ids
 connectors, and pipes that merely end where a symbol is drawn.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Sources are servers and nodes; attributes of tags are fixed or bound to nodes; s
 procedures (strategies in older files).
 """
 
-from __future__ import annotations
-
 import re
 from base64 import b64decode
 from collections.abc import Iterator, Mapping, Sequence

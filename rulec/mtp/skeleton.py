@@ -1,7 +1,5 @@
 """Write the skeleton of a module type in YAML; what the package does not say is marked TODO."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from rulec_runtime.output.terminal import one_line

@@ -1,7 +1,5 @@
 """Elements of all files of a container by their ids, and their classes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 

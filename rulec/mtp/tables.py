@@ -1,7 +1,5 @@
 """Tables of the standard and of makers' habits, from the YAML files of this folder."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

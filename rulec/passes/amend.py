@@ -6,8 +6,6 @@ which replaces the reading everywhere. The result is a module type like any othe
 for the analysis, written as YAML, and compiled.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace

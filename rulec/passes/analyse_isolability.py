@@ -7,8 +7,6 @@ Other pairs are *close* if a small degree of one is detected, but lies within th
 degree of the other.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

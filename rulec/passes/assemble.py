@@ -6,8 +6,6 @@ of that input. Covariances are then plain sums of products, and two estimates th
 are correlated by construction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache

@@ -4,8 +4,6 @@ With the true degree of the true fault, all estimates agree again. This serves t
 and to fold known faults into the types.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import sympy

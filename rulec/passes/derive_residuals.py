@@ -1,7 +1,5 @@
 """Pass 4, derive residuals: pairs of flow estimates that must agree."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Nothing is written by hand: the derivative of a fault's law at degree 0, times t
 residual by the fault's target, gives size and sign of every cell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ modules measure their loss. A branch that leads back to the split is no way to t
 the only way that does not measure its loss counts as lossless.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import networkx as nx

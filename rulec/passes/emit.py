@@ -1,7 +1,5 @@
 """Pass 12, emit: everything the runtime needs, as data."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Invariants after each pass, checked if `RULEC_CHECKS` is set, as in the tests."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping

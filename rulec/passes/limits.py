@@ -1,7 +1,5 @@
 """Numbers that decide in the compiler. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 ABSURD_FAULT = 4.0
 """Geometric standard deviations above the usual degree of a fault from which on nobody would
 believe it. Origin: distribution (normal, one-sided, 3e-5)."""

@@ -1,8 +1,6 @@
 """Effects of a change of the liquid on a module type: on equations that use the property, and on
 laws that do not use it, which are identified by their form, never by name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A ruleset folds parameter values into constants, from which every real plant dif
 plant is made by lowering the equations again with other values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ A pass is a function of the fields of the record that its parameters name, and r
 field. It changes no other field, except that the rules add outputs to the graph of the assembly.
 """
 
-from __future__ import annotations
-
 import functools
 import gc
 import inspect

@@ -4,8 +4,6 @@ Newton steps of least length, each reading in its own scale, continue until all 
 module give the same flow and the flows balance. Speeds and other inputs stay fixed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The results of the passes for one plant, in one flat record."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

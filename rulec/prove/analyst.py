@@ -3,8 +3,6 @@
 This file imports nothing of the truth, and its processes get paths of folders only.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

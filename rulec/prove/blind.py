@@ -5,8 +5,6 @@ accuracies of its laws: with nothing missing, and with each effect in turn at it
 would `rulec mismatch` report? The answer holds for this plant and this recording only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,8 +5,6 @@ that was killed can be resumed: it makes the answers again and compares their ha
 were sealed. `--keep` names its folder.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import tempfile

@@ -1,7 +1,5 @@
 """Prove the mismatch analysis on concealed effects: `rulec prove`."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import tempfile

@@ -4,8 +4,6 @@ Five figures: reported parameters near the truth, ticks without an error, sound 
 sound, laws of another form named, and names that are certain and wrong.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Interruption of a run: by a signal, or by the end of the process that started it."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """Compares the tool's answer with the sealed one."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping, Sequence

@@ -6,8 +6,6 @@ by judgement). Numbers that only lay out text and pictures are where they are us
 cases are in `partition.py`. The simulator in `truth` has its own numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 PLAIN_GAIN, PLAIN_MARGIN = 100.0, 10.0

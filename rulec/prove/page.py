@@ -1,7 +1,5 @@
 """A run in the terminal and as a page: goals, worst cases, how it was measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rich.console import Console

@@ -1,7 +1,5 @@
 """The cases of a run, planned but not simulated. One seed on one machine gives the same bytes."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A run of the proof as data and as JSON: every judged case, and how the run was made."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping

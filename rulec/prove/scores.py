@@ -1,7 +1,5 @@
 """Scores of judged cases against the goals, each with its count and its 95 % interval."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

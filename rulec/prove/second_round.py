@@ -4,8 +4,6 @@ The plant gets the recipe, or baselines of equal length. The tool's processes ge
 the truth's get the recipe and return recordings. No answer is opened before the last analysis.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta

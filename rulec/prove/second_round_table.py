@@ -2,8 +2,6 @@
 benefit, beside that of baselines of equal length.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Tables of the terminal and of the page, and those of a run: goals, difficulties, worst cases."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """How far, how fast and for how long an operator may change the inputs of a plant."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -7,8 +7,6 @@ the law. Its root is the distance in standard deviations; half of it is the expe
 the Bayes factor between the two.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Numbers that decide which set points separate faults. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 STEP_SECONDS = 60.0
 """Seconds for which a set point is held, with a reading each, where no file of limits asks for
 more. Origin: standard here, the longest stretch that a diagnosis judges as one."""

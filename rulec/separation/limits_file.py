@@ -1,7 +1,5 @@
 """Read a file of limits, and check it against its plant."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

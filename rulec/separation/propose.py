@@ -5,8 +5,6 @@ A *measure* says what separates, so the search knows neither faults nor physics.
 Source: the design that maximises the smallest expected log Bayes factor, after Box and Hill 1967.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

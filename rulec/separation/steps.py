@@ -1,7 +1,5 @@
 """A step for each ambiguous finding: the change of inputs that tells its causes apart."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

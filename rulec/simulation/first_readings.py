@@ -3,8 +3,6 @@
 Source: Gauss-Newton; propagation of uncertainty (GUM, JCGM 100:2008, 5.1.2).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Numbers that decide in simulation. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 NEWTON_CONVERGED = 1e-7
 """Last step, in units of the unknowns' scales. Origin: numerical; Newton squares it, so the result
 is better."""

@@ -6,8 +6,6 @@ found, halves the stride of a system after a failure and doubles it after a succ
 solutions it thus finds the one that the known solution turns into.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Protocol
 

@@ -3,8 +3,6 @@
 The model predicts what its equations determine; everything else stays as recorded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

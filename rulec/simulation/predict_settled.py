@@ -1,7 +1,5 @@
 """Readings at the operating points of a plant that stores nothing, row by row."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

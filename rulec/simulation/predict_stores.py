@@ -5,8 +5,6 @@ that follow from those of the same row are predicted as in plants that store not
 balances if these need them, else after.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The prediction of a model for a recording, and as a file."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

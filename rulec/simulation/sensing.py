@@ -4,8 +4,6 @@ The systematic error of a sensor is one draw per recording from a normal distrib
 standard uncertainty of its class; the statistical error is new in every sample.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

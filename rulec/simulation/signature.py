@@ -1,7 +1,5 @@
 """How faults of a plant that stores change its readings, and which do so alike."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

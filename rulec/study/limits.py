@@ -1,7 +1,5 @@
 """Numbers that decide in studies. Origins as in `rulec/limits.py`."""
 
-from __future__ import annotations
-
 LOWEST_INPUT = 0.6
 """Lower end of the range of an input, in its reference, where no calibration has one. Origin:
 assumed."""

@@ -1,7 +1,5 @@
 """Operating points of a study: inputs spread over the range in which the plant is used."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What each sensor is needed for: faults that cannot be detected, or told apart, without it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The counts of a study in words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.report.text import counted

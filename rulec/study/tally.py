@@ -1,7 +1,5 @@
 """Count the outcomes of a study, pooled over the modules of a type."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

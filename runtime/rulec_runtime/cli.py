@@ -1,7 +1,5 @@
 """The command `rulec-runtime`: what an operator station does with a compiled ruleset."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

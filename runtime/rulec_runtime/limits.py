@@ -5,8 +5,6 @@ command, *numerical* (rounding, convergence: other values give the same answer),
 by judgement). Numbers that only lay out text and pictures stand where they are used.
 """
 
-from __future__ import annotations
-
 # Probabilities and quantiles -------------------------------------------------------------------
 
 COVERAGE = 2.0

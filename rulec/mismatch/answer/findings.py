@@ -1,7 +1,5 @@
 """From numbers to findings: parameters as shown, sentences, alternatives, places."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A comparison as JSON data, and the course of a hidden driver as a table."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import is_dataclass

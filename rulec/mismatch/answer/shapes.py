@@ -1,7 +1,5 @@
 """Terms without a name over their driver: their shape, in words, with memory and rivals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The answer as a story: its parts in order, alike on the terminal and on the page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

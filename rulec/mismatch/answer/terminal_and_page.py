@@ -1,7 +1,5 @@
 """The story on the terminal and as a page, which also has pictures."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

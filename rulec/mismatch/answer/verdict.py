@@ -1,7 +1,5 @@
 """The answer: the verdict in one word, one sentence, and the next step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Single values, periods, regions and curves in words and characters; the verdict as a symbol."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ plants that are written, compiled and simulated as by `rulec simulate`: of the s
 recalibrated and the repaired plant alike.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -7,8 +7,6 @@ random columns, which are integrated out. The slopes are those of operating poin
 points, and those of a simulation in plants that store; the search need not know which.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

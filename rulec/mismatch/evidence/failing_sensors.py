@@ -5,8 +5,6 @@ part in any comparison of estimates. Many of them must not go unreported, so eve
 examined, whether an equation reads it or not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every number that decides in the evidence for and against a model, with its origin."""
 
-from __future__ import annotations
-
 # Recordings: settled points, samples, blocks.
 
 BLOCK_POINTS = 4

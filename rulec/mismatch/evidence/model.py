@@ -1,7 +1,5 @@
 """The interface between answers and a fitted model of any plant."""
 
-from __future__ import annotations
-
 import hashlib
 from abc import ABC, abstractmethod
 from collections import Counter

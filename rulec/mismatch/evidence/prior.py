@@ -1,7 +1,5 @@
 """The prior of the values of a model: parameters, errors of sensors, unknowns of effects."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 

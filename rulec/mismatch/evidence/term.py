@@ -1,7 +1,5 @@
 """Terms without a name: a place that follows a driver by any smooth function, or that switches."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

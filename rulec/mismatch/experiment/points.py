@@ -1,7 +1,5 @@
 """Feasible operating points: within what was recorded or allowed, when, and at what cost."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product

@@ -1,7 +1,5 @@
 """An experiment as a recipe: the same table and words on the terminal and on a page."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest

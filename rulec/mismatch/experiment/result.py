@@ -1,8 +1,6 @@
 """An experiment: possible explanations, the steps that discriminate between them, and the predicted
 readings; with its JSON form, and the explanations as a mismatch left them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

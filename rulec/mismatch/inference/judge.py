@@ -8,8 +8,6 @@ Source: O'Hagan and Forster 2004, 9 (a linear model with normal priors); Huber 1
 replaced by their score: robust fits with one normal matrix).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

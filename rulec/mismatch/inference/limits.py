@@ -1,7 +1,5 @@
 """Every number that decides in the inference on one model, with its origin."""
 
-from __future__ import annotations
-
 # Intervals and held-out blocks.
 
 LONGEST_STEP = 3.0

@@ -4,8 +4,6 @@ Replays contain nothing, or one of the possible or requested explanations. No sa
 recording decides here: only its inputs, its noise, and prior knowledge.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Errors of the shipped, the recalibrated and the repaired model on held-out samples."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Its covariance has the uncertainty of all else in the model; single means show values beside it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ number of samples.
 Source: sandwich covariance (White 1982; with autocorrelation Newey and West 1987).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

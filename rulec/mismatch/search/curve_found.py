@@ -1,7 +1,5 @@
 """A term without a name as found: its values over its driver, and their uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Grow sets of explanations from the best ones, refit each, and compare them."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field

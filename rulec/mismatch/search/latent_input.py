@@ -1,7 +1,5 @@
 """A driver that nobody recorded: its course, from the residual, and a description of that."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

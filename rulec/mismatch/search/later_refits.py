@@ -1,7 +1,5 @@
 """Refits of sets after the search: to each recording, for a plant file, and for an experiment."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 

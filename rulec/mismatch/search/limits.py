@@ -1,7 +1,5 @@
 """Every number that decides in the search for missing effects, with its origin."""
 
-from __future__ import annotations
-
 # Refits.
 
 HALF_STEPS = 50

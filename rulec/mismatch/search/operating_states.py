@@ -4,8 +4,6 @@ Rows are means per operating state and block of time, and every law may have an 
 single explanations and pairs are scanned, and the best sets are refitted.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The posterior over sets of explanations, and what it says of each explanation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property

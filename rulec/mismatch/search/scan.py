@@ -1,7 +1,5 @@
 """The gain beside a model, to first order: of candidates, of pairs of them, and of terms."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

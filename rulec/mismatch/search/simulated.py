@@ -1,7 +1,5 @@
 """The search by simulation in a plant that stores, and the most probable set fitted to the end."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

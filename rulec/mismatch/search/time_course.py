@@ -3,8 +3,6 @@
 Periods are found on all points and transferred to means per operating state.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

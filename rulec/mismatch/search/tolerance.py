@@ -3,8 +3,6 @@
 A name is certain only if it moves some reading by more than laws and sensors may be off.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -7,8 +7,6 @@ of a sensor also shifts its whole column, and cannot be distinguished from a clo
 Source: own derivation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ Such a hypothesis has no free parameter: its numbers are given, and read otherwi
 the others or they do not. The same holds if a pipe differs from the plant file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

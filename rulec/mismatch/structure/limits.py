@@ -1,7 +1,5 @@
 """Every number that decides in errors of structure, with its origin."""
 
-from __future__ import annotations
-
 # Columns that differ from their header.
 
 GROSSLY_OFF = 5.0

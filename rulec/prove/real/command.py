@@ -1,7 +1,5 @@
 """What `rulec prove --real` and `--make-rigs` do."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -5,8 +5,6 @@ plant that belongs to them, and what is known. If a licence forbids passing on a
 recipe can still be passed on.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import shutil

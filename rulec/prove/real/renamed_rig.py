@@ -3,8 +3,6 @@
 New names are in the opposite order of the old ones, to reveal any dependence on that order.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -6,8 +6,6 @@ A rig is a folder with `plain/` (plant.yaml and the files it names: the plant wi
 recording may be compressed (`.gz`).
 """
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import json

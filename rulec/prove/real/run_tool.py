@@ -5,8 +5,6 @@ The folder gets the plain plant and the training recordings; nothing in it revea
 is never copied.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Scores of rigs in the terminal, as JSON and as a page."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -4,8 +4,6 @@
 reads its standard input, whose end means that nobody waits for the result any more.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import threading

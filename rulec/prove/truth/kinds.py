@@ -1,7 +1,5 @@
 """Kinds of cases, from `cases.yaml`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ nothing moves. Two runs have physics that the plain laws leave out: slip that fo
 temperature, and a frame that shakes in a band of speeds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

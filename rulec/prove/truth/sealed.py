@@ -4,8 +4,6 @@ An answer is the report of a perfect analysis. It is text, so that its hash can 
 analysis starts.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

@@ -2,8 +2,6 @@
 directions with independent standard normal weights, for the algebra of the limit of detection.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Independent random numbers for every purpose."""
 
-from __future__ import annotations
-
 import zlib
 from statistics import NormalDist
 

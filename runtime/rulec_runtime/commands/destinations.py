@@ -3,8 +3,6 @@
 `-` instead of a file is standard output; stories then go to standard error.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Mapping

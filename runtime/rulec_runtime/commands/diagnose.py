@@ -1,7 +1,5 @@
 """`diagnose`: judge a recording with a ruleset."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

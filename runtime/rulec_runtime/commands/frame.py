@@ -4,8 +4,6 @@ Only the standard library at the top: `--help` answers without numpy. Commands a
 they are called: those of the runtime must start without sympy.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import os

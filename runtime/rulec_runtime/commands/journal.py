@@ -1,7 +1,5 @@
 """`journal`: list, filter and export the events of a watched plant; acknowledge an episode."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`watch`: judge a plant while it runs and report events as they happen."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 import threading

@@ -1,7 +1,5 @@
 """How the degree of a fault is written: as a share, or as a size in the unit of the reading."""
 
-from __future__ import annotations
-
 from rulec_runtime.contract.ruleset import FaultSpec
 
 LARGE = 10.0

@@ -1,7 +1,5 @@
 """The form of recording files, as far as a column map states it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -4,8 +4,6 @@ A ruleset decides what an operator is told, so it is used as compiled or not at 
 reveals every change. Types and references are checked as well, whoever made the digest.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import types

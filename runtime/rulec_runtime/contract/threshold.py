@@ -1,7 +1,5 @@
 """When a residual counts as moved: the only place that decides this."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 from rulec_runtime import limits

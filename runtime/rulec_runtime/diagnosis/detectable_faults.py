@@ -5,8 +5,6 @@ A fault that the sheet's uncertainties hide at any degree counts as detectable w
 trace: recordings will lower these uncertainties.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property

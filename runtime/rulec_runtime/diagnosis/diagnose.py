@@ -1,7 +1,5 @@
 """From a recording to a diagnosis: the passes of the runtime in order."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ If the file holds mean readings as well, faults are undone in the equations of t
 recording. If not, they are undone by the slopes by degree, which holds for small faults only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

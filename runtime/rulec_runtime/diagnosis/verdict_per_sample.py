@@ -1,7 +1,5 @@
 """A verdict for every sample, where a diagnosis judges whole stretches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Judge one plant on one day. Any error becomes the reason in its row."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile

@@ -8,8 +8,6 @@ A partial update of a large part takes about as long as a full one, so such a pa
 update instead.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Judge rows and notices of a source in their order, with successive rows as one block."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 

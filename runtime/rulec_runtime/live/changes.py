@@ -4,8 +4,6 @@ Each diagnosis reports a fault anew, perhaps in parts or under another name now 
 An episode is what an operator would call one and the same event.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Notices of a source as events: a plant that is not read is an alarm."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

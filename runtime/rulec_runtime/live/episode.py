@@ -1,8 +1,6 @@
 """Episodes, the lasting parts of a diagnosis, and events, their changes; their forms for people and
 for machines."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field

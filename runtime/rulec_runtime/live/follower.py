@@ -11,8 +11,6 @@ a sensor is in doubt, and in the end (`concluded`). In between, a row without ne
 update may run in the background while rows come (`background_update.py`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ It is a function of memory alone, so that another process can run it. When memor
 half of the rows becomes operating points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ settled stretch the history keeps all that a diagnosis uses, so the passes judge
 were there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np

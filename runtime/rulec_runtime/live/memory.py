@@ -1,7 +1,5 @@
 """The bounded memory of a watch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Everything an operator can see at one moment, and how old it is; updated after each change."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Loopback addresses and TLS errors, for all network connections."""
 
-from __future__ import annotations
-
 import ipaddress
 import ssl
 

@@ -4,8 +4,6 @@ The verdicts on the other parts, the noise of readings and the findings about se
 next full update.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 

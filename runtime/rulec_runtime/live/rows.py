@@ -1,7 +1,5 @@
 """Output of a source: rows of readings, and notices about the connection."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol

@@ -8,8 +8,6 @@ blocks, and might give different events under the same numbers. Instead the watc
 reported events, and judges those rows at once.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json

@@ -4,8 +4,6 @@ A process that was frozen, suspended, or resumed on another machine finds its cl
 behind. A wait by a clock that was set back would last that much longer.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from threading import Lock

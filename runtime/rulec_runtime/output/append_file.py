@@ -1,7 +1,5 @@
 """An append-only file of lines: each line is on the disk as a whole, or not at all."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

@@ -4,8 +4,6 @@ A cell that begins like a formula gets a leading apostrophe, as in spreadsheets.
 numbers. Source: OWASP, CSV Injection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")

@@ -1,7 +1,5 @@
 """Start processes while the user may press Ctrl-C."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

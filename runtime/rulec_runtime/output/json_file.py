@@ -1,7 +1,5 @@
 """Read JSON that somebody may have edited or sent."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

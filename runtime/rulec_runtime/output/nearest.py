@@ -1,7 +1,5 @@
 """The name that was probably meant by one that is not known, for messages."""
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 from collections.abc import Iterable

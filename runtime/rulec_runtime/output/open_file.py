@@ -4,8 +4,6 @@ Only regular files: a pipe may never end, and a device may do anything. No file 
 can be. A file may only name files near it, and addresses of a few schemes.
 """
 
-from __future__ import annotations
-
 import errno
 import functools
 import io

@@ -1,7 +1,5 @@
 """Counts in English."""
 
-from __future__ import annotations
-
 
 def plural(count: int, one: str, many: str) -> str:
     """A count with its noun, and perhaps its verb.

@@ -5,8 +5,6 @@ wrote it here under this name; anything else is ignored and overwritten. Several
 and write at once, as files appear as a whole.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

@@ -1,8 +1,6 @@
 """Progress of a long command on standard error: a bar on a terminal, a line now and then in a pipe,
 nothing if the command ends soon."""
 
-from __future__ import annotations
-
 import threading
 import time
 from typing import Self

@@ -1,7 +1,5 @@
 """Mistakes of the user, as exceptions."""
 
-from __future__ import annotations
-
 
 class Refusal(Exception):
     """An input cannot be used; the message says why and what to do.

@@ -6,8 +6,6 @@ colours or reverses the reading direction. Only our own templates hold styles (`
 inserted as plain text.
 """
 
-from __future__ import annotations
-
 import io
 import re
 import sys

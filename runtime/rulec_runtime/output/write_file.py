@@ -5,8 +5,6 @@ replaces the target at once. Readers see the old or the new content; if two proc
 last one wins as a whole. After an error the old file stays and no temporary file is left.
 """
 
-from __future__ import annotations
-
 import errno
 import gzip
 import io

@@ -1,8 +1,6 @@
 """Rearrange a table into one with a column per signal and one time: long tables, pairs of columns
 and columns of qualities are recognised by the column map or by their titles."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Tables whose columns are arrays, from files of measurement systems and from data frames; columns
 that come in parts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass

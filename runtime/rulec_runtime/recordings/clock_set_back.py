@@ -5,8 +5,6 @@ summer time without a zone, repeats times: sorting would mix rows from before an
 order of rows stays, and later times are shifted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

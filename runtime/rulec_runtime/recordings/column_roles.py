@@ -1,7 +1,5 @@
 """Find the roles of the columns of a table, by its column map or by its titles."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ glitches, thinning.
 A column fits into memory, a recording need not: see `larger_than_memory.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -3,8 +3,6 @@
 How numbers are written, their decimal sign and thousands marks, is inferred from the cells.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

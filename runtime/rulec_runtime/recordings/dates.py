@@ -3,8 +3,6 @@
 Dates without a zone may be of a plant whose zone is known by name, such as Europe/Berlin.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Sequence

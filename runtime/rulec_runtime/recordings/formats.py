@@ -3,8 +3,6 @@
 The first bytes and the name of a file tell its format; readers are loaded when needed.
 """
 
-from __future__ import annotations
-
 import errno
 import functools
 import gc

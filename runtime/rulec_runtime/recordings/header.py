@@ -1,7 +1,5 @@
 """Assign the columns of a recording to signals, with their units."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Correct a recording whose header is wrong: columns swapped, in another unit or sign, or shifted
 in time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ they follow one another in the order given, and the clock of each restarts. Each
 so that a quantity such as the zero of a sensor can differ between recordings.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection, Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ files (``TMPDIR``). A pass over a column releases what it has read, so that a pr
 columns at a time.
 """
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import os

@@ -1,7 +1,5 @@
 """Numbers that decide how recordings are read. Origins as in `rulec_runtime/limits.py`."""
 
-from __future__ import annotations
-
 # Memory ----------------------------------------------------------------------------------------
 
 IN_MEMORY = 8 * 2**20

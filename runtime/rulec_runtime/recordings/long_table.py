@@ -5,8 +5,6 @@ to the row nearest to its time, within half the usual distance of rows. If the c
 readings hold, it goes to all rows until the next one. A remark counts readings without a row.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

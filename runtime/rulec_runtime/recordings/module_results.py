@@ -8,8 +8,6 @@ first. ``fit:<signal>``, ``noise:<signal>``, ``systematic:<signal>``, ``beyond:<
 column as in a recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

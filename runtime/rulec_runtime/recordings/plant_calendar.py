@@ -1,7 +1,5 @@
 """Times of a recording by the clock of the plant if it has dates, else in seconds; their words."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 

@@ -9,8 +9,6 @@ Source: own derivation. In real recordings the median change from row to row is 
 standard uncertainties of the sensor, in tables of pump curves 4 to 90.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from rulec_runtime.contract.plan import Array

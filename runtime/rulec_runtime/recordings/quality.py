@@ -1,7 +1,5 @@
 """Decide which qualities are good, in the words and codes of historians, OPC DA and OPC UA."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Parse units in the header of a recording, by the table of spellings of the ruleset."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A recording: readings over time, in SI, with remarks on their flaws."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps

@@ -3,8 +3,6 @@
 Readings in memory, by the titles that a file would have, are treated like a file of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite

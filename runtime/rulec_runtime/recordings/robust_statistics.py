@@ -5,8 +5,6 @@ Sources: Hampel 1974 (median of absolute deviations); effective number of sample
 autocorrelated series (Bartlett 1946).
 """
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

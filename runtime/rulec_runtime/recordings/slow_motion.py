@@ -7,8 +7,6 @@ one sign along a ramp and does not average out.
 Source: own derivation, docs/method.md; the first order of a lag in time.
 """
 
-from __future__ import annotations
-
 from array import array as packed
 from collections.abc import Mapping
 

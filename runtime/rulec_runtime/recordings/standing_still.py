@@ -1,7 +1,5 @@
 """Find readings that stay constant to the last digit although the sensor should show noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

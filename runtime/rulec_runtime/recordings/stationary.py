@@ -5,8 +5,6 @@ than its noise and its sensor's uncertainty explain; slow drift does not end it.
 estimated from the median of second differences, which steps and slopes hardly affect.
 """
 
-from __future__ import annotations
-
 from array import array as packed
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What every reader returns: the tables of a file, each read on demand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone

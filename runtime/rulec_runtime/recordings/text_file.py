@@ -1,7 +1,5 @@
 """Text of a file, packed or not, in any encoding: readable repeatedly, and never loaded at once."""
 
-from __future__ import annotations
-
 import codecs
 import gzip
 import io

@@ -1,7 +1,5 @@
 """Rows of a CSV file in parts; parts of plain numbers are converted at once."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence

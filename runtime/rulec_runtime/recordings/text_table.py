@@ -1,8 +1,6 @@
 """Tables whose rows are text, from CSV files of any encoding, separator and decimal sign, and from
 spreadsheets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice

@@ -1,8 +1,6 @@
 """Read the time of a recording: numbers in any unit of time, which may count from a date, or dates,
 in one column or several."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime

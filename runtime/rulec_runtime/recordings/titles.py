@@ -1,7 +1,5 @@
 """Find the titles of a table: after lines that belong to no table, before a row of units."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One sentence below each picture: what it shows, with numbers computed from the data."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

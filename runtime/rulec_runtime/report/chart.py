@@ -5,8 +5,6 @@ panel; texts and marks are placed in percent of its width, so they keep their sh
 paper and on a phone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

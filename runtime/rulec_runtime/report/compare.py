@@ -1,7 +1,5 @@
 """Draw the diagnosis against the truth: Figures 10 and 11 of the seed paper."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rulec_runtime.report.captions import say_cases, say_shares

@@ -1,7 +1,5 @@
 """The frame of a page: one HTML file that needs neither network nor scripts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A figure of the report: a picture with title, key and caption."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from rulec_runtime.report.text import safe

@@ -1,7 +1,5 @@
 """Draw what happened over time: Figures 7 to 9 of the seed paper, for one recording."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Describe a growing fault in words and as a picture: its past, present and future degree."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rulec_runtime import limits

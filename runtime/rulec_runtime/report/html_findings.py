@@ -1,7 +1,5 @@
 """Write the findings of a diagnosis as HTML: first what is wrong, then the evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset

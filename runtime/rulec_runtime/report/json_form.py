@@ -1,7 +1,5 @@
 """Write a diagnosis as data: JSON, and one CSV row per sample."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset

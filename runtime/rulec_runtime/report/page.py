@@ -1,7 +1,5 @@
 """Assemble the report of a diagnosis: findings, evidence, pictures, matrix, origin."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """When a page was made, and by which tool."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from datetime import UTC, datetime

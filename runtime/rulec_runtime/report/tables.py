@@ -1,7 +1,5 @@
 """Tables of pages: on a narrow screen rows become cards, or the table scrolls in its frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

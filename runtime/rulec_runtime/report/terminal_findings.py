@@ -1,7 +1,5 @@
 """Print a diagnosis on the terminal: findings first, then the evidence, then numbers."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from rich.console import Console

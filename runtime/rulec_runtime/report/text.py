@@ -1,7 +1,5 @@
 """Format numbers and names for a report."""
 
-from __future__ import annotations
-
 import html
 import re
 import unicodedata

@@ -4,8 +4,6 @@ A picture has some hundreds of columns. Each column keeps the smallest and the l
 samples; a pixel cannot show more.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

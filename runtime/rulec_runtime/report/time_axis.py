@@ -1,7 +1,5 @@
 """Axes of time: dates if the recording has them, else seconds, minutes or hours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime

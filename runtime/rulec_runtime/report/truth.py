@@ -1,7 +1,5 @@
 """Read the true faults, if they are known, and compare a diagnosis with them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

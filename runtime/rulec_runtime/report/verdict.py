@@ -1,7 +1,5 @@
 """Word the verdict of a diagnosis in one sentence, the heading of its page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

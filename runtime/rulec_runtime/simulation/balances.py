@@ -1,7 +1,5 @@
 """Balances ready to be integrated: a plan in the form that the integrator reads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

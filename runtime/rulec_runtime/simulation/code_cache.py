@@ -4,8 +4,6 @@ numba keeps it beside the source or in the user's cache folder. Where neither is
 installation of another user without a home, a private folder among the temporary files is used.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 import tempfile

@@ -1,7 +1,5 @@
 """Calls of a kernel's functions from code that numba compiled; needs numba."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from llvmlite import ir

@@ -1,7 +1,5 @@
 """Code for LLVM, line by line: made from numbers alone, never from a file's text."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """A plan in the form that the integrator reads: numbers of operations and of slots."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Settled points as evidence: rows of errors in variables, with Student noise per point."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

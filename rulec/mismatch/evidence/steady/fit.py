@@ -7,8 +7,6 @@ Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Madsen, 
 2004 (Gauss-Newton steps with damping by how well the last was predicted).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A model fitted to settled points, by the interface of answers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

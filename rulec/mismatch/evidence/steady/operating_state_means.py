@@ -4,8 +4,6 @@ The inputs alone define a state: points whose inputs agree belong to one. Visits
 block of time are one mean; visits to different states are never averaged.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Settled points of a recording, and the use of each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The repaired model for use: predicted readings, values to write, and its range of validity."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ from the others. A residual is the error of its output, measured less predicted,
 relation changes nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -7,8 +7,6 @@ candidate is linear in its amplitudes near their null, so its gain follows from 
 Source: score test (Rao 1948); the gain is that of a likelihood with free scale.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

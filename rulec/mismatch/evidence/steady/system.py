@@ -1,7 +1,5 @@
 """The relations of a plant at the points of a recording: estimates of all observers, and slopes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

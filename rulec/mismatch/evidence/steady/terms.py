@@ -3,8 +3,6 @@
 Source: Mayergoyz 2003 (a law with memory has branches).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

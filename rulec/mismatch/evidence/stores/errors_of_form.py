@@ -1,7 +1,5 @@
 """Errors of form in a plant that stores: of the effects' own laws, and of the laws of the plant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -4,8 +4,6 @@ Source: trust region with bounds (Branch, Coleman, Li 1999; scipy); slow errors 
 eliminated by projection (variable projection: Golub, Pereyra 1973).
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ Source: Rasmussen and Williams 2006, chapter 5 (sizes and lengths by evidence), 
 linearised at its optimum.
 """
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A fitted model of a plant that stores, by the interface of answers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Noise and slow errors of sensors in the readings of a plant that stores."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache

@@ -1,7 +1,5 @@
 """Simulations of the models of one plant over one recording."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ Correlated errors of a model that is far off make a rough likelihood; here error
 independent.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence

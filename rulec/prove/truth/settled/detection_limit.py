@@ -10,8 +10,6 @@ each with its true size. An analyst who knows these covariances, but none of the
 detect more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

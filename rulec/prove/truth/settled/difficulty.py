@@ -3,8 +3,6 @@
 They belong to the plant or its sensors, and none of them is an effect to be found.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Operation of plants: settings between 0 and 1 of their range, slow temperatures and levels."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

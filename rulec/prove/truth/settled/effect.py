@@ -1,7 +1,5 @@
 """Effects of a stationary plant, from `effects.yaml`, and what one of some size changes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -2,8 +2,6 @@
 better the truth explains the readings than any of them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

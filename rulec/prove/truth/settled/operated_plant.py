@@ -1,7 +1,5 @@
 """A true plant and its operation, before anything is planted."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ The same residual of the true laws, with true parameters and without systematic 
 errs by the noise of all readings only. That is a little better than any refit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

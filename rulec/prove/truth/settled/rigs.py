@@ -1,7 +1,5 @@
 """Random plants, and their files as a plant engineer writes them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

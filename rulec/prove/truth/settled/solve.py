@@ -5,8 +5,6 @@ Newton's method with finite differences. If the load sets the pressure (oil sets
 unknown.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal

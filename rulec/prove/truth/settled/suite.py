@@ -1,7 +1,5 @@
 """The stationary cases of the proof: a list by seed; each is made when it is needed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

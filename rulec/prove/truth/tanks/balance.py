@@ -4,8 +4,6 @@ Source: conservation of volume; LSODA (Petzold 1983) as in scipy. Its `odeint` r
 sample five times faster than `solve_ivp`, whose LSODA also leaks 2 kB each time (1.17).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ The numbers below repeat those of `open-tank` and `voltage-pump`, as the truth r
 tool. A test compares them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ In hard cases coloured noise, drifts and form errors are random terms of their t
 `settled/detection_limit.py`.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Iterator

@@ -2,8 +2,6 @@
 play, or at a limited rate.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence

@@ -3,8 +3,6 @@
 Ids of a case are such as `upper.leak` and `lower.y.lag`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

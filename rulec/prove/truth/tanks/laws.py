@@ -5,8 +5,6 @@ Streeter, Wylie, Bedford 1998 (connected tanks); affinity laws of pumps (head by
 vortex, bypass: own shapes that are in no catalogue.
 """
 
-from __future__ import annotations
-
 import math
 
 from .feed import Feed

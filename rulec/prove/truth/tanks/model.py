@@ -4,8 +4,6 @@ fit to a recording, for the least error on held-out samples.
 Source: Gauss 1809, with rows for the priors; a step that does not help is halved.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence

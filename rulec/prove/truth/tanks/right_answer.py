@@ -1,7 +1,5 @@
 """The right names, places and parameters of a planted effect, from `effects.yaml`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

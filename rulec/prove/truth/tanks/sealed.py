@@ -1,7 +1,5 @@
 """A case of tanks in the form that all cases of the proof have, with its folder for the tool."""
 
-from __future__ import annotations
-
 import functools
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Readings of level sensors: first errors, then noise, then conversion."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np

@@ -3,8 +3,6 @@
 Plants are the shipped one, and rows of tanks with a random number, names, feed and sensors.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping

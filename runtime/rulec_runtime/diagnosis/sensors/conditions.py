@@ -1,7 +1,5 @@
 """Conditions of an invalid reading, by NE 107, and what to do about them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from rulec_runtime.recordings.plant_calendar import ENDED

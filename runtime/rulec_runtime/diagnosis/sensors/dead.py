@@ -6,8 +6,6 @@ estimate by the reading agrees. If nothing else gives that flow, a reading that 
 noise is dead while its pump runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

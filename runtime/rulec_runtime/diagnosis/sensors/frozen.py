@@ -8,8 +8,6 @@ no single fault of the plant may explain the recording as well.
 Source: own derivation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ fault of the plant explains them, and they agree when read differently.
 Source: own derivation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial

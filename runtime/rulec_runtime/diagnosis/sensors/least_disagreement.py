@@ -5,8 +5,6 @@ bound, and most candidates for a column need not be tried. Chi-square of all est
 follows from that of all by deletion (Cook and Weisberg 1982).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

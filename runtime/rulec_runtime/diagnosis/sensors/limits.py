@@ -1,7 +1,5 @@
 """Numbers that decide about sensors. Origins as in `rulec_runtime/limits.py`."""
 
-from __future__ import annotations
-
 # Memory ----------------------------------------------------------------------------------------
 
 TRIED_AT_ONCE = 64

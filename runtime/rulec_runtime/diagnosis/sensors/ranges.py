@@ -5,8 +5,6 @@ mA signal a failure of the device. So a reading more than 2.5 % of its range bel
 6.25 % above its end, is invalid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

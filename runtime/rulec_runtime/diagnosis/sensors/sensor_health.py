@@ -5,8 +5,6 @@ A column that does not match its header is read as what it is. Other invalid rea
 that the rest is judged without them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Set
 from dataclasses import dataclass, replace
 

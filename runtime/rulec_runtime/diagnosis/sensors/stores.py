@@ -4,8 +4,6 @@ From their nominal start, balances predict no exact level, but whether there sho
 whether it should move.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

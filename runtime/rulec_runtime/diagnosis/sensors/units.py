@@ -1,7 +1,5 @@
 """Units that a column could be in instead of that of its header."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product

@@ -1,7 +1,5 @@
 """Points of long recordings, judged in batches: tables of all of them may lie in a file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar, cast

@@ -1,7 +1,5 @@
 """Name the causes of a run of stretches, with the alternatives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

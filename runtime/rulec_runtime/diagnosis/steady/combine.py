@@ -6,8 +6,6 @@ the same in all stretches, so residuals are stacked with their joint covariance.
 the stretches behind the baseline: they may turn out to hold the fault too, or one that has gone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations

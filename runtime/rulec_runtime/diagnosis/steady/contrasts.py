@@ -8,8 +8,6 @@ does not grow with the size of the plant.
 Source: own derivation; a sufficient statistic of Gaussian errors (Fisher 1922).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property

@@ -10,8 +10,6 @@ Source: own derivation, docs/method.md; linear Gaussian models compared by their
 1992).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Evaluation of the points of a recording, one block of estimates at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Residuals beside their thresholds, at one point of a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

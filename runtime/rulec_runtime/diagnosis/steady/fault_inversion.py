@@ -1,7 +1,5 @@
 """Undo faults: how far the flows that they bias move."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

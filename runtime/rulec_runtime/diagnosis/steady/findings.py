@@ -1,7 +1,5 @@
 """Findings: a fault over a period, with its evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 Source: own derivation, docs/method.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """How large a fault is now, how fast it grows, and when it will reach which degree."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A large plant is judged as many small ones: the effort grows linearly with their
 quadratically.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Set
 from dataclasses import dataclass, replace
 

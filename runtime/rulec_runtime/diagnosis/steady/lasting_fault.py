@@ -9,8 +9,6 @@ Source: own derivation, docs/method.md; the score test of each fault (Rao 1948) 
 covariance of all stretches.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

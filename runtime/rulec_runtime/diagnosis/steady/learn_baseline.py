@@ -4,8 +4,6 @@ Source: own derivation, docs/method.md; the recursion is a Kalman filter of an O
 process.
 """
 
-from __future__ import annotations
-
 from array import array as packed
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Numbers that decide in settled stretches. Origins as in `rulec_runtime/limits.py`."""
 
-from __future__ import annotations
-
 import math
 
 # Memory ----------------------------------------------------------------------------------------

@@ -4,8 +4,6 @@ A property such as the viscosity follows the temperature by a known share per ke
 that moved as much as the change needs supports it, a constant one contradicts it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

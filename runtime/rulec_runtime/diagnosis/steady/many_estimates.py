@@ -5,8 +5,6 @@ explained. Of the covariance of all estimates, only the part that a stack of str
 kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast

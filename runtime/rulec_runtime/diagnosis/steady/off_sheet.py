@@ -4,8 +4,6 @@ Such a plant was never observed to follow its laws, and sheets are wrong by seve
 uncertainties now and then. So if that explains the deviation, no meter is blamed.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ one whose smallest degree is largest, and the bounds are minima too. docs/method
 mislabels and why its degrees are biased low.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

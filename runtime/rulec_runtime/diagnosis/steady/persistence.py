@@ -1,7 +1,5 @@
 """Join neighbouring stretches with the same verdict into runs, and say which are too brief."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Set
 from itertools import islice
 

@@ -1,7 +1,5 @@
 """Redundancy: what several estimates of the same flows say beyond the flows themselves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 

@@ -4,8 +4,6 @@ Each settled stretch is checked against the conditions of its module type, by me
 their uncertainties (GUM); consecutive stretches are one finding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ Source: own derivation; a nuisance parameter, eliminated by a wide prior (genera
 squares).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

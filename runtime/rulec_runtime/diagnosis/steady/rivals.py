@@ -5,8 +5,6 @@ probable. Unlisted errors are many, and each explains something a little worse: 
 rival only if no reading contradicts it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, TypeVar

@@ -1,7 +1,5 @@
 """A verdict for every sample, as data."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A fault leaves at least chi-square without the flows that it touches, as if thes
 it is present: no degree, no scaling of their errors and no tolerance of a law leaves less.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from rulec_runtime.contract.plan import Array

@@ -1,7 +1,5 @@
 """Verdicts: what each operating point shows on its own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ no noise but their resolution. A fault is detectable by what initial states and 
 cannot explain of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -4,8 +4,6 @@ windows -> usual misfit -> judge -> spells -> findings. The result types are tho
 settles, so reports, plots and files are the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

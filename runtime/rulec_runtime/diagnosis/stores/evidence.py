@@ -4,8 +4,6 @@ From the last window without a deviation the balances are simulated into the fir
 faulty from beginning to end; there their prediction is compared with the readings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Balances with free start and free errors of inputs, for the fit of a window."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rulec_runtime.contract.plan import UNARY, Array, Operation, Plan

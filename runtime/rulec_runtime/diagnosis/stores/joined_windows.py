@@ -4,8 +4,6 @@ Neighbours share half of their samples, so a persistent fault must fit in three 
 and the last of them share none. In a recording of fewer windows it must fit in all of them.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ settled stretches are with a baseline. A window overlaps with half of the one be
 second one is learned from, as no sample may count twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Numbers that decide in plants that store. Origins as in `rulec_runtime/limits.py`."""
 
-from __future__ import annotations
-
 # Plants that store -------------------------------------------------------------------------------
 
 SAMPLES_FITTED = 4096

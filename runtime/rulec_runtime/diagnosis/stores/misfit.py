@@ -5,8 +5,6 @@ itself shows how far: the error that a window without a fault usually leaves, an
 time, set the weight of each reading.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

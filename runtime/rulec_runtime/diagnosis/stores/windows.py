@@ -1,7 +1,5 @@
 """A recording cut into windows, half overlapping, long enough to show the effect of a fault."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Connections to the database of a journal, and its errors."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Clients can read and subscribe. All requests to write, to call or to add nodes a
 Connections from other computers must be signed and encrypted.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Coroutine, Iterable, Sequence

@@ -1,7 +1,5 @@
 """Events as records of a table and as JSON; equal events have equal records."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

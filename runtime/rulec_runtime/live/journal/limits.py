@@ -1,7 +1,5 @@
 """Limits of the journal, each with its meaning and its origin."""
 
-from __future__ import annotations
-
 SCHEMA = 1
 """Version of the tables; a journal of another version is refused. Origin: numerical."""
 

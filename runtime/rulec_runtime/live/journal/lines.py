@@ -1,7 +1,5 @@
 """Events as JSON lines in a file, and the state of a watch in another, without a database."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

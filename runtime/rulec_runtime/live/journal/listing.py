@@ -1,8 +1,6 @@
 """A journal for people, active episodes first, then events, newest first; or as a table or JSON,
 written while it is read."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime

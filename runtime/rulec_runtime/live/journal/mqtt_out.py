@@ -5,8 +5,6 @@ broker confirms each event (QoS 1); a subscriber recognizes duplicates by their 
 connection breaks, the broker itself publishes an unknown status (its last will).
 """
 
-from __future__ import annotations
-
 import json
 import ssl
 import sys

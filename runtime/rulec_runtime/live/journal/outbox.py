@@ -4,8 +4,6 @@ A separate thread writes, so the diagnosis never waits. While the sink fails, ev
 and in a file beside it, so that they survive the process, and the write is retried.
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import hashlib

@@ -1,7 +1,5 @@
 """Permanent and temporary failures of a journal."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from rulec_runtime.output.refusal import Refusal, to_install

@@ -1,7 +1,5 @@
 """The tables of a journal, the same in SQLite and PostgreSQL."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 

@@ -4,8 +4,6 @@ Every transaction of a watcher checks that row first, so a watcher that was pres
 write any more.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 import socket

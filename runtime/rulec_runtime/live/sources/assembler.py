@@ -6,8 +6,6 @@ new ones come or their place is lost. A signal without a usable value is reporte
 check function if that lasts.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass

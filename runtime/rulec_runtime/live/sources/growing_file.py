@@ -1,7 +1,5 @@
 """A CSV file of a logger, read as it grows and across its rotations."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Limits of the sources, each with its meaning and its origin."""
 
-from __future__ import annotations
-
 # All sources ---------------------------------------------------------------------------------
 
 STALE = 10.0

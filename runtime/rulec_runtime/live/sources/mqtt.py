@@ -1,7 +1,5 @@
 """MQTT: subscribes to the topics of a map with QoS 1; publishes nothing."""
 
-from __future__ import annotations
-
 import ssl
 import sys
 from collections.abc import Hashable, Sequence

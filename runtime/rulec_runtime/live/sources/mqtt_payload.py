@@ -6,8 +6,6 @@ that readings need are decoded. Sources: Protocol Buffers, Encoding
 sparkplug_b.proto.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 A server is reconnected after each failure with a new client.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

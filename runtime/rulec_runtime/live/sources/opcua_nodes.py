@@ -1,8 +1,6 @@
 """Nodes of an OPC UA server: their present namespace numbers, which may change at its start, their
 values, and whether they match the map: numbers, with the same units."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Mapping, Sequence

@@ -7,8 +7,6 @@ Under packet loss a client of asyncua may hang for ever, even when cancelled (it
 1660). So nothing here waits for a cancelled task.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Callable, Coroutine, Mapping, Sequence

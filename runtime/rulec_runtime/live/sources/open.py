@@ -1,7 +1,5 @@
 """Open the source of the option `--source`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a source says: refusals, notices with safe text, recurring remarks, and silence."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from types import ModuleType
 

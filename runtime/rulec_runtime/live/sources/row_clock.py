@@ -1,7 +1,5 @@
 """Times of rows: strictly increasing, whatever the clock of the source does."""
 
-from __future__ import annotations
-
 import time as clocks
 from contextlib import suppress
 from datetime import UTC, datetime

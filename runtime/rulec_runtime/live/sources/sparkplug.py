@@ -4,8 +4,6 @@ Nothing is ever sent, so no rebirth is requested: values identified only by alia
 next birth on. Source: Eclipse Sparkplug 3.0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan

@@ -1,7 +1,5 @@
 """The lines of a growing table, and its head: its titles, and the row of units below them."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

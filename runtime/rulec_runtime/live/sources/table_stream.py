@@ -1,8 +1,6 @@
 """Rows from the lines of a growing CSV file or of standard input: the header once, then blocks of
 lines."""
 
-from __future__ import annotations
-
 import os
 import select
 import sys

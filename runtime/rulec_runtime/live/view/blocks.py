@@ -1,7 +1,5 @@
 """Blocks of lines that make up the screen."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from rich.console import Group, RenderableType

@@ -1,7 +1,5 @@
 """The plant as a web page, with the finding first."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The live screen on a terminal, and its keys; elsewhere events as lines."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import getpass

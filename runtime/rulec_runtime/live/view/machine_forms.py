@@ -1,7 +1,5 @@
 """A moment for programs: as JSON, and as OpenMetrics text for monitoring tools."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -3,8 +3,6 @@
 Needs the extra `page`.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -5,8 +5,6 @@ Such requests name another host (DNS rebinding) or another origin, and are refus
 make room for others.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import hmac

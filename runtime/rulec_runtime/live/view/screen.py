@@ -1,7 +1,5 @@
 """The plant on a terminal: status and connection above, findings below, keys at the foot."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal

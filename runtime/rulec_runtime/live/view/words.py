@@ -1,7 +1,5 @@
 """The words and bars for one moment, shared by terminal and page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

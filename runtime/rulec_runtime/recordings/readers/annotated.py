@@ -3,8 +3,6 @@
 Source: InfluxData, Annotated CSV.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice

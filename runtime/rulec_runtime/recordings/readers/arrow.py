@@ -1,7 +1,5 @@
 """Read Parquet and Arrow files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path

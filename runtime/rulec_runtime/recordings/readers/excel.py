@@ -1,7 +1,5 @@
 """Read Excel workbooks (.xlsx): each sheet with a row of titles is a table."""
 
-from __future__ import annotations
-
 import os
 import zipfile
 from collections.abc import Collection, Iterator

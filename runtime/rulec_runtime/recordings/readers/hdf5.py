@@ -3,8 +3,6 @@
 Links and data outside the file are not followed.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Source: National Instruments, Specification for the LabVIEW Measurement File.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from itertools import chain, takewhile

@@ -1,7 +1,5 @@
 """Read MAT files up to version 7: arrays, and structures of arrays, but no objects."""
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

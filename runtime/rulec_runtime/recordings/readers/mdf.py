@@ -1,7 +1,5 @@
 """Read MDF files (versions 3 and 4): each channel group is a table with its own clock."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read TDMS files: each group is a table, or several if its channels have different rates."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO

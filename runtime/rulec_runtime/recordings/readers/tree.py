@@ -1,7 +1,5 @@
 """Find tables in a tree of named arrays: arrays of one length in one group, one of them a time."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
