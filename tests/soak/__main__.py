@@ -3,7 +3,7 @@
 Each part says how often something was done to the watch or to its source, how often it went on
 (`went_on`), and how much was lost (`all_lost`) or told twice (`all_twice`) in the end: events by
 their numbers, rows of a file, faults that were planted. `all_bad` counts tracebacks, and what would
-steer a terminal. Network and disk need root; all parts take more than an hour.
+steer a terminal. The disk needs root.
 """
 
 import argparse
@@ -16,18 +16,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.soak import disk, frozen, killed, mutated, network, score, sources
+from tests.soak import disk, killed, mutated, score, sources
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-journal": (killed.journal_killed, 50),
     "kill-lines": (killed.lines_killed, 50),
     "opcua": (partial(sources.killed, "opcua"), 50),
     "mqtt": (partial(sources.killed, "mqtt"), 50),
-    "network-opcua": (partial(network.through, "opcua"), 10),
-    "network-mqtt": (partial(network.through, "mqtt"), 10),
-    "frozen-file": (frozen.file, 5),
-    "frozen-opcua": (partial(frozen.served, "opcua"), 5),
-    "frozen-mqtt": (partial(frozen.served, "mqtt"), 5),
     "disk-journal": (disk.full, 10),
     "mutated-file": (mutated.growing_file, 10_000),
 }

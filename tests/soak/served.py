@@ -1,4 +1,4 @@
-"""`python -m tests.soak.served opcua|mqtt PORT COURSE.json HOST`: a plant that a process serves.
+"""`python -m tests.soak.served opcua|mqtt PORT COURSE.json`: a plant that a process serves.
 
 Row k of the course is due at its start plus k steps, whoever serves it: a server that was killed
 goes on where the plant is by now. Prints "up" when it can be reached.
@@ -23,6 +23,8 @@ from tests.live.journal.own_broker import serve
 from tests.live.sources.plant_server import PlantServer
 from tests.soak.plant import Course
 
+HOST = "127.0.0.1"
+
 
 def write_play(path: Path, course: Course, start: float, step: float) -> None:
     """What is played from when on."""
@@ -42,23 +44,23 @@ def due(play: dict[str, Any]) -> Iterator[tuple[float, dict[str, float]]]:
         k += 1
 
 
-def opcua(host: str, port: int, play: dict[str, Any]) -> None:
+def opcua(port: int, play: dict[str, Any]) -> None:
     """A node ``ns=2;s=SIGNAL`` per signal."""
     _, values = next(due({**play, "start": min(play["start"], time.time())}))
-    server = PlantServer(units_of(play["titles"]), port, host=host, values=values)
+    server = PlantServer(units_of(play["titles"]), port, values=values)
     print("up", flush=True)
     for at, row in due(play):
         for name, value in row.items():
             server.write(name, value, stamp=datetime.fromtimestamp(at, UTC))
 
 
-def mqtt(host: str, port: int, play: dict[str, Any]) -> None:
+def mqtt(port: int, play: dict[str, Any]) -> None:
     """A broker, and a client of it that publishes each row as a message with all signals."""
     loop = asyncio.new_event_loop()
-    loop.run_until_complete(serve(str(port), host=host))
+    loop.run_until_complete(serve(str(port)))
     Thread(target=loop.run_forever, daemon=True).start()
     client = paho.Client(CallbackAPIVersion.VERSION2)
-    client.connect_async(host, port)
+    client.connect_async(HOST, port)
     client.loop_start()
     print("up", flush=True)
     for at, row in due(play):
@@ -70,7 +72,7 @@ def units_of(titles: Sequence[str]) -> dict[str, str]:
     return {title.partition(" ")[0]: title.removesuffix("]").split(" [")[1] for title in titles}
 
 
-def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
+def maps(kind: str, course: Course, port: int, step: float) -> str:
     """The map of either source; JSON is YAML."""
     units = units_of(course.titles)
     if kind == "opcua":
@@ -79,13 +81,13 @@ def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
     else:
         signals = {n: {"topic": "plant", "name": n, "unit": u} for n, u in units.items()}
         scheme = "mqtt"
-    data = {"endpoint": f"{scheme}://{host}:{port}", "interval": step, "signals": signals}
+    data = {"endpoint": f"{scheme}://{HOST}:{port}", "interval": step, "signals": signals}
     return json.dumps(data, indent=1)
 
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)
-    kind, port, file, host = sys.argv[1:]
+    kind, port, file = sys.argv[1:]
     work = {"opcua": opcua, "mqtt": mqtt}[kind]
-    work(host, int(port), json.loads(Path(file).read_text(encoding="utf-8")))
+    work(int(port), json.loads(Path(file).read_text(encoding="utf-8")))
     Event().wait()

@@ -26,16 +26,13 @@ PATIENCE = 90.0
 class Served:
     """A process that serves the plant and can be killed."""
 
-    def __init__(self, kind: str, folder: Path, host: str = "127.0.0.1", port: int = 0) -> None:
-        self.kind, self.folder, self.host = kind, folder, host
-        self.port = port or free_port()
-        self.before: tuple[str, ...] = ()
-        self.watched_from: tuple[str, ...] = ()
+    def __init__(self, kind: str, folder: Path) -> None:
+        self.kind, self.folder, self.port = kind, folder, free_port()
 
     def start(self) -> None:
-        words = (self.kind, str(self.port), str(self.folder / "play.json"), self.host)
+        words = (self.kind, str(self.port), str(self.folder / "play.json"))
         self._process = subprocess.Popen(
-            [*self.before, sys.executable, "-m", "tests.soak.served", *words],
+            [sys.executable, "-m", "tests.soak.served", *words],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
@@ -49,13 +46,12 @@ class Served:
 
 def watched(folder: Path, what: Course, served: Served) -> tuple[Watch, float]:
     """A watch of a served plant, with a journal, and when its first row is due, s since 1970."""
-    text = maps(served.kind, what, served.host, served.port, STEP)
+    text = maps(served.kind, what, served.port, STEP)
     (folder / "map.yaml").write_text(text)
     start = time.time() + LEAD
     write_play(folder / "play.json", what, start, STEP)
     served.start()
-    options = ("--source", served.kind, "--map", "map.yaml")
-    watch = Watch(folder, *options, before=served.watched_from)
+    watch = Watch(folder, "--source", served.kind, "--map", "map.yaml")
     watch.start()
     return watch, start
 

@@ -4,8 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Sequence
 from pathlib import Path
 
 from rulec_runtime.live.episode import Event
@@ -27,19 +25,18 @@ class Watch:
         folder: Path,
         *options: str,
         journal: str = "journal.db",
-        before: Sequence[str] = (),
         shown: int | None = None,
     ) -> None:
-        """Words `before` the command; `shown` is a terminal to speak to instead of a file."""
+        """`shown` is a terminal to speak to instead of a file."""
         rules = folder / "abc.ruleset.json"
         if not rules.exists():
             rules.write_text(compiled("abc").to_json(), encoding="utf-8")
         command = (sys.executable, "-m", "rulec_runtime", "watch", rules.name)
-        self._command = [*before, *command, *options, *(("--journal", journal) if journal else ())]
+        self._command = [*command, *options, *(("--journal", journal) if journal else ())]
         self._folder, self._journal, self._shown = folder, folder / journal, shown
         self._said = folder / f"{Path(journal).name or 'watch'}.said"
         self._process: subprocess.Popen[bytes] | None = None
-        self.lives = self.stood_still = 0
+        self.lives = 0
 
     def start(self, *more: str) -> None:
         environment = {**os.environ, "PYTHONPATH": SOURCES, "OMP_NUM_THREADS": "1"}
@@ -63,14 +60,6 @@ class Watch:
     def kill(self) -> None:
         """As when the power fails."""
         self._end(signal.SIGKILL, 10)
-
-    def stand_still(self, seconds: float) -> None:
-        """As in a container that is frozen."""
-        assert self._process is not None
-        self._process.send_signal(signal.SIGSTOP)
-        time.sleep(seconds)
-        self._process.send_signal(signal.SIGCONT)
-        self.stood_still += 1
 
     def interrupt(self) -> int:
         """As by Ctrl-C; the exit code."""

@@ -42,8 +42,8 @@ class OwnBroker:
         self._process.wait()
 
 
-async def serve(port: str, certificate: str = "", host: str = "127.0.0.1") -> None:
-    listener: dict[str, Any] = {"type": "tcp", "bind": f"{host}:{port}"}
+async def serve(port: str, certificate: str = "") -> None:
+    listener: dict[str, Any] = {"type": "tcp", "bind": f"127.0.0.1:{port}"}
     if certificate:
         key = str(Path(certificate).with_suffix(".key"))
         listener |= {"ssl": True, "certfile": certificate, "keyfile": key}

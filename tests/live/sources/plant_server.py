@@ -38,11 +38,9 @@ class PlantServer:
         units: Mapping[str, str] = UNITS,
         port: int = 0,
         certified: Path | None = None,
-        host: str = "127.0.0.1",
         values: Mapping[str, float | str] = VALUES,
     ) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
-        self._host = host
         self._set_port(port or free_port())
         self._units, self._values, self._certified = units, values, certified
         self.namespaces = ["urn:plant"]
@@ -60,7 +58,7 @@ class PlantServer:
 
     def _set_port(self, port: int) -> None:
         self.port = port
-        self.url = f"opc.tcp://{self._host}:{port}"
+        self.url = f"opc.tcp://127.0.0.1:{port}"
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
