@@ -5,6 +5,7 @@ Source: own derivation, docs/method.md.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -110,9 +111,13 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
     """Significant courses of one fault each that explain all stretches, the best first; faults
     `named` so far are tried as well."""
     faults = stack.test.ruleset.faults
+    gain_of = cache(stack.gain_at_first)
+    # Where no course gains enough even if it fits, it would cost too much to ask which ones fit.
+    if not named and max(map(gain_of, range(len(faults)))) < -np.log(limits.ALARM_PER_RECORDING):
+        return []
     limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, chance)
     may = np.flatnonzero(may_fit(stack.test, limit).any(axis=1)).tolist()
-    gains = {i: stack.gain_at_first(i) for i in may}
+    gains = {i: gain_of(i) for i in may}
     some = [i for i, gain in gains.items() if np.isfinite(gain)]
     most = sorted(some, key=lambda i: -gains[i])[: limits.COURSES_TRIED]
     least = -np.log(limits.ALARM_PER_RECORDING / max(len(some), 1))
