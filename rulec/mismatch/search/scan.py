@@ -217,17 +217,18 @@ def coincide(
 
     Differences within the errors of form of their laws do not count.
     """
+    slopes, others = slopes_of(model, candidate), slopes_of(other, rival)
+    if not (slopes and others):
+        return not (slopes or others)
     own = [i for u in candidate.unknowns for i in places_of(model, u.id)]
     rest = np.delete(np.arange(model.table.shape[1]), own)
     table, weights = model.table[:, rest], model.weights[:, None]
     normal = table.T @ (table * weights) + model.precision[np.ix_(rest, rest)]
-    both = [*slopes_of(model, candidate), *slopes_of(other, rival)]
-    shown = evidence.whitened(np.stack(both, axis=1), model.noise)
+    shown = evidence.whitened(np.stack([*slopes, *others], axis=1), model.noise)
     with np.errstate(all="ignore"):
         shown = shown - table @ np.linalg.solve(normal, table.T @ (shown * weights))
     shown = shown * np.sqrt(weights)
-    count = len(slopes_of(model, candidate))
-    first, second = shown[:, :count], shown[:, count:]
+    first, second = shown[:, : len(slopes)], shown[:, len(slopes) :]
     left = second - first @ np.linalg.lstsq(first, second, rcond=None)[0]
     size = np.sum(second**2, axis=0)
     return bool(np.all(np.sum(left**2, axis=0) < limits.EFFECT_FORM**2 * size))
