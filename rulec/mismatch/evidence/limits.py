@@ -301,7 +301,8 @@ DEEPEST = 3
 """Most explanations: with enough of them any course is explained. Origin: assumed."""
 
 SHAPES = 16
-"""Most combinations of shapes from which the refit of a set may start. Origin: numerical."""
+"""Most combinations of shapes and strengths from which the refit of a set may start. Origin:
+numerical."""
 
 ERROR_FROM_AFAR = 0.1
 """Initial error of a model that is far off, as a share of the scatter of its reading. Origin:

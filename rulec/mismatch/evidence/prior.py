@@ -200,13 +200,19 @@ def range_over(unknown: Unknown, start: float, driver: Array | None) -> tuple[fl
     return float(np.sign(start) or 1.0) * width / 2, width
 
 
-def usual(unknown: Unknown, sign: float = 0.0) -> float:
-    """The smallest starting amplitude of an entry, SI, of the given sign if that is not 0."""
+def strengths(unknown: Unknown, sign: float = 0.0) -> list[float]:
+    """Starting amplitudes of an entry, SI, the smallest first, of the given sign if that is not
+    0."""
     null = unknown.null or 0.0
     starts = [s for s in unknown.starts if s != null and (not sign or np.sign(s - null) == sign)]
-    other = null + (sign or 1.0) * step_of(unknown)
-    nearest = min(starts, key=lambda s: abs(s - null), default=other)
-    return float(np.clip(nearest, unknown.lowest, unknown.highest))
+    starts = starts or [null + (sign or 1.0) * step_of(unknown)]
+    starts.sort(key=lambda s: abs(s - null))
+    return [float(np.clip(s, unknown.lowest, unknown.highest)) for s in starts]
+
+
+def usual(unknown: Unknown) -> float:
+    """The smallest starting amplitude of an entry, SI."""
+    return strengths(unknown)[0]
 
 
 def step_of(unknown: Unknown) -> float:

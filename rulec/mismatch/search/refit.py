@@ -358,7 +358,7 @@ class _Problem:
         evidence, prior, random = self.evidence, self.prior, self.random
         at = begin[0]
         more = evidence.effect_forms(now)
-        found = self.chosen(now, begin, pressed, more)
+        found = self.chosen(now, begin, pressed, more, anew=True)
         known = prior.near(at)
         off = (at - known.mean) * ~pressed
         left = now.residual - now.jacobian @ off

@@ -16,7 +16,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import Proposal, amplitudes_of
-from rulec.mismatch.evidence.prior import usual
+from rulec.mismatch.evidence.prior import strengths, usual
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
@@ -73,7 +73,7 @@ def ways_to_join(
     starts: Callable[[Configuration, Candidate], Iterable[Mapping[str, float]]],
 ) -> tuple[list[Configuration], ...]:
     """Settings from which the refit of one set may start, by kind: those with predicted strengths,
-    and those with usual strengths, with the current and with the stated values of the plant.
+    and those with typical strengths, with the current and with the stated values of the plant.
 
     `proposals` are of the same candidates; `references` and `starts` are those of a candidate.
     """
@@ -85,14 +85,18 @@ def ways_to_join(
         tuple((c.amplitude, np.sign(v - (c.amplitude.null or 0.0))) for c, v in one.starts)
         for one in proposals
     )
+    sizes = [
+        {u.id: size for (u, _), size in zip(ahead, each, strict=True)}
+        for ahead in signs
+        for each in itertools.product(*(strengths(u, sign) for u, sign in ahead))
+    ]
     usually = []
-    for each in itertools.islice(shapes, limits.SHAPES):
-        for ahead in signs:
-            there, own = setting, {u.id: usual(u, sign) for u, sign in ahead}
-            for candidate, shape in zip(new, each, strict=True):
-                rest = {u.id: usual(u) for u in amplitudes_of(candidate)}
-                there = there.joining(candidate, {**shape, **rest}, fixed[candidate.id])
-            usually.append(replace(there, values={**there.values, **own}))
+    for each, own in itertools.islice(itertools.product(shapes, sizes), limits.SHAPES):
+        there = setting
+        for candidate, shape in zip(new, each, strict=True):
+            rest = {u.id: usual(u) for u in amplitudes_of(candidate)}
+            there = there.joining(candidate, {**shape, **rest}, fixed[candidate.id])
+        usually.append(replace(there, values={**there.values, **own}))
     # Beside another explanation the values of the plant are reliable.
     unknowns = {u.id for c in new for u in c.unknowns}
     stated = [
