@@ -36,10 +36,10 @@ def campaign(
 def published_faults(plant: Plant) -> list[str]:
     """The paper's faults: 7 per dosing module, 4 per mixer, none of the speed sensor."""
     names = []
-    for module in plant.modules:
+    for module in plant.rig.pumps:
         names += [f"{module}.{kind}" for kind in ("leakage", "clogging", "widening")]
         names += [f"{module}.{s}.{kind}" for s in ("dp", "P_el") for kind in ("high", "low")]
-    for mixer in plant.mixers:
+    for mixer in plant.rig.mixers:
         names += [f"{mixer}.{kind}" for kind in ("clogging", "widening", "dp.high", "dp.low")]
     return names
 

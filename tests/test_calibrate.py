@@ -13,7 +13,7 @@ from rich.console import Console
 import rulec
 from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
-from rulec.prove.truth import NOISE_FREE, abc, calibration_run, record, write_csv
+from rulec.prove.truth import NOISE_FREE, RIGS, calibration_run, record, write_csv
 from tests.conftest import ROOT
 from tests.written import told_by, write_plant
 
@@ -24,7 +24,7 @@ TRUTH = {"C0": 6.0, "C2": 2.0, "P0": 25.0, "P1": 0.095, "eta": 0.70, "k0": 0.05,
 
 def _noise_free(folder: Path, change: Callable[[Any], dict[str, Any]] = dict) -> Path:
     """The run for calibration without sensor errors, changed."""
-    readings = change(record(calibration_run(abc()), NOISE_FREE).readings)
+    readings = change(record(calibration_run(RIGS["abc"]), NOISE_FREE).readings)
     write_csv(folder / "r.csv", readings, digits=12)
     return folder / "r.csv"
 
@@ -50,7 +50,7 @@ def test_calibration_covers_the_truth(tmp_path: Path) -> None:
     kind = yaml.safe_load((ROOT / "kb/modules/dosing-pcp.yaml").read_text(encoding="utf-8"))
     distances, sharper = [], []
     for seed in range(11, 14):
-        write_csv(tmp_path / "r.csv", record(calibration_run(abc()), seed=seed).readings)
+        write_csv(tmp_path / "r.csv", record(calibration_run(RIGS["abc"]), seed=seed).readings)
         found = _calibrate(tmp_path / "r.csv", tmp_path)
         for module, (name, value) in itertools.product("AB", TRUTH.items()):
             entry = found[module]["parameters"][name]
@@ -158,7 +158,7 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(
 @pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.prove)])
 def test_the_noise_of_readings_is_no_misfit(seeds: int, tmp_path: Path) -> None:
     """Laws that hold have no misfit, however the readings scatter; one that does not, its own."""
-    run = calibration_run(abc())
+    run = calibration_run(RIGS["abc"])
     own, bent = [], []
     for seed in range(21, 21 + seeds):
         readings = record(run, seed=seed).readings

@@ -5,10 +5,11 @@ import functools
 import numpy as np
 import pytest
 
-from rulec.prove.truth.sensors import DOSING_SIGNALS, INSIDE, Sensing, read
+from rulec.prove.truth.sensors import INSIDE, Sensing, read
 from rulec.prove.truth.settled.effect_size import NEAR
 from rulec.prove.truth.settled.operated_plant import Scene
 from rulec.prove.truth.settled.plan import Planned
+from rulec.prove.truth.settled.rig import PUMPS
 from rulec.prove.truth.settled.suite import HARD, planned
 from rulec.prove.truth.smooth import SIZE_OF_FORM, drift, form_error
 from rulec.prove.truth.streams import stream
@@ -69,7 +70,7 @@ def test_readings_have_the_memory_that_the_answer_states() -> None:
 
 def test_drift_stays_within_the_class() -> None:
     """From first to last sample, smooth, and it does drift."""
-    sensor, value = DOSING_SIGNALS["dp"], np.full(600, 3e5)
+    sensor, value = PUMPS["cavity"].sensors["dp"], np.full(600, 3e5)
     quiet = Sensing(statistical=0.0, law=INSIDE.law)
     for seed in range(50):
         course = drift(stream(seed, "drift"))

@@ -1,4 +1,4 @@
-"""The independent truth of stationary plants: its numbers, its network, its cases and their key."""
+"""The independent truth of stationary plants: its numbers, its cases and their key."""
 
 import functools
 from pathlib import Path
@@ -7,38 +7,19 @@ import numpy as np
 import pytest
 
 from rulec.cli import main as rulec
-from rulec.prove.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
-from rulec.prove.truth.plant import Plant
 from rulec.prove.truth.sealed import Request
 from rulec.prove.truth.settled.detection_limit import visible_outputs
 from rulec.prove.truth.settled.effect import EFFECTS, WIRING
 from rulec.prove.truth.settled.operated_plant import scene
 from rulec.prove.truth.settled.plan import Planned, SettledCase
-from rulec.prove.truth.settled.rig import PUMPS, Rig
+from rulec.prove.truth.settled.rig import PUMPS
 from rulec.prove.truth.settled.rigs import drawn_rig
-from rulec.prove.truth.settled.solve import Operated, solve
 from rulec.prove.truth.settled.suite import FULL, planned
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT, plain_yaml
 
 KB = ROOT / "kb"
-
-TREES = {
-    "abc": (
-        abc,
-        Rig("abc", {"A": "cavity", "B": "cavity"}, {"C": 1.0}, {"A": "C", "B": "C", "C": None}),
-    ),
-    "mixing rig": (
-        mixing_rig,
-        Rig(
-            "rig",
-            {"A": "cavity", "B": "cavity", "C": "cavity", "D": "membrane", "E": "centrifugal"},
-            {"M1": 1.0, "M2": 0.6**4},
-            {"A": "M1", "B": "M1", "C": "M1", "M1": "M2", "D": "M2", "E": "M2", "M2": None},
-        ),
-    ),
-}
 
 
 @pytest.mark.parametrize("kind", PUMPS)
@@ -58,20 +39,6 @@ def test_numbers_are_those_of_the_module_types(kind: str) -> None:
             assert float(entry["u"]) * unit == pytest.approx(u)
         # The share is free of units.
         assert float(entry["u"]) * value == pytest.approx(u * float(entry["value"]))
-
-
-@pytest.mark.parametrize("name", TREES)
-def test_the_network_agrees_with_the_other_truth(name: str) -> None:
-    """Two solvers, written apart."""
-    make, rig = TREES[name]
-    plant: Plant = make()
-    shown = record(healthy_run(plant, 1), NOISE_FREE).readings
-    given = {f"{m}.n": np.array([module.speed]) for m, module in plant.modules.items()}
-    found = solve(Operated(rig, {n: v for n, (v, _) in rig.numbers.items()}, given))
-    for module in rig.pumps:
-        pressure, power = (shown[f"{module}.{s}"][0] for s in ("dp [bar]", "P_el [W]"))
-        assert found[f"{module}.dp"][0] / BAR == pytest.approx(pressure, rel=1e-6)
-        assert found[f"{module}.P_el"][0] == pytest.approx(power, rel=2e-6)
 
 
 def test_the_key_names_entries_that_exist() -> None:

@@ -38,7 +38,7 @@ def tiled(recording: Recording, samples: int) -> Recording:
 
 def mostly_healthy(plant: str, fault: str, folder: Path) -> Recording:
     """Ten parts without fault to one with plateaus of a fault."""
-    rig, readings = RIGS[plant](), []
+    rig, readings = RIGS[plant], []
     for run in (healthy_run(rig, 800), fault_replay(rig, fault)):
         file = folder / f"{len(readings)}.csv"
         write_csv(file, record(run, seed=3).readings)

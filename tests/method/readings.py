@@ -19,9 +19,7 @@ from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.passes.pipeline import compile_plant
 from rulec.prove import truth
-from rulec.prove.truth.plant import DosingModule, Line, Mixer
-from rulec.prove.truth.pumps import centrifugal
-from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT
 
 HERE = Path(__file__).parent
@@ -50,24 +48,20 @@ def ruleset(plant: str) -> Ruleset:
 
 def large_centrifugal() -> truth.Plant:
     """A large centrifugal pump (3.8 m3/h) beside a small pump: `plants/large-centrifugal`."""
-    flow = LITRE_PER_HOUR
-    line = Line(0.02 * BAR, 4e-8 * BAR / flow**2)
-    speeds = (2650.0 * RPM, 2000.0 * RPM, 3000.0 * RPM)
-    modules = {
-        "A": DosingModule(centrifugal(1.0), line, *speeds),
-        "B": truth.abc().modules["B"],
-    }
-    return truth.Plant(modules, {"C": Mixer(2e-8 * BAR / flow**2)}, {"A": "C", "B": "C", "C": None})
+    small, square = truth.RIGS["abc-centrifugal"], BAR / LITRE_PER_HOUR**2
+    larger = {"h1": 0.15, "h2": 0.15**2, "p0": 1 / 0.15, "p2": 0.15}
+    values = {f"A.{name}": factor * small.values[f"A.{name}"] for name, factor in larger.items()}
+    values |= {"A.k0": 0.02 * BAR, "A.k2": 4e-8 * square, "C.k2": 2e-8 * square}
+    return small.with_values(values)
 
 
-BUILT = {**truth.RIGS, "large-centrifugal": large_centrifugal}
+BUILT = {**truth.RIGS, "large-centrifugal": large_centrifugal()}
 """The truth behind each plant."""
 
 
-@functools.cache
 def built(plant: str) -> truth.Plant:
     """The true plant of a name."""
-    return BUILT[plant]()
+    return BUILT[plant]
 
 
 def noise_free(plant: str, fault: str = "", degree: Any = 0.0) -> dict[str, Array]:

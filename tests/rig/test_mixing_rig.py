@@ -1,12 +1,11 @@
 """The measuring of the rig: figures of a small run, and that the counting itself is right."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rulec.prove.truth import RIGS, Plant
+from rulec.prove.truth import RIGS
 from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, PLANTS, QUICK
 from tests.rig.mixing_rig.drawn import drawn
 from tests.rig.mixing_rig.judge import Answer, run
@@ -82,22 +81,12 @@ def test_small_faults_are_named_and_sound_plants_are_sound(tmp_path: Path) -> No
 
 def test_a_drawn_plant_is_off_inside_its_uncertainty() -> None:
     """Another plant for each seed, the same for the same; what is exact stays."""
-    plant = RIGS["abc"]()
-    names = [name for name, _ in _fields(plant)]
-    values = np.array([[v for _, v in _fields(drawn(plant, seed))] for seed in range(200)])
-    assert values[7].tolist() == [v for _, v in _fields(drawn(plant, 7))]
-    off = values / np.array([v for _, v in _fields(plant)]) - 1.0
-    spread, exact = off.std(axis=0), np.array([name == "volume" for name in names])
+    plant = RIGS["abc"]
+    sheet = {name: value for name, value in plant.values.items() if value}
+    drawings = [drawn(plant, seed).values for seed in range(200)]
+    assert drawings[7] == drawn(plant, 7).values
+    off = np.array([[one[n] / value for n, value in sheet.items()] for one in drawings]) - 1.0
+    spread, exact = off.std(axis=0), np.array([name.endswith(".V") for name in sheet])
     assert np.all((spread == 0.0) == exact)
     # The largest of 200 draws cut at two standard uncertainties; their spread is 0.88 of one.
     assert np.all(np.abs(off).max(axis=0)[~exact] < 2.0 / 0.7 * spread[~exact])
-
-
-def _fields(plant: Plant) -> list[tuple[str, float]]:
-    """Names and numbers that `drawn` may change, in one order."""
-    found = []
-    form = asdict(plant)
-    for module in form["modules"].values():
-        for part in (module["pump"], module["line"]):
-            found += [(name, value) for name, value in part.items() if value]
-    return found + [("quadratic", mixer["quadratic"]) for mixer in form["mixers"].values()]

@@ -36,7 +36,7 @@ GONE_WITH_DP = {
 
 @cache
 def run_of(hold: int = 25) -> Recording:
-    rig = RIGS["abc"]()
+    rig = RIGS["abc"]
     run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, hold=hold)
     return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
 

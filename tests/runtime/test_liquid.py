@@ -1,8 +1,5 @@
 """A liquid that gets cold: one cause in all modules at once, told as such and not as clogging."""
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 import yaml
@@ -14,9 +11,9 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.prove.truth import INSIDE, Operation, Plant, Run, record
 from rulec.prove.truth.faults import Faults
 from rulec.prove.truth.plant import LIQUID_TEMPERATURE
-from rulec.prove.truth.pumps import Displacement
 from tests.conftest import ROOT
 from tests.method.readings import built, calibrated, recording, ruleset
+from tests.rig.long_run.physics import SLIP, scaled
 
 HOLD = 60
 """Samples of each half of a recording, s."""
@@ -38,22 +35,13 @@ def thicker_run(
 ) -> Run:
     """Run at nominal speed; while `later`, friction losses and slips are multiplied by factors (of
     their own, as a plant has laminar and turbulent paths), and the liquid is colder, K."""
-    rubbed: Any = np.where(later, friction, 1.0)
-    slipped: Any = np.where(later, slip, 1.0)
-    modules = {}
-    for name, module in plant.modules.items():
-        pump = module.pump
-        if isinstance(pump, Displacement):
-            parts = ("slip", "slip_per_speed", "slip_linear", "slip_quadratic")
-            pump = replace(pump, **{part: getattr(pump, part) * slipped for part in parts})
-        line = replace(module.line, quadratic=module.line.quadratic * rubbed)
-        modules[name] = replace(module, pump=pump, line=line)
-    mixers = {n: replace(m, quadratic=m.quadratic * rubbed) for n, m in plant.mixers.items()}
-    speeds = {name: np.full(later.size, module.speed) for name, module in modules.items()}
+    thicker = scaled(plant, (".k2",), np.where(later, friction, 1.0))
+    thicker = scaled(thicker, SLIP, np.where(later, slip, 1.0))
+    speeds = {name: np.full(later.size, module.speed) for name, module in plant.modules.items()}
     warmth = LIQUID_TEMPERATURE - np.where(later, cooled, 0.0)
     time = np.arange(later.size, dtype=np.float64)
-    operation = Operation(time, speeds, temperature=dict.fromkeys(modules, warmth))
-    return Run(replace(plant, modules=modules, mixers=mixers), operation, faults)
+    operation = Operation(time, speeds, temperature=dict.fromkeys(speeds, warmth))
+    return Run(thicker, operation, faults)
 
 
 def recorded(rig: str, seed: int, *change: float, **degrees: float) -> Recording:

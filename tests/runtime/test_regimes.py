@@ -1,11 +1,9 @@
 """Reverse flow, a pump against a closed way, a pump that runs dry."""
 
 import io
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.report.html_findings import told
@@ -14,9 +12,9 @@ from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.verdict import verdict
 
 from rulec.prove.truth import INSIDE, Operation, Run, record
-from rulec.prove.truth.pumps import Pump
-from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, Array
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.method.readings import built, calibrated, recording, ruleset
+from tests.rig.long_run.physics import idle
 
 HOLD = 60
 """Samples of each half of a recording, s."""
@@ -26,36 +24,6 @@ OPEN = 5.0e-6 * BAR / LITRE_PER_HOUR**2
 
 TIGHT = 1.0e3 * BAR / LITRE_PER_HOUR**2
 """One that lets nothing through."""
-
-
-@dataclass(frozen=True)
-class Passable:
-    """A pump that is an orifice while it stands: dp = -passage Q |Q|, so that a pressure behind it
-    drives liquid back. Dry, it delivers nothing, and takes a share of its law's power."""
-
-    pump: Pump
-    passage: float
-    dry: NDArray[np.bool_]
-    dry_power: float = 1.0
-
-    def free_flow(self, speed: Array) -> Array:
-        return np.where(speed > 0.0, self.pump.free_flow(speed), -LITRE_PER_HOUR)
-
-    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        own = self.pump.imbalance(speed, flow, pressure)
-        one, none = np.ones_like(flow), np.zeros_like(flow)
-        size = np.abs(flow)
-        back = (pressure + self.passage * flow * size, 2.0 * self.passage * size, one)
-        found = [
-            np.where(speed > 0.0, law, orifice) for law, orifice in zip(own, back, strict=True)
-        ]
-        stopped = (flow, one, none)
-        a, b, c = (np.where(self.dry, s, f) for s, f in zip(stopped, found, strict=True))
-        return a, b, c
-
-    def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
-        own = self.pump.power(speed, flow, pressure) * np.where(self.dry, self.dry_power, 1.0)
-        return np.where(speed > 0.0, own, 0.0)
 
 
 def said(
@@ -71,11 +39,9 @@ def said(
     """A module, sound in the first half, at a share of its nominal speed in the second."""
     plant, rules = built(rig), calibrated(ruleset(rig))
     later = np.arange(2 * HOLD) >= HOLD
-    own = plant.modules[module]
-    pump = Passable(own.pump, passage, later & dry, 0.4 if module == "E" else 1.0)
-    plant = replace(plant, modules={**plant.modules, module: replace(own, pump=pump)})
     speeds = {name: np.full(later.size, part.speed) for name, part in plant.modules.items()}
-    speeds[module] = np.where(later, speed * own.speed, own.speed)
+    speeds[module] = np.where(later, speed, 1.0) * speeds[module]
+    plant = idle(plant, module, later & (dry or speed == 0.0), passage)
     operation = Operation(np.arange(2.0 * HOLD), speeds)
     faults = {f"{module}.clogging": closed * later}
     readings = record(Run(plant, operation, faults, backflow=True), INSIDE, seed).readings

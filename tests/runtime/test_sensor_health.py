@@ -40,7 +40,7 @@ def plant(name: str) -> Ruleset:
 
 @cache
 def recorded(name: str, seed: int = 5) -> Recording:
-    run = visiting_run(rig := RIGS[name](), operating_points(rig, 6), {}, hold=25)
+    run = visiting_run(rig := RIGS[name], operating_points(rig, 6), {}, hold=25)
     return of_columns(plant(name), record(run, TABLE_1, seed).readings)
 
 

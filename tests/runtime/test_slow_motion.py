@@ -29,7 +29,7 @@ from rulec.prove.truth import (
     visiting_run,
 )
 from rulec.prove.truth.runs import approach
-from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS, read
+from rulec.prove.truth.sensors import read
 from tests.conftest import compiled
 from tests.method.readings import built, recording, ruleset
 
@@ -50,7 +50,7 @@ def made(seconds: int, seed: int, lag: float, leak_on_first: bool = False) -> Ma
 
     Lags of all readings are drawn between 0 and `lag`, s.
     """
-    rig, drawn = RIGS["abc"](), np.random.default_rng(seed)
+    rig, drawn = RIGS["abc"], np.random.default_rng(seed)
     way = np.linspace(-0.15, 0.15, seconds + 1)[1:]
     there = np.concatenate([np.full(HOLD, way[0]), way, np.full(HOLD, way[-1]), way[::-1]])
     part = np.concatenate([there, there, np.full(HOLD, way[0])])
@@ -69,8 +69,7 @@ def made(seconds: int, seed: int, lag: float, leak_on_first: bool = False) -> Ma
         if title == "time [s]":
             continue
         place = title.split(" ")[0]
-        table = DOSING_SIGNALS if place.split(".")[0] in rig.modules else MIXER_SIGNALS
-        sensor = table[place.split(".")[1]]
+        sensor = rig.rig.sensors[place]
         late = approach(time, values * sensor.scale + sensor.offset, drawn.uniform(0.05, lag))
         readings[title] = read(sensor, place, late, TABLE_1, seed)
     moves = np.concatenate([[False], np.diff(part) != 0])
@@ -116,7 +115,7 @@ def test_the_error_by_a_lag_has_the_sign_of_the_rate_and_lasts() -> None:
     errors = lag_errors(one.recording, rules, stretches, noise)["A.n"]
     up = errors[(stretches.first > HOLD + 2) & (stretches.last < HOLD + 28)]
     down = errors[(stretches.first > 3 * HOLD + 2 + 30) & (stretches.last < 2 * HOLD + 58 + 30)]
-    rate = 0.3 * RIGS["abc"]().modules["A"].speed / 30
+    rate = 0.3 * RIGS["abc"].modules["A"].speed / 30
     expected = lag_u(one.recording) * rate
     assert up == pytest.approx(expected, rel=0.25)
     assert down == pytest.approx(-expected, rel=0.25)

@@ -18,8 +18,7 @@ from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 from rulec_runtime.recordings.stationary import Stretches
 
-from rulec.prove.truth import abc as abc_rig
-from rulec.prove.truth import calibration_run, record, write_csv
+from rulec.prove.truth import RIGS, calibration_run, record, write_csv
 from tests.conftest import compiled
 from tests.runtime.reports import EXAMPLES
 from tests.runtime.sheets import sampled
@@ -152,7 +151,7 @@ HELD = 6
 def run(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """Settled points of the independent truth, each held, with noise."""
     file: Path = tmp_path_factory.mktemp("points") / "run.csv"
-    write_csv(file, record(calibration_run(abc_rig()), seed=3).readings)
+    write_csv(file, record(calibration_run(RIGS["abc"]), seed=3).readings)
     return read_recording(file, compiled("abc"))
 
 

@@ -1,11 +1,11 @@
 """Independent truth: recordings of dosing plants, written from physics.
 
-It shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`, `plant`
-(the plant and its operation), `faults`, `network` (the operating point), `sensors`, `recording`
-(columns and CSV), `rigs` (ready plants), `runs` (ready runs), `__main__`. For the proof: `streams`
-(random numbers), `smooth` (form errors, coloured noise, drifts), `whiten`, `detection_limit`
-(detectability at best), `sealed` (the form of a case and its answer), `kinds` (of cases),
-`formulas` (in tables), `settled` and `tanks` (cases of plants in stationary operation, and of
+It shares no code with the packages it tests. Files in order of data flow: `units`, `formulas` (in
+tables), `sensors`, `settled.rig` (kinds of pumps), `settled.solve` (the operating point); of ready
+dosing plants: `plant` (and its operation), `faults`, `rigs`, `runs`, `recording` (columns and CSV),
+`__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured noise,
+drifts), `whiten`, `detection_limit` (detectability at best), `sealed` (the form of a case and its
+answer), `kinds` (of cases), `settled` and `tanks` (cases of plants in stationary operation, and of
 plants that store liquid). Everything is SI until a sensor reads it; readings and CSV files are in
 trade units.
 """
@@ -13,7 +13,7 @@ trade units.
 from .faults import possible_faults
 from .plant import Operation, Plant
 from .recording import Recording, record, write_csv
-from .rigs import RIGS, abc, mixing_rig
+from .rigs import RIGS
 from .runs import (
     VALVE_TIME,
     Run,
@@ -39,12 +39,10 @@ __all__ = [
     "Recording",
     "Run",
     "Sensing",
-    "abc",
     "calibration_run",
     "fault_replay",
     "healthy_run",
     "leakage_replay",
-    "mixing_rig",
     "operating_points",
     "possible_faults",
     "record",

@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     folder: Path = options.out
     folder.mkdir(parents=True, exist_ok=True)
-    for name, run in _examples(options.plant, RIGS[options.plant]()).items():
+    for name, run in _examples(options.plant, RIGS[options.plant]).items():
         recording = record(run, TABLE_1, BENCH_SEED if name == "calibration" else EXAMPLE_SEED)
         write_csv(folder / f"{name}.csv", recording.readings)
         if run.faults:

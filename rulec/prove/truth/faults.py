@@ -7,13 +7,12 @@ is multiplied by (1 + x) and (1 - x).
 Source: Wetterich 2025, Eqs. 4 to 7, read as in method.md, section 1, points 1 and 10.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from .network import Condition
 from .plant import Operation, Plant
-from .sensors import DOSING_SIGNALS, MIXER_SIGNALS
+from .settled.solve import Kind, State, Term
 from .units import Array
 
 Faults = Mapping[str, Array]  # degree, shape (n,), 1
@@ -21,12 +20,10 @@ Faults = Mapping[str, Array]  # degree, shape (n,), 1
 
 def possible_faults(plant: Plant) -> list[str]:
     """Return the names of all faults of a plant."""
-    instances = [*plant.modules, *plant.mixers]
-    names = [f"{name}.leakage" for name in plant.modules]
+    instances = [*plant.rig.pumps, *plant.rig.mixers]
+    names = [f"{name}.leakage" for name in plant.rig.pumps]
     names += [f"{name}.{kind}" for name in instances for kind in ("clogging", "widening")]
-    sensors = [f"{name}.{signal}" for name in plant.modules for signal in DOSING_SIGNALS]
-    sensors += [f"{name}.{signal}" for name in plant.mixers for signal in MIXER_SIGNALS]
-    return names + [f"{place}.{kind}" for place in sensors for kind in ("high", "low")]
+    return names + [f"{place}.{kind}" for place in plant.rig.sensors for kind in ("high", "low")]
 
 
 def check_faults(plant: Plant, faults: Faults, samples: int) -> None:
@@ -46,24 +43,24 @@ def factor(faults: Faults, place: str, increase: str, decrease: str) -> Array:
     return np.asarray((1.0 + x) * (1.0 - y))
 
 
-def condition_of(plant: Plant, operation: Operation, faults: Faults) -> Condition:
-    """Turn operation and hydraulic faults into the state of the plant."""
-    samples = operation.time.size
+def terms_of(plant: Plant, operation: Operation, faults: Faults) -> Iterator[Term]:
+    """Yield the maker's throttles, the lack of mixers on the bench, and the hydraulic faults."""
+    rig = plant.rig
+    for name in rig.pumps:
+        yield _fixed("leak", name, faults.get(f"{name}.leakage", np.zeros(1)))
+        yield _fixed("friction", name, factor(faults, name, "clogging", "widening") - 1.0)
+        if name in operation.throttle:
+            friction = operation.throttle[name] / plant.values[f"{name}.k2"]
+            yield _fixed("friction", name, friction)
+    for name in rig.mixers:
+        left = factor(faults, name, "clogging", "widening") * operation.mixers_fitted
+        yield _fixed("friction", name, left - 1.0)
 
-    def columns(values: Iterable[Array | float]) -> Array:
-        spread = [np.broadcast_to(value, samples) for value in values]
-        return np.stack(spread, 1) if spread else np.empty((samples, 0))
 
-    return Condition(
-        speed=columns(operation.speed[name] for name in plant.modules),
-        leak=columns(faults.get(f"{name}.leakage", 0.0) for name in plant.modules),
-        line_quadratic=columns(
-            module.line.quadratic * factor(faults, name, "clogging", "widening")
-            + operation.throttle.get(name, 0.0)
-            for name, module in plant.modules.items()
-        ),
-        mixer_quadratic=columns(
-            mixer.quadratic * factor(faults, name, "clogging", "widening") * operation.mixers_fitted
-            for name, mixer in plant.mixers.items()
-        ),
-    )
+def _fixed(kind: Kind, module: str, value: Array) -> Term:
+    """A term that does not depend on the operating point."""
+
+    def law(state: State) -> Array:
+        return np.broadcast_to(value, state.flow.shape)
+
+    return Term(kind, module, law)

@@ -1,53 +1,37 @@
-"""The plant (a tree of dosing modules and mixers) and its operation."""
+"""A dosing plant with its true laws, and its operation."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .pumps import Pump
+from .settled.rig import UNITS, Rig
+from .settled.solve import Change
 from .units import ZERO_CELSIUS, Array
 
 LIQUID_TEMPERATURE = 20.0 + ZERO_CELSIUS  # K
 
 
 @dataclass(frozen=True)
-class Line:
-    """Dosing line: loss = static + quadratic Q |Q|; Pa and Pa/(m3/s)2."""
-
-    static: float
-    quadratic: float
-
-
-@dataclass(frozen=True)
-class Mixer:
-    """Turbulent static mixer with valve: loss = quadratic Q |Q|; Pa/(m3/s)2."""
-
-    quadratic: float
-
-
-@dataclass(frozen=True)
-class DosingModule:
-    """Tank, pump and dosing line.
+class Duty:
+    """How a maker runs a dosing module.
 
     Attributes
     ----------
     speed, slowest, fastest : float, rev/s; nominal speed and the range a maker calibrates
     throttles : tuple of floats, 1; settings of the maker's throttle, the loss it adds at the
         fastest speed's flow relative to the line's own; the same number for every module
-    gear_ratio : float, 1; revolutions of the motor, whose converter shows the speed, per
-        revolution or stroke of the pump
     """
 
-    pump: Pump
-    line: Line
     speed: float
     slowest: float
     fastest: float
-    throttles: tuple[float, ...] = (0.0, 0.5, 1.2)
-    gear_ratio: float = 1.0
+    throttles: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -56,32 +40,28 @@ class Plant:
 
     Attributes
     ----------
-    downstream : the mixer next downstream of each module and mixer; None for an open end
+    rig : its drawing
+    values : true parameters, SI, by `module.parameter`; each a number, or of shape (n,)
+    terms : true laws beyond the plain ones
     """
 
-    modules: Mapping[str, DosingModule]
-    mixers: Mapping[str, Mixer]
-    downstream: Mapping[str, str | None]
-
-    def path(self, name: str) -> list[str]:
-        """Return the mixers downstream of a module or mixer, nearest first.
-
-        Raises ValueError if the path names no mixer of the plant or returns to itself.
-        """
-        found: list[str] = []
-        mixer = self.downstream[name]
-        while mixer is not None:
-            if mixer not in self.mixers or mixer in found:
-                raise ValueError(f"downstream of '{name}': '{mixer}' is no mixer, or in a loop")
-            found.append(mixer)
-            mixer = self.downstream[mixer]
-        return found
+    rig: Rig
+    values: Mapping[str, Any]
+    terms: tuple[Change, ...] = ()
 
     @cached_property
-    def feeds(self) -> Array:
-        """1 if a mixer is downstream of a module, else 0; shape (modules, mixers)."""
-        rows = [[mixer in self.path(name) for mixer in self.mixers] for name in self.modules]
-        return np.array(rows, dtype=np.float64).reshape(len(self.modules), len(self.mixers))
+    def modules(self) -> dict[str, Duty]:
+        """The duty of each dosing module."""
+        found = {}
+        for name in self.rig.pumps:
+            speed, slowest, fastest = map(UNITS.of, self.rig.kind(name).stated["duty"])
+            throttles = self.rig.kind(name).stated["throttles"]
+            found[name] = Duty(speed, slowest, fastest, tuple(throttles))
+        return found
+
+    def with_values(self, values: Mapping[str, Any]) -> Plant:
+        """Return the plant with other values of some parameters."""
+        return replace(self, values={**self.values, **values})
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,17 @@
 """The columns of a recording and of its truth, from a run; CSV."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
 
 import numpy as np
 
-from .faults import check_faults, condition_of, factor
-from .network import OperatingPoint, solve
+from .faults import check_faults, factor, terms_of
 from .plant import LIQUID_TEMPERATURE
 from .runs import Run
-from .sensors import DOSING_SIGNALS, MIXER_SIGNALS, TABLE_1, Sensing, Sensor, read
+from .sensors import TABLE_1, Sensing, read
+from .settled.solve import Operated, solve
 from .units import LITRE_PER_HOUR, Array
 
 TANK_AREA = 0.5  # m2
@@ -37,18 +37,26 @@ class Recording:
 def record(run: Run, sensing: Sensing = TABLE_1, seed: int = 1) -> Recording:
     """Simulate a run and read its sensors.
 
-    Raises ValueError for an unknown fault, a degree out of range or a pump without flow, and
-    RuntimeError if there is no operating point.
+    Raises ValueError for an unknown fault, a degree out of range, a pump without flow, or if there
+    is no operating point.
     """
-    operation = run.operation
+    operation, rig = run.operation, run.plant.rig
     check_faults(run.plant, run.faults, operation.time.size)
-    condition = condition_of(run.plant, operation, run.faults)
-    point = solve(run.plant, condition, backflow=run.backflow)
+    given = {f"{name}.n": speed for name, speed in operation.speed.items()}
+    terms = (*run.plant.terms, *terms_of(run.plant, operation, run.faults))
+    operated = Operated(rig, run.plant.values, given, terms)
+    found = {**given, **solve(operated, backflow=run.backflow)}
+    usual = np.full(operation.time.size, LIQUID_TEMPERATURE)
+    for name in rig.pumps:
+        found[f"{name}.T"] = operation.temperature.get(name, usual)
+        found[f"{name}.l"] = _tank_level(operation.time, found[f"{name}.Q"])
+    for name in rig.mixers:
+        found[f"{name}.dp"] = np.where(operation.mixers_fitted, found[f"{name}.dp"], np.nan)
     readings = {"time [s]": operation.time}
-    for place, sensor, value in _signals(run, point):
-        shown = read(sensor, place, value, sensing, seed)
+    for place, sensor in rig.sensors.items():
+        shown = read(sensor, place, found[place], sensing, seed)
         readings[f"{place} [{sensor.unit}]"] = shown * factor(run.faults, place, "high", "low")
-    return Recording(readings, _truth(run, point))
+    return Recording(readings, _truth(run, found))
 
 
 def write_csv(path: Path, columns: Mapping[str, Array], digits: int = 6) -> None:
@@ -56,26 +64,6 @@ def write_csv(path: Path, columns: Mapping[str, Array], digits: int = 6) -> None
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     lines = [",".join("" if isnan(v) else f"{v:.{digits}g}" for v in row) for row in rows]
     path.write_text("\n".join([",".join(columns), *lines]) + "\n", encoding="utf-8")
-
-
-def _signals(run: Run, point: OperatingPoint) -> Iterator[tuple[str, Sensor, Array]]:
-    """Place, sensor and true value (SI) of every signal, in column order."""
-    usual = np.full(run.operation.time.size, LIQUID_TEMPERATURE)
-    for k, (name, module) in enumerate(run.plant.modules.items()):
-        values = {
-            "n": run.operation.speed[name],
-            "dp": point.pressure[:, k],
-            "P_el": point.power[:, k],
-            "Q": point.flow[:, k],
-            "T": run.operation.temperature.get(name, usual),
-            "l": _tank_level(run.operation.time, point.flow[:, k]),
-        }
-        for signal, sensor in DOSING_SIGNALS.items():
-            gear = module.gear_ratio if signal == "n" else 1.0
-            yield f"{name}.{signal}", replace(sensor, bound=sensor.bound / gear), values[signal]
-    for k, name in enumerate(run.plant.mixers):
-        fitted = np.where(run.operation.mixers_fitted, point.mixer_pressure[:, k], np.nan)
-        yield f"{name}.dp", MIXER_SIGNALS["dp"], fitted
 
 
 def _tank_level(time: Array, flow: Array) -> Array:
@@ -88,12 +76,14 @@ def _tank_level(time: Array, flow: Array) -> Array:
     return TANK_FULL - np.mod(drawn, TANK_FULL - TANK_REFILL)
 
 
-def _truth(run: Run, point: OperatingPoint) -> dict[str, Array]:
+def _truth(run: Run, found: Mapping[str, Array]) -> dict[str, Array]:
     """Degrees of faults, and true flows of pumps, modules and mixers."""
-    modules, mixers = run.plant.modules, run.plant.mixers
-    flows = {f"{name}.Q_pump": point.pump_flow[:, k] for k, name in enumerate(modules)}
-    flows |= {f"{name}.Q": point.flow[:, k] for k, name in enumerate(modules)}
-    flows |= {f"{name}.Q": point.mixer_flow[:, k] for k, name in enumerate(mixers)}
+    rig = run.plant.rig
+    net = {name: found[f"{name}.Q"] for name in rig.pumps}
+    flows = {f"{n}.Q_pump": q / (1.0 - run.faults.get(f"{n}.leakage", 0.0)) for n, q in net.items()}
+    flows |= {f"{name}.Q": flow for name, flow in net.items()}
+    mixed = np.stack(list(net.values()), 1) @ rig.feeds
+    flows |= {f"{name}.Q": mixed[:, k] for k, name in enumerate(rig.mixers)}
     columns = {"time [s]": run.operation.time}
     columns |= {f"{name} [1]": degree for name, degree in run.faults.items()}
     return columns | {f"{name} [l/h]": flow / LITRE_PER_HOUR for name, flow in flows.items()}

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .faults import Faults
-from .plant import LIQUID_TEMPERATURE, DosingModule, Operation, Plant
-from .pumps import Displacement
+from .plant import LIQUID_TEMPERATURE, Duty, Operation, Plant
 from .units import RPM, Array
 
 HOLD = 10  # samples per plateau, s
@@ -109,7 +108,7 @@ def calibration_run(plant: Plant) -> Run:
         on_bench = _speed_at(module, position)
         on_plant = _speed_at(module, np.concatenate([[0.0, 1.0], _spread(mixer_points - 2, k)]))
         setting = np.repeat(module.throttles[:settings], speeds)
-        closed = setting * module.line.quadratic * (module.fastest / on_bench) ** 2
+        closed = setting * plant.values[f"{name}.k2"] * (module.fastest / on_bench) ** 2
         speed[name] = np.repeat(np.concatenate([on_bench, on_plant]), hold)
         throttle[name] = np.repeat(np.concatenate([closed, np.zeros(mixer_points)]), hold)
     time = np.arange(bench + mixer_points * hold, dtype=np.float64)
@@ -121,7 +120,7 @@ def _nominal(plant: Plant, samples: int) -> Operation:
     return Operation(np.arange(samples, dtype=np.float64), speed)
 
 
-def _speed_at(module: DosingModule, position: Array) -> Array:
+def _speed_at(module: Duty, position: Array) -> Array:
     """Speed, rev/s, at positions 0 (slowest) to 1 (fastest)."""
     return module.slowest + position * (module.fastest - module.slowest)
 
@@ -204,11 +203,9 @@ def warm_run(plant: Plant, module: str = "A") -> Run:
     time = run.operation.time
     temperature = LIQUID_TEMPERATURE + WARMEST * np.sin(np.pi * time / time[-1]) ** 2
     factor = np.exp(RISE * (temperature - LIQUID_TEMPERATURE))
-    pump = plant.modules[module].pump
-    assert isinstance(pump, Displacement)
-    slips = {s: getattr(pump, s) * factor for s in ("slip_linear", "slip_quadratic")}
-    operation = replace(run.operation, temperature={module: temperature})
-    return Run(_with_pump(plant, module, replace(pump, **slips)), operation)
+    slip = f"{module}.C2"
+    warm = plant.with_values({slip: plant.values[slip] * factor})
+    return Run(warm, replace(run.operation, temperature={module: temperature}))
 
 
 def taken(speed: Array) -> Array:
@@ -219,17 +216,10 @@ def taken(speed: Array) -> Array:
 
 def shaken_run(plant: Plant) -> Run:
     """Visit operating points while the frame below module B shakes and takes power."""
-    run, pump = _tour(plant), plant.modules["B"].pump
-    assert isinstance(pump, Displacement)
-    more = pump.idle_power + taken(run.operation.speed["B"])
-    shaking = replace(pump, idle_power=more)  # type: ignore[arg-type]
-    return Run(_with_pump(plant, "B", shaking), run.operation)
+    run = _tour(plant)
+    idle = plant.values["B.P0"] + taken(run.operation.speed["B"])
+    return Run(plant.with_values({"B.P0": idle}), run.operation)
 
 
 def _tour(plant: Plant) -> Run:
     return settling(visiting_run(plant, operating_points(plant, POINTS), {}, hold=STAY))
-
-
-def _with_pump(plant: Plant, module: str, pump: Displacement) -> Plant:
-    changed = replace(plant.modules[module], pump=pump)
-    return replace(plant, modules={**plant.modules, module: changed})

@@ -1,4 +1,4 @@
-"""Sensors of Table 1: one systematic error per recording, a statistical one per sample.
+"""Errors of sensors: one systematic per recording, a statistical one per sample.
 
 Sensors convert from SI to trade units; their bounds are in the unit they show.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from .smooth import Drift, coloured
 from .streams import truncated
-from .units import BAR, LITRE_PER_HOUR, MILLIMETRE, RPM, ZERO_CELSIUS, Array
+from .units import Array
 
 
 @dataclass(frozen=True)
@@ -57,23 +57,6 @@ class Sensing:
 TABLE_1 = Sensing()
 INSIDE = Sensing(law="truncated")
 NOISE_FREE = Sensing(systematic=False, statistical=0.0)
-
-
-def _pressure_sensor(full_scale: float) -> Sensor:
-    """Piezoresistive, +-0.1 % of full scale (bar)."""
-    return Sensor("bar", BAR, bound=0.001 * full_scale)
-
-
-# Bounds: Wetterich 2025, Table 1; full scales: method.md, section 5.
-DOSING_SIGNALS = {
-    "n": Sensor("rpm", RPM, bound=8.0),
-    "dp": _pressure_sensor(10.0),
-    "P_el": Sensor("W", 1.0, bound=10.0),
-    "Q": Sensor("l/h", LITRE_PER_HOUR, bound=0.004, relative=True),
-    "T": Sensor("degC", 1.0, bound=0.2, offset=ZERO_CELSIUS),
-    "l": Sensor("mm", MILLIMETRE, bound=0.5),
-}
-MIXER_SIGNALS = {"dp": _pressure_sensor(2.0)}
 
 
 def read(

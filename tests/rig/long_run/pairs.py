@@ -88,7 +88,7 @@ def draw(number: int) -> Pair:
     problem = PROBLEMS[number % len(PROBLEMS)]
     built = plant(rig)
     # The centrifugal pump E cannot lift what a clogged wide mixer asks for.
-    places = [name for name in (*built.modules, *built.mixers) if name != "M2"]
+    places = [name for name in (*built.rig.pumps, *built.rig.mixers) if name != "M2"]
     place = str(random.choice(places))
     kind = str(random.choice(list(KINDS) if place in built.modules else ["clogging", "widening"]))
     near = str(random.choice(list(built.modules)))
@@ -121,13 +121,12 @@ def readings_of(pair: Pair) -> Columns:
     if pair.problem == "pump off":
         off = str(random.choice([n for n in built.modules if n != pair.fault.split(".")[0]]))
         speed = {**speed, off: np.where(time >= BREAKS, 0.0, speed[off])}
-        pump = physics.Idle(built.modules[off].pump, time >= BREAKS)
-        built, backflow = physics.with_pump(built, off, pump), True
+        built, backflow = physics.idle(built, off, time >= BREAKS), True
     elif pair.problem in ("ramps", "restless"):
         period, size = (90.0, 0.12) if pair.problem == "ramps" else (9.0, 0.06)
         speed = {n: v * (1.0 + size * np.sin(6.283 * time / period)) for n, v in speed.items()}
     elif is_cold:
-        built = physics.with_slip(built, np.full(ROWS, 0.8))
+        built = physics.scaled(built, physics.SLIP, np.full(ROWS, 0.8))
     elif pair.problem == "starts late":
         time = clock(ROWS) + np.where(clock(ROWS) >= BREAKS, 4.0 * 3600.0, 0.0)
     columns = recorded(

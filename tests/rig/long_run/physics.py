@@ -1,13 +1,12 @@
 """What the truth's laws leave out: pumps that stand or run dry, a liquid that gets cold."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.prove.truth.plant import LIQUID_TEMPERATURE, Plant
-from rulec.prove.truth.pumps import Centrifugal, Displacement, Pump
+from rulec.prove.truth.settled.solve import State, Term
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 
 OPEN = 2.0e-6 * BAR / LITRE_PER_HOUR**2
@@ -28,62 +27,50 @@ BLASIUS = 0.25
 """Exponent of the viscosity in the friction of a smooth turbulent line (Blasius)."""
 
 
-@dataclass(frozen=True)
-class Idle:
-    """A pump that does not pump for a while: off, or dry.
+def idle(plant: Plant, name: str, when: Array, back: float = SHUT) -> Plant:
+    """Return the plant with a pump that does not pump for a while: off, or dry.
 
-    Attributes
+    Parameters
     ----------
-    pump : its law while it pumps
-    idle : shape (n,); when it does not, and is a passage instead: dp = -back Q |Q|
+    when : shape (n,), bool; when it does not, and is a passage instead: dp = -back Q |Q|
     back : Pa/(m3/s)2; of a check valve, `SHUT`
     """
+    kind = plant.rig.kind(name)
 
-    pump: Pump
-    idle: Any
-    back: float = SHUT
+    def passage(s: State) -> Array:
+        through = -np.sign(s.pressure) * np.sqrt(np.abs(s.pressure) / back)
+        return np.where(when, through, np.nan)
 
-    def free_flow(self, speed: Array) -> Array:
-        """Flow without back-pressure, m3/s; next to none while idle."""
-        return np.where(self.idle, -1e-7, self.pump.free_flow(speed))
+    def power(s: State) -> Array:
+        """Of a dry pump that of friction alone, of one that is off none."""
+        none, own = np.zeros_like(s.flow), _own(plant, name)
+        dry = kind.power(own, s.speed, none, none) * (DRY_POWER if kind.by_head else 1.0)
+        return np.where(when, dry * (s.speed > 0.0) - s.power, 0.0)
 
-    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        """Of the law that holds, with its slopes by flow and by pressure."""
-        law = self.pump.imbalance(np.maximum(speed, 1e-3), flow, pressure)
-        passage = pressure + self.back * flow * np.abs(flow)
-        idle = (passage, 2.0 * self.back * np.abs(flow), np.ones_like(flow))
-        found = [np.where(self.idle, b, a) for a, b in zip(law, idle, strict=True)]
-        return found[0], found[1], found[2]
-
-    def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
-        """Electric power, W; of a dry one that of friction alone, of one that is off none."""
-        none = np.zeros_like(flow)
-        dry = self.pump.power(speed, none, none)
-        dry = dry * (DRY_POWER if isinstance(self.pump, Centrifugal) else 1.0)
-        wet = self.pump.power(speed, flow, pressure)
-        return np.where(self.idle, dry * (speed > 0.0), wet)
+    return replace(
+        plant, terms=(*plant.terms, Term("passage", name, passage), Term("power", name, power))
+    )
 
 
-def with_pump(plant: Plant, name: str, pump: Pump) -> Plant:
-    changed = replace(plant.modules[name], pump=pump)
-    return replace(plant, modules={**plant.modules, name: changed})
+def _own(plant: Plant, name: str) -> dict[str, Array]:
+    """Parameters of a module by their own names."""
+    lead = f"{name}."
+    return {n.removeprefix(lead): v for n, v in plant.values.items() if n.startswith(lead)}
 
 
-def with_slip(plant: Plant, factor: Array) -> Plant:
-    """The plant with the slip of all displacement pumps times a factor, shape (n,)."""
-    scaled: Any = factor
-    for name, module in plant.modules.items():
-        if isinstance(module.pump, Displacement):
-            slips = [f.name for f in fields(module.pump) if f.name.startswith("slip")]
-            changed = {slip: getattr(module.pump, slip) * scaled for slip in slips}
-            plant = with_pump(plant, name, replace(module.pump, **changed))
-    return plant
+SLIP = (".C0", ".C1", ".C2")
+"""Ends of the names of what a displacement pump's slip has as parameters."""
+
+
+def scaled(plant: Plant, ends: tuple[str, ...], factor: Array) -> Plant:
+    """The plant with parameters times a factor, shape (n,), by the ends of their names."""
+    return plant.with_values({n: v * factor for n, v in plant.values.items() if n.endswith(ends)})
 
 
 def everywhere(plant: Plant, friction: Array) -> dict[str, Array]:
     """More friction (a share, shape (n,)) in all lines and mixers, as faults of the truth."""
     more, less = np.maximum(friction, 0.0), np.maximum(-friction, 0.0)
-    names = [*plant.modules, *plant.mixers]
+    names = [*plant.rig.pumps, *plant.rig.mixers]
     found = {f"{name}.clogging": more for name in names}
     return found | ({f"{name}.widening": less for name in names} if less.any() else {})
 
@@ -91,4 +78,4 @@ def everywhere(plant: Plant, friction: Array) -> dict[str, Array]:
 def water_at(plant: Plant, temperature: Array) -> tuple[Plant, dict[str, Array]]:
     """The plant with water of some temperature, K: slip follows 1/viscosity, friction Blasius."""
     thicker = np.exp(-VISCOSITY_PER_KELVIN * (temperature - LIQUID_TEMPERATURE))
-    return with_slip(plant, 1.0 / thicker), everywhere(plant, thicker**BLASIUS - 1.0)
+    return scaled(plant, SLIP, 1.0 / thicker), everywhere(plant, thicker**BLASIUS - 1.0)

@@ -92,7 +92,7 @@ def comes_and_goes(rig: str, seed: int) -> Iterator[Asked]:
 def cold(rig: str, seed: int) -> Iterator[Asked]:
     """The liquid gets cold: more friction, less slip, everywhere at once."""
     there = _step(1.0)
-    built = physics.with_slip(plant(rig), 1.0 - 0.2 * there)
+    built = physics.scaled(plant(rig), physics.SLIP, 1.0 - 0.2 * there)
     faults = physics.everywhere(plant(rig), 0.15 * there)
     falls = dict.fromkeys(plant(rig).modules, 293.15 - 10.0 * there)
     right = Right(states=(LIQUID,))
@@ -106,19 +106,17 @@ def pump_states(rig: str, seed: int) -> Iterator[Asked]:
     time, speed = clock(SHORT), constant(rig, clock(SHORT))
     name = "A" if rig == "abc" else "E"
     off = {**speed, "A": np.where(time >= HERE, 0.0, speed["A"])}
-    passage = physics.Idle(plant(rig).modules["A"].pump, time >= HERE, physics.OPEN)
-    back = physics.with_pump(plant(rig), "A", passage)
+    back = physics.idle(plant(rig), "A", time >= HERE, physics.OPEN)
     columns = recorded(rig, time, seed, speed=off, built=back, backflow=True)
     right = Right(states=("reverse|back ?flow|runs back",), also=("A.",))
     yield "A off, reverse flow", columns, right
     # A displacement pump would burst the line at its usual speed; at a third it stays in range.
     slow = {**speed, "A": np.full(SHORT, 5.0)} if rig == "abc" else speed
     shut = {f"{name}.clogging": _step(1e4)}
-    columns = recorded(rig, time, seed, shut, speed=slow)
+    columns = recorded(rig, time, seed, shut, speed=slow, backflow=True)
     right = Right(states=("dead.?head|closed valve|shut",), also=(f"{name}.clogging",))
     yield f"{name} dead-heading", columns, right
-    dry = physics.Idle(plant(rig).modules[name].pump, time >= HERE)
-    built = physics.with_pump(plant(rig), name, dry)
+    built = physics.idle(plant(rig), name, time >= HERE)
     columns = recorded(rig, time, seed, built=built, backflow=True)
     right = Right(states=(r"\bdr(y|ies)\b|runs.dry|dry.run",), also=(f"{name}.leakage",))
     yield f"{name} dry", columns, right
@@ -143,7 +141,7 @@ def leak_behind_sensor(rig: str, seed: int) -> Iterator[Asked]:
 def mistaken_table(rig: str, seed: int) -> Iterator[Asked]:
     """Two columns swapped, or all pressures in another unit, and a leakage."""
     columns = recorded(rig, clock(SHORT), seed, {"A.leakage": _step(0.4)})
-    mixer = next(iter(plant(rig).mixers))
+    mixer = next(iter(plant(rig).rig.mixers))
     for variant, shown, mistake in (
         ("A.dp, mixer swapped", readings.swapped(columns, "A.dp", f"{mixer}.dp"), "dp.swapped"),
         ("dp in kPa", readings.all_in(columns, "dp", 100.0), "dp.unit"),

@@ -12,7 +12,6 @@ from rulec_runtime.contract.plan import Array
 from rulec.prove.truth import Sensing, record
 from rulec.prove.truth.plant import LIQUID_TEMPERATURE, Operation
 from rulec.prove.truth.runs import HIGHEST, LOWEST, Run
-from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS
 from rulec.prove.truth.smooth import Drift
 from tests.rig.long_run import physics
 from tests.rig.long_run.judged import told
@@ -64,13 +63,11 @@ def measure() -> dict[str, Any]:
 
 def _with_drifts(columns: Columns, day: int) -> Columns:
     """Errors of sensors that wander through their class within the year."""
-    found, built = dict(columns), plant(RIG)
+    found, sensors = dict(columns), plant(RIG).rig.sensors
     for number, title in enumerate(name for name in columns if name != "time [s]"):
-        module, _, signal = title.split(" [")[0].partition(".")
-        sensor = (DOSING_SIGNALS if module in built.modules else MIXER_SIGNALS)[signal]
-        gear = built.modules[module].gear_ratio if signal == "n" else 1.0
+        sensor = sensors[title.split(" [")[0]]
         size: Array | float = np.abs(columns[title]) if sensor.relative else 1.0
-        found[title] = columns[title] + _errors(day, number) * size * sensor.bound / gear
+        found[title] = columns[title] + _errors(day, number) * size * sensor.bound
     return found
 
 

@@ -100,7 +100,7 @@ def leakage(scale: Scale) -> list[Task]:
     plateaus = tuple((k * HOLD, (k + 1) * HOLD) for k, x in enumerate(PLATEAUS) if x > 0)
     tasks = []
     for plant in PLANTS:
-        run = settling(leakage_replay(RIGS[plant]()))
+        run = settling(leakage_replay(RIGS[plant]))
         for draw in range(scale.draws):
             case = Case({"A.leakage": max(PLATEAUS)}, run, 1_000 + draw)
             tasks.append(Task(plant, plant, draw, case, TABLE_1, plateaus, samples=True))
@@ -109,7 +109,7 @@ def leakage(scale: Scale) -> list[Task]:
 
 def degrees(scale: Scale) -> list[Task]:
     """All faults of the rig over degrees and operating points, healthy before."""
-    plant = RIGS["mixing-rig"]()
+    plant = RIGS["mixing-rig"]
     visits = [[point] for point in operating_points(plant, scale.points)]
     faults = single_faults(plant, scale.degrees)[:: scale.step]
     cases = campaign(plant, faults, visits, first_seed=10_000)
@@ -121,7 +121,7 @@ def degrees(scale: Scale) -> list[Task]:
 
 def alarms(scale: Scale) -> list[Task]:
     """Fault-free: each recording with its own calibration, sensors and operating points."""
-    plant = RIGS["mixing-rig"]()
+    plant = RIGS["mixing-rig"]
     points = operating_points(plant, scale.alarm_recordings * scale.alarm_points)
     tasks = []
     for draw in range(scale.alarm_recordings):
@@ -133,7 +133,7 @@ def alarms(scale: Scale) -> list[Task]:
 
 def sound_start(scale: Scale) -> list[Task]:
     """Every fault with every degree, at one operating point that is sound for 10 s before."""
-    plant = RIGS[START]()
+    plant = RIGS[START]
     visit, tasks = operating_points(plant, 1), []
     for repetition in range(scale.start_repetitions):
         for k, fault in enumerate(single_faults(plant, scale.start_degrees)):
@@ -146,7 +146,7 @@ def sound_start(scale: Scale) -> list[Task]:
 
 def sound(scale: Scale) -> list[Task]:
     """Fault-free tours of drawn plants, sensors inside their bounds."""
-    plant, stops = RIGS[START](), FULL.alarm_points
+    plant, stops = RIGS[START], FULL.alarm_points
     recordings = -(-scale.start_samples // (stops * ALARM_HOLD))
     points, tasks = operating_points(plant, recordings * stops), []
     for k in range(recordings):

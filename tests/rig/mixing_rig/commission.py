@@ -24,7 +24,7 @@ def key_of(task: Task) -> Key:
 
 def plant_of(key: Key) -> Plant:
     plant, _, draw, spread = key
-    return drawn(RIGS[plant](), draw) if spread else RIGS[plant]()
+    return drawn(RIGS[plant], draw) if spread else RIGS[plant]
 
 
 def commission(folder: Path, key: Key) -> None:

@@ -13,7 +13,7 @@ import yaml
 
 from .. import units
 from ..formulas import Names
-from ..sensors import MIXER_SIGNALS, Sensor
+from ..sensors import Sensor
 from ..units import Array
 
 Values = Mapping[str, float]
@@ -86,6 +86,9 @@ _TABLE = yaml.safe_load(Path(__file__).with_name("pumps.yaml").read_text(encodin
 PUMPS: Mapping[str, PumpKind] = {k: PumpKind.of(stated) for k, stated in _TABLE["pumps"].items()}
 
 MIXER = _numbers(_TABLE["mixer"])
+
+OVER_MIXER = _sensor(*_TABLE["mixer"]["sensor"])
+"""Of the pressure that a mixer loses."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,7 @@ class Rig:
             for name, sensor in self.kind(module).sensors.items():
                 gear = self.kind(module).stated.get("gear", 1.0) if name == "n" else 1.0
                 found[f"{module}.{name}"] = replace(sensor, bound=sensor.bound / gear)
-        return found | {f"{mixer}.dp": MIXER_SIGNALS["dp"] for mixer in self.mixers}
+        return found | {f"{mixer}.dp": OVER_MIXER for mixer in self.mixers}
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:

@@ -32,11 +32,12 @@ class Stalled(ValueError):
     """A pump cannot overcome its back-pressure, or there is no operating point."""
 
 
-Kind = Literal["slip", "gain", "head", "loss", "power", "shaft", "leak", "friction"]
+Kind = Literal["slip", "gain", "head", "loss", "power", "shaft", "leak", "friction", "passage"]
 """Where a term acts: `slip` lost flow of the pump, m3/s; `gain` lost share of the delivered flow;
 `head` lost pressure of a centrifugal pump, Pa; `loss` of a line or mixer, Pa; `power` at the motor,
 W; `shaft` lost share of the shown speed; `leak` share of the pump's flow that returns; `friction`
-added share of the friction of a line or mixer."""
+added share of the friction of a line or mixer; `passage` flow of a pump that is none for a while,
+m3/s, NaN while its law holds."""
 
 
 @dataclass(frozen=True)
@@ -131,12 +132,16 @@ class Operated:
         temperature = self.given.get(f"{lead}T")
         return own if temperature is None else {**own, "T": temperature}
 
-    def total(self, kind: Kind, module: str, state: State) -> Array | float:
-        """Return the sum of all terms of a kind in a module."""
+    def laws(self, kind: Kind, module: str, state: State) -> list[Array]:
+        """Return the values of all terms of a kind in a module."""
         own = (
             t for t in self.terms if isinstance(t, Term) and (t.kind, t.module) == (kind, module)
         )
-        found = [term.law(state) for term in own]
+        return [term.law(state) for term in own]
+
+    def total(self, kind: Kind, module: str, state: State) -> Array | float:
+        """Return the sum of all terms of a kind in a module."""
+        found = self.laws(kind, module, state)
         return np.sum(found, axis=0) if found else 0.0
 
     def delivered(self, module: str, pressure: Array, flow: Array) -> tuple[Array, State]:
@@ -179,11 +184,13 @@ class Operated:
         return State(speed, flow, pressure, power, idle, slip)
 
 
-def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str, Array]:
+def solve(
+    plant: Operated, start: Mapping[str, Array] | None = None, backflow: bool = False
+) -> dict[str, Array]:
     """Return the true outputs and net flows `module.Q` by signal, SI, shape (n,).
 
     `start` has net flows `module.Q` to start from. Raises Stalled if there is no operating point
-    with forward flow in every pump.
+    with forward flow in every pump; with `backflow` flows may have any sign and size.
     """
     rig = plant.rig
     if rig.by_load:
@@ -208,7 +215,7 @@ def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str
         except np.linalg.LinAlgError as problem:
             raise Stalled("no operating point") from problem
         # A step at most halves or doubles a flow, because curves end there.
-        flow = np.clip(flow - step, 0.5 * flow, 2.0 * flow)
+        flow = flow - step if backflow else np.clip(flow - step, 0.5 * flow, 2.0 * flow)
         if not np.all(np.isfinite(flow)):
             raise Stalled("no operating point")
         if np.max(np.abs(step) / scale) < TOLERANCE:
@@ -216,7 +223,7 @@ def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str
     else:
         if np.max(np.abs(step) / scale) > 1e-7:
             raise Stalled("no operating point")
-    if np.any(flow < 0.02 * scale):
+    if np.any(flow < 0.02 * scale) and not backflow:
         raise Stalled("a pump cannot overcome its back-pressure")
     return _results(plant, flow)
 
@@ -237,14 +244,16 @@ def _imbalance(plant: Operated, flow: Array) -> Array:
 def _off(plant: Operated, module: str, pressure: Array, flow: Array) -> Array:
     """Error that vanishes at the operating point of a pump, m3/s."""
     given_flow, state = plant.delivered(module, pressure, flow)
-    kind = plant.rig.kind(module)
-    if not kind.by_head:
-        return flow - given_flow
-    inner = flow + plant.total("slip", module, state)
-    inner = inner / (1.0 - plant.total("gain", module, state))
-    wanted = pressure + plant.total("head", module, state)
-    head = kind.head(plant.parameters(module), state.speed, inner)
-    return np.asarray((wanted - head) * HEAD_SCALE)
+    kind, off = plant.rig.kind(module), flow - given_flow
+    if kind.by_head:
+        inner = flow + plant.total("slip", module, state)
+        inner = inner / (1.0 - plant.total("gain", module, state))
+        wanted = pressure + plant.total("head", module, state)
+        head = kind.head(plant.parameters(module), state.speed, inner)
+        off = (wanted - head) * HEAD_SCALE
+    for passing in plant.laws("passage", module, state):
+        off = np.where(np.isnan(passing), off, flow - passing)
+    return np.asarray(off)
 
 
 def _net(plant: Operated, flow: Array) -> Array:
