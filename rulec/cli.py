@@ -4,7 +4,6 @@ This is the one place where compiler and runtime meet. Commands are imported whe
 the runtime verbs must start without sympy.
 """
 
-import argparse
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,11 +28,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _commands() -> frame.Commands:
     shared = Path(frame.__file__).parent.with_name("commands.toml")
     return frame.Commands(Path(__file__).with_name("commands.toml"), shared)
-
-
-def prove_options(prove: argparse.ArgumentParser) -> None:
-    """Options of `rulec prove`, the same for the suite that it starts."""
-    _commands().add_options(prove, "prove")
 
 
 if __name__ == "__main__":

@@ -214,9 +214,8 @@ def abc() -> Ruleset:
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """`rulec prove` works on its cases here, one after the other: processes take longer to start.
-    As a user starts it, it runs in tests/prove."""
-    from rulec.commands import prove
-    from rulec.prove import campaign, command
+    With its workers it runs in tests/prove."""
+    from rulec.prove import campaign
 
     def here(
         workers: object,
@@ -228,4 +227,3 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         return [work(*words) for words in todo]
 
     monkeypatch.setattr(campaign.Workers, "each", here)
-    monkeypatch.setattr(prove, "run", lambda options: command.main(options.words[1:]))

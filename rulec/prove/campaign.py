@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import rulec_runtime
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_text
 
 import rulec
@@ -72,7 +73,7 @@ OnProgress = Callable[[str, int, int], None]
 B = TypeVar("B")
 
 
-class Changed(Exception):
+class Changed(Refusal):
     """The folder belongs to another run or tool, or an answer is not what was sealed."""
 
 

@@ -9,94 +9,56 @@ from importlib.metadata import version
 from pathlib import Path
 
 from rich.console import Console
-from rulec_runtime.commands.destinations import without_folder, write_json
-from rulec_runtime.commands.frame import quiet_option
+from rulec_runtime.commands.destinations import (
+    console,
+    is_quiet,
+    without_folder,
+    write_json,
+    write_to,
+)
 from rulec_runtime.output.progress import Progress
-from rulec_runtime.output.refusal import Misused, Refusal
-from rulec_runtime.output.terminal import styled, terminal
-from rulec_runtime.output.write_file import write_text
-from rulec_runtime.report.page_origin import made_now
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.report.page_origin import Made, made_now
 
-from rulec.cli import prove_options
 from rulec.engines.call import Engine
 from rulec.engines.engine import chosen
 from rulec.prove import contacts
-from rulec.prove.campaign import Campaign, Changed, Workers, digest_of, unusable
-from rulec.prove.interruption import interruptible
+from rulec.prove.campaign import Campaign, Workers, digest_of, unusable
 from rulec.prove.page import page, show
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Further, Run
 from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.truth.settled.plan import Planned as Settled
 
-Ask = Callable[[argparse.Namespace, Console, Console], int]
-"""Runs the command, given its options and the terminals for results and for messages."""
-
 FIRST_CONTACT = 1
 """Default seed of the first case of first contacts; later cases count up from it."""
 
 
-def main(words: list[str] | None = None, ask: Ask | None = None) -> int:
-    """Run; returns 0 whatever the scores, 1 if the folder holds another run."""
-    parser = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
-    prove_options(parser)
-    quiet_option(parser)
-    # `rulec prove` passes this; it holds the other end of standard input.
-    parser.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
-    options = parser.parse_args(words)
-    out, aside = terminal(quiet=options.quiet), terminal(aside=True)
-    try:
-        with interruptible(options.lifeline):
-            return (ask or _asked)(options, out, aside)
-    except (Changed, Refusal) as refused:
-        return ended(aside, 1, str(refused))
-    except OSError as error:
-        return ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
-    except KeyboardInterrupt:
-        hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
-        return ended(aside, 130, f"interrupted; {hint}")
-
-
-def ended(aside: Console, code: int, why: str) -> int:
-    """Print why the command ends; returns its exit code."""
-    aside.print(f"rulec prove: {why}", markup=False, soft_wrap=True)
-    return code
-
-
-def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Run; returns 0 whatever the scores. Raises Changed if the folder holds another run."""
     if (mistake := _mistake(options)) is not None:
-        return ended(aside, 2, mistake)
+        raise Misused(mistake)
+    out, done = console(options), _contacts if options.contacts else _run
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
         # Absolute, because the workers of a cluster run in other working directories.
         work = Path(options.keep or temporary).absolute()
-        if options.contacts:
-            return _contacts(options, work, out, aside)
-        run = _run(options, work, aside)
-    show(out, run)
-    if options.json:
-        write_text(Path(options.json), run.to_json())
-    if options.report:
-        write_text(Path(options.report), page(run, made_now("rulec")))
-        out.print(styled("[dim]report: {}[/]", options.report))
+        done(options, work, out)
     return 0
 
 
-def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
-    with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
+def _contacts(options: argparse.Namespace, work: Path, out: Console) -> None:
+    with Progress("rulec prove", "sealing", is_quiet(options)) as on_progress:
         run = Campaign(partition_of(options)[0], work, Workers(engine_of(options), on_progress))
         run.analysed(seals := run.sealed())
         found = contacts.judged(run, seals)
     contacts.show(out, found)
     write_json(options, contacts.form_of(found))
-    return 0
 
 
 def _mistake(options: argparse.Namespace) -> str | None:
-    """Return the first mistake in the options, before the long work starts."""
-    try:
-        engine_of(options)
-    except Misused as misused:
-        return str(misused)
+    """Return the first mistake in the options, before the long work starts; see `engine_of`."""
+    engine_of(options)
     contacts_, again = options.contacts, options.rounds > 1
     undrawn = options.final and register()["final"]["seed"] is None
     cases = [] if undrawn else partition_of(options)[0].cases()
@@ -153,16 +115,30 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     return made("development", seed, options.quick), 0
 
 
-def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
+def _run(options: argparse.Namespace, work: Path, out: Console) -> None:
+    made = _made(options, work)
+    show(out, made)
+    write_json(options, made.form())
+    write_page(options, out, lambda origin: page(made, origin))
+
+
+def write_page(options: argparse.Namespace, out: Console, page: Callable[[Made], str]) -> None:
+    """Write the page of a run to the file of `--report`, if that is given."""
+    if options.report:
+        write_to(options.report, page(made_now("rulec")))
+        out.print(styled("[dim]report: {}[/]", options.report))
+
+
+def _made(options: argparse.Namespace, work: Path) -> Run:
     begin = time.perf_counter()
     partition, openings = partition_of(options)
     arms, further = arms_of(options.baselines), list[Further]()
-    with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
+    with Progress("rulec prove", "sealing", is_quiet(options)) as on_progress:
         run = Campaign(partition, work, Workers(engine_of(options), on_progress))
         seals = run.sealed()
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
-        aside.print(f"{made} answers sealed, hash {digest[:16]}")
+        say_aside(f"{made} answers sealed, hash {digest[:16]}")
         run.analysed(seals)
         if options.rounds > 1:
             asked_again(run, seals, arms)

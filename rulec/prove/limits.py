@@ -85,8 +85,5 @@ USUAL_HOURS = 8.0
 WORST_CASES = 10
 """Worst cases that are listed. Origin: assumed."""
 
-INTERRUPT_AGAIN = 0.5
-"""Seconds between interrupts of a process that has lost its lifeline. Origin: assumed."""
-
 PATIENCE = 1800.0
 """Seconds after which a command on a real rig counts as unanswered. Origin: assumed."""

@@ -1,7 +1,6 @@
 """A run of the proof as data and as JSON: every judged case, and how the run was made."""
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 
@@ -157,7 +156,6 @@ class Run:
         """Cases to improve the tool with, or those that are opened once to measure it."""
         return next((j.partition for j in self.judged), "development")
 
-    def to_json(self) -> str:
-        """Return the run as JSON; infinite and undefined numbers are strings."""
-        fields = plain_form(dataclasses.asdict(self), float)
-        return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    def form(self) -> object:
+        """Return the machine form; infinite and undefined numbers are strings."""
+        return plain_form(dataclasses.asdict(self), float)

@@ -1,7 +1,6 @@
 """A run of the proof as a user starts it: sealed, resumed after a kill, told."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from rulec.engines.call import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.campaign import Campaign, Changed, Workers, digest_of
-from rulec.prove.command import main as suite
 from rulec.prove.partition import Partition, register
 
 FEW = Partition("development", 1, quick=True, only="stationary-1-clean--1")
@@ -77,13 +75,11 @@ def test_the_final_partition_is_drawn_once() -> None:
     assert final["seed"] != register()["development"]["seed"]
 
 
-def checked(
-    command: Callable[[list[str]], int], only: str, cases: int, clean_ones: int, folder: Path
-) -> None:
+def checked(only: str, cases: int, clean_ones: int, folder: Path) -> None:
     """Run quick cases of the development partition: they guard what works, they prove nothing."""
     json_, page = folder / "run.json", folder / "run.html"
     asked = ["--quick", "--only", only, "--json", str(json_), "--report", str(page)]
-    assert command(asked) == 0
+    assert rulec(["prove", *asked]) == 0
     found = json.loads(json_.read_text(encoding="utf-8"))["judged"]
     assert cases == len(found)
     assert [] == [(j["case"], j["error"]) for j in found if j["error"]]
@@ -101,7 +97,7 @@ def checked(
 def test_a_quick_run(only: str, tmp_path: Path) -> None:
     """No case fails, and most that can be seen are named. In every run docs/proof.md runs a leak,
     which is a fault like that of a sensor."""
-    checked(suite, only, 1, 0, tmp_path)
+    checked(only, 1, 0, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -112,4 +108,4 @@ def test_a_quick_run_in_its_own_processes(
     only: str, cases: int, clean_ones: int, tmp_path: Path
 ) -> None:
     """As a user starts it; no clean case is accused."""
-    checked(lambda asked: rulec(["prove", *asked]), only, cases, clean_ones, tmp_path)
+    checked(only, cases, clean_ones, tmp_path)

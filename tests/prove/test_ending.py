@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from rulec.cli import main
 from rulec.prove.campaign import CASES, SEALS, unusable
-from rulec.prove.command import main
 from tests.conftest import SOURCES
 
 FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")
@@ -72,56 +72,21 @@ posix = pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matte
 def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
     """Sent to the command alone, while its workers analyse; then the same command goes on."""
     with started(tmp_path) as run:
-        # Suite, tracker of its resources, two workers.
-        assert waited(lambda: (tmp_path / CASES).exists() and len(below(run.pid)) >= 4)
+        # Tracker of its resources, two workers.
+        assert waited(lambda: (tmp_path / CASES).exists() and len(below(run.pid)) >= 3)
         time.sleep(1.0)
         others = below(run.pid)
         os.kill(run.pid, getattr(signal, number))
         said = run.communicate(timeout=PATIENCE)[1]
     assert waited(lambda: not alive(others), 5.0), alive(others)
     assert "Traceback" not in said
-    assert "rulec prove: interrupted; the same command goes on" in said
-    assert run.returncode == (-signal.SIGKILL if number == "SIGKILL" else 130)
+    is_killed = number == "SIGKILL"
+    assert is_killed or "rulec prove: interrupted; the same command goes on" in said
+    assert run.returncode == (-signal.SIGKILL if is_killed else 130)
     if number == "SIGINT":
         with started(tmp_path) as again:
             said = again.communicate(timeout=3 * PATIENCE)[1]
         assert (0, True) == (again.returncode, "answers sealed" in said)
-
-
-SWALLOWING = """
-import time
-from rulec.prove.interruption import interruptible
-try:
-    with interruptible(lifeline=True):
-        try:
-            print("ready", flush=True)
-            time.sleep(60)
-        except KeyboardInterrupt:
-            print("swallowed", flush=True)
-        try:
-            time.sleep(60)
-        finally:
-            time.sleep(1.5)
-            print("tidied up")
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-
-
-@posix
-def test_the_end_of_the_lifeline_is_not_lost() -> None:
-    """Compiled code may swallow an interrupt: another follows, but not while things are tidied."""
-    with subprocess.Popen(
-        [sys.executable, "-c", SWALLOWING],
-        env={**os.environ, "PYTHONPATH": SOURCES},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as run:
-        assert run.stdout is not None
-        assert "ready\n" == run.stdout.readline()
-        said = run.communicate(timeout=PATIENCE)[0]
-    assert (0, ["swallowed", "tidied up", "interrupted"]) == (run.returncode, said.split("\n")[:-1])
 
 
 @pytest.mark.parametrize(
@@ -142,7 +107,7 @@ def test_a_folder_with_something_in_the_way(
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("mine")
     before = sorted(tmp_path.rglob("*"))
-    assert 2 == main([*FEW, f"--keep={work}"])
+    assert 2 == main(["prove", *FEW, f"--keep={work}"])
     said = capsys.readouterr().err
     assert said.startswith(f"rulec prove: --keep: {work}")
     assert text in said
@@ -153,7 +118,7 @@ def test_a_folder_with_something_in_the_way(
 def test_seals_of_something_else_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file that is no list of seals, not even text, is not written over."""
     (tmp_path / SEALS).write_bytes(b"\xff mine")
-    assert 1 == main([*FEW, f"--keep={tmp_path}"])
+    assert 1 == main(["prove", *FEW, f"--keep={tmp_path}"])
     assert f"{tmp_path} holds another run; name another folder" in capsys.readouterr().err
     assert b"\xff mine" == (tmp_path / SEALS).read_bytes()
 

@@ -15,11 +15,10 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.recording import read_recording
 
+from rulec.cli import main
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.command import main as suite
 from rulec.prove.real import run_tool as asking
-from rulec.prove.real.command import main
 from rulec.prove.real.make import made
 from rulec.prove.real.renamed_rig import differences, hide
 from rulec.prove.real.rig_folder import (
@@ -173,16 +172,16 @@ def test_all_mistakes_come_at_once(folder: Path, capsys: pytest.CaptureFixture[s
     shutil.copytree(folder / "small", folder / "other")
     for name in ("small", "other"):
         (folder / name / "rig.yaml").unlink()
-    for command, code, words, why in (
-        (main, 1, ["--real", str(folder)], ("small", "other")),
-        (main, 1, ["--real", str(folder), "--only=third"], ("no rig has this in its name",)),
-        (main, 1, ["--real", str(folder / "nowhere")], ("there is no such folder",)),
-        (suite, 2, ["--hidden-names"], ("add --real DIR",)),
-        (main, 2, ["--real", str(folder), "--rounds=2"], ()),
-        (main, 2, ["--real", str(folder), "--hard"], ()),
-        (main, 2, ["--real", str(folder), f"--json={folder / 'no' / 'x'}"], ()),
+    for code, words, why in (
+        (1, ["--real", str(folder)], ("small", "other")),
+        (1, ["--real", str(folder), "--only=third"], ("no rig has this in its name",)),
+        (1, ["--real", str(folder / "nowhere")], ("there is no such folder",)),
+        (2, ["--hidden-names"], ("add --real DIR",)),
+        (2, ["--real", str(folder), "--rounds=2"], ()),
+        (2, ["--real", str(folder), "--hard"], ()),
+        (2, ["--real", str(folder), f"--json={folder / 'no' / 'x'}"], ()),
     ):
-        assert code == command(words)
+        assert code == main(["prove", *words])
         said = capsys.readouterr().err
         assert all(part in said for part in why), said
 
@@ -412,7 +411,7 @@ def test_a_wrong_recipe_is_told(tmp_path: Path) -> None:
     """A column that the source lacks, conditions that no row meets, no recipe at all."""
     with pytest.raises(Refusal, match="there is no recipe in it"):
         list(made(tmp_path, tmp_path, tmp_path))
-    assert 1 == main(["--make-rigs", str(RECIPES), str(tmp_path), str(tmp_path / "out")])
+    assert 1 == main(["prove", "--make-rigs", str(RECIPES), str(tmp_path), str(tmp_path / "out")])
     (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n", encoding="utf-8")
     recipe = plain_yaml(RECIPES / "pipeline.yaml") | {"files": ["a.csv"]}
     recipe["plant"] = str(ROOT / "plants" / "rse-boiler" / "plant.yaml")
@@ -436,7 +435,7 @@ def _made(tmp_path: Path, chosen: tuple[str, ...]) -> Path:
     for name in chosen:
         shutil.copyfile(RECIPES / f"{name}.yaml", few / f"{name}.yaml")
     words = [str(few), str(source), str(tmp_path / "made")]
-    assert 0 == main(["--make-rigs", *words])
+    assert 0 == main(["prove", "--make-rigs", *words])
     return tmp_path / "made"
 
 
@@ -476,7 +475,7 @@ def test_the_shipped_rig(tmp_path: Path) -> None:
     """The valve is named from sheets, the pump is not strained, and other names change nothing."""
     target, work = tmp_path / "real.json", tmp_path / "work"
     words = ["--jobs=1", f"--keep={work}", f"--json={target}", "--hidden-names"]
-    assert 0 == main(["--real", str(SHIPPED), *words])
+    assert 0 == main(["prove", "--real", str(SHIPPED), *words])
     (found,) = json.loads(target.read_text(encoding="utf-8"))["rigs"].values()
     assert 1.0 == found["named"]
     assert found["probability"] >= 0.9

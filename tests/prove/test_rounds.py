@@ -11,11 +11,11 @@ import pytest
 import yaml
 from rulec_runtime.output.terminal import Terminal
 
+from rulec.cli import main as rulec
 from rulec.engines.call import Engine
 from rulec.prove import second_round
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND
 from rulec.prove.campaign import Campaign, Changed, Workers, folder_of
-from rulec.prove.command import main as suite
 from rulec.prove.partition import Partition
 from rulec.prove.results import ARMS, Further, Run
 from rulec.prove.second_round import (
@@ -257,7 +257,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
     assert "Round two: 2 of 3 cases were run again." in told
     assert max(map(len, told.splitlines())) <= 80
     run = Run(tuple(cases), further=further)
-    assert len(json.loads(run.to_json())["further"]) == 3
+    assert len(json.loads(json.dumps(run.form()))["further"]) == 3
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -297,5 +297,5 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
 def test_mistakes_are_told_before_the_work(
     words: list[str], why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert suite(["--quick", *words]) == 2
+    assert rulec(["prove", "--quick", *words]) == 2
     assert why in capsys.readouterr().err

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rulec_runtime.commands.destinations import write_json
+from rulec_runtime.commands.destinations import console, is_quiet, write_json
 from rulec_runtime.output.progress import Progress
-from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import say_aside
 from rulec_runtime.output.write_file import write_text
-from rulec_runtime.report.page_origin import made_now
 
 from rulec.prove import command as suite
 from rulec.prove.campaign import Workers, digest_of, folder_of, owned
@@ -31,18 +31,16 @@ NAMES = "names.json"
 """File with the new name of each module by its old one."""
 
 
-def main(words: list[str] | None = None) -> int:
-    """Run; returns 0 whatever the scores."""
-    return suite.main(words, _asked)
-
-
-def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Run; returns 0 whatever the scores, 1 if no rig was made."""
     if (mistake := _mistake(options)) is not None:
-        return suite.ended(aside, 2, mistake)
+        raise Misused(mistake)
+    out = console(options)
     if options.make_rigs:
         return _make(options, out)
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        return _prove(options, Path(options.keep or temporary).absolute(), out, aside)
+        _prove(options, Path(options.keep or temporary).absolute(), out)
+    return 0
 
 
 def _mistake(options: argparse.Namespace) -> str | None:
@@ -65,18 +63,15 @@ def _make(options: argparse.Namespace, out: Console) -> int:
     return 0 if count else 1
 
 
-def _prove(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
+def _prove(options: argparse.Namespace, work: Path, out: Console) -> None:
     rigs = rigs_in(Path(options.real), options.only)
-    aside.print(f"{sum(bool(r.seal) for r in rigs)} answers sealed, hash {sealed(rigs)[:16]}")
-    with Progress("rulec prove", "asking", options.quiet, aside) as on_progress:
+    say_aside(f"{sum(bool(r.seal) for r in rigs)} answers sealed, hash {sealed(rigs)[:16]}")
+    with Progress("rulec prove", "asking", is_quiet(options)) as on_progress:
         workers = Workers(suite.engine_of(options), on_progress)
         result = judged(rigs, work, options, workers)
     tell(out, result)
     write_json(options, form(result))
-    if options.report:
-        write_text(Path(options.report), page(result, made_now("rulec")))
-        out.print(styled("[dim]report: {}[/]", options.report))
-    return 0
+    suite.write_page(options, out, lambda origin: page(result, origin))
 
 
 def sealed(rigs: Sequence[Rig]) -> str:

@@ -79,6 +79,8 @@ class Commands:
                 text=True,
                 timeout=self.limit,
                 check=False,
+                # Ctrl-C is for `rulec prove`; an interrupted command would be taken for an answer.
+                start_new_session=True,
             )
         except subprocess.TimeoutExpired:
             raise NoAnswer(f"rulec {name}: no answer in {self.limit:.0f} s") from None
