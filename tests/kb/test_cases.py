@@ -32,7 +32,7 @@ def _cases() -> Iterator[Any]:
 
 def _diagnosed(given: dict[str, Any], folder: Path) -> Diagnosis:
     """Simulate the fault, compile the plant of the same modules, diagnose."""
-    run = fault_replay(RIGS[given["rig"]](), given["fault"], degrees=(0.0, given["degree"]))
+    run = fault_replay(RIGS[given["rig"]], given["fault"], degrees=(0.0, given["degree"]))
     write_csv(folder / "recording.csv", record(run, seed=SEED).readings)
     types = {"A": PUMPS[given["rig"]], "B": "dosing-pcp", "C": "static-mixer"}
     ruleset = compile_plant(write_plant(folder, types, "A -> C, B -> C"))
