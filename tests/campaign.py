@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from rulec.prove.truth.plant import Plant
-from rulec.prove.truth.runs import HOLD, Run, Speeds, settling, visiting_run
+from tests.dosing.plant import Plant
+from tests.dosing.runs import HOLD, Run, Speeds, settling, visiting_run
 
 
 @dataclass(frozen=True)

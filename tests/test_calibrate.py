@@ -13,8 +13,8 @@ from rich.console import Console
 import rulec
 from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
-from rulec.prove.truth import NOISE_FREE, RIGS, calibration_run, record, write_csv
 from tests.conftest import ROOT
+from tests.dosing import NOISE_FREE, RIGS, calibration_run, record, write_csv
 from tests.written import told_by, write_plant
 
 ABC = ROOT / "plants" / "abc"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rulec.prove import truth
+from tests import dosing as truth
 
 
 def test_transients_follow_a_first_order_lag() -> None:

@@ -12,11 +12,11 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.prove.truth import RIGS, fault_replay, healthy_run, record, write_csv
 from tests.bench.conftest import Add
 from tests.bench.peers.evaluation import in_blocks
 from tests.bench.row import least
 from tests.conftest import compiled
+from tests.dosing import RIGS, fault_replay, healthy_run, record, write_csv
 from tests.rig.follower.plants import Planted, recorded
 
 MILLION = 1_000_000

@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 
 from rulec.fleet.trends import Trend, trends_of
-from rulec.prove.truth import healthy_run, record
+from tests.dosing import healthy_run, record
 from tests.method.readings import built, calibrated, ruleset
 
 DAYS, SAMPLES = 30, 60

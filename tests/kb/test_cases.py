@@ -15,7 +15,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth import RIGS, fault_replay, record, write_csv
+from tests.dosing import RIGS, fault_replay, record, write_csv
 from tests.written import write_plant
 
 FOLDER = Path(__file__).parent / "faults"

@@ -18,8 +18,8 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove import truth
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
+from tests import dosing as truth
 from tests.conftest import ROOT
 
 HERE = Path(__file__).parent

@@ -15,7 +15,7 @@ from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 
-from rulec.prove.truth import TABLE_1, healthy_run, record
+from tests.dosing import TABLE_1, healthy_run, record
 from tests.method.readings import built, chances, noise_free, points, recording, ruleset, to_si
 
 NAN = float("nan")

@@ -12,7 +12,7 @@ from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.stationary import noise_of
 
-from rulec.prove.truth import TABLE_1, leakage_replay, record
+from tests.dosing import TABLE_1, leakage_replay, record
 from tests.method.readings import PUMPS, built, noise_free, noisy, points, recording, ruleset
 
 SEEDS = 30

@@ -9,7 +9,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth import TABLE_1, Run, operating_points, record, visiting_run
+from tests.dosing import TABLE_1, Run, operating_points, record, visiting_run
 from tests.method.readings import built, calibrated, recording, ruleset
 from tests.written import write_plant
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rulec.prove.truth import RIGS
+from tests.dosing import RIGS
 from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, PLANTS, QUICK
 from tests.rig.mixing_rig.drawn import drawn
 from tests.rig.mixing_rig.judge import Answer, run

@@ -20,9 +20,9 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.blindness import blindness, brought_back, unseen
 
 from rulec.cli import main
-from rulec.prove.truth import RIGS, TABLE_1, operating_points, record, visiting_run
 from rulec.study.sensors_needed import without_each
 from tests.conftest import ROOT, compiled
+from tests.dosing import RIGS, TABLE_1, operating_points, record, visiting_run
 from tests.runtime.sheets import example, sampled, write
 from tests.runtime.test_sensor_health import of_columns, put
 

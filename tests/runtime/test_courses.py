@@ -16,7 +16,7 @@ from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 from rulec_runtime.report.growth import draw_growth, grown, sparkline
 from rulec_runtime.report.json_form import diagnosis_form
 
-from rulec.prove.truth import (
+from tests.dosing import (
     INSIDE,
     TABLE_1,
     Run,

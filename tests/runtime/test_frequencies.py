@@ -28,12 +28,12 @@ from rulec.commands.matrix import json_form
 from rulec.export.play_on_recording import played, results_csv
 from rulec.export.value_names import listed_undo
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth import TABLE_1, operating_points, record
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.campaign import campaign
 from tests.conftest import ROOT, compiled
+from tests.dosing import TABLE_1, operating_points, record
 from tests.export.plants import codes
 from tests.method.readings import built, recording
 from tests.runtime.sheets import sampled

@@ -8,10 +8,10 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.prove.truth import INSIDE, Operation, Plant, Run, record
-from rulec.prove.truth.faults import Faults
-from rulec.prove.truth.plant import LIQUID_TEMPERATURE
 from tests.conftest import ROOT
+from tests.dosing import INSIDE, Operation, Plant, Run, record
+from tests.dosing.faults import Faults
+from tests.dosing.plant import LIQUID_TEMPERATURE
 from tests.method.readings import built, calibrated, recording, ruleset
 from tests.rig.long_run.physics import SLIP, scaled
 

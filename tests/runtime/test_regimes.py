@@ -11,8 +11,8 @@ from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.terminal_findings import explain
 from rulec_runtime.report.verdict import verdict
 
-from rulec.prove.truth import INSIDE, Operation, Run, record
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
+from tests.dosing import INSIDE, Operation, Run, record
 from tests.method.readings import built, calibrated, recording, ruleset
 from tests.rig.long_run.physics import idle
 

@@ -20,8 +20,8 @@ from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import kept_of
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth import INSIDE, RIGS, TABLE_1, operating_points, record, visiting_run
 from tests.conftest import ROOT
+from tests.dosing import INSIDE, RIGS, TABLE_1, operating_points, record, visiting_run
 from tests.method.readings import built, recording, ruleset
 from tests.runtime import tanks
 from tests.runtime.sheets import sampled

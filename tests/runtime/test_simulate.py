@@ -10,10 +10,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove import truth
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
+from tests import dosing as truth
 from tests.conftest import ROOT, compiled
 from tests.method.readings import built, evaluate, ruleset, to_si
 

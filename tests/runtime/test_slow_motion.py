@@ -16,7 +16,10 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, lag_u, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
 
-from rulec.prove.truth import (
+from rulec.prove.truth.sensors import read
+from rulec.prove.truth.settled.drive import approach
+from tests.conftest import compiled
+from tests.dosing import (
     INSIDE,
     NOISE_FREE,
     RIGS,
@@ -28,9 +31,6 @@ from rulec.prove.truth import (
     record,
     visiting_run,
 )
-from rulec.prove.truth.runs import approach
-from rulec.prove.truth.sensors import read
-from tests.conftest import compiled
 from tests.method.readings import built, recording, ruleset
 
 HOLD = 30

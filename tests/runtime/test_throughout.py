@@ -3,7 +3,7 @@
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 
-from rulec.prove.truth import INSIDE, TABLE_1, Sensing, operating_points, record, visiting_run
+from tests.dosing import INSIDE, TABLE_1, Sensing, operating_points, record, visiting_run
 from tests.method.readings import built, calibrated, recording, ruleset
 
 POINTS = 5

@@ -18,8 +18,8 @@ from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 from rulec_runtime.recordings.stationary import Stretches
 
-from rulec.prove.truth import RIGS, calibration_run, record, write_csv
 from tests.conftest import compiled
+from tests.dosing import RIGS, calibration_run, record, write_csv
 from tests.runtime.reports import EXAMPLES
 from tests.runtime.sheets import sampled
 

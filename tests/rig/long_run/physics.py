@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.prove.truth.plant import LIQUID_TEMPERATURE, Plant
 from rulec.prove.truth.settled.solve import State, Term
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
+from tests.dosing.plant import LIQUID_TEMPERATURE, Plant
 
 OPEN = 2.0e-6 * BAR / LITRE_PER_HOUR**2
 """What a standing pump that lets liquid back loses, Pa/(m3/s)2. Origin: assumed; less than half of

@@ -15,10 +15,11 @@ from rulec_runtime.report.json_form import diagnosis_form
 
 from rulec.cli import main
 from rulec.commands.arguments import recording_given
-from rulec.prove.truth import TABLE_1, Plant, record, write_csv
-from rulec.prove.truth.plant import Operation
-from rulec.prove.truth.runs import HIGHEST, LOWEST, Run, approach
+from rulec.prove.truth.settled.drive import approach
 from tests.conftest import compiled
+from tests.dosing import TABLE_1, Plant, record, write_csv
+from tests.dosing.plant import Operation
+from tests.dosing.runs import HIGHEST, LOWEST, Run
 from tests.method.readings import built as plant
 from tests.rig.follower.agreement import followed
 from tests.rig.long_run.readings import Columns

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.prove.truth import Sensing, record
-from rulec.prove.truth.plant import LIQUID_TEMPERATURE, Operation
-from rulec.prove.truth.runs import HIGHEST, LOWEST, Run
 from rulec.prove.truth.smooth import Drift
+from tests.dosing import Sensing, record
+from tests.dosing.plant import LIQUID_TEMPERATURE, Operation
+from tests.dosing.runs import HIGHEST, LOWEST, Run
 from tests.rig.long_run import physics
 from tests.rig.long_run.judged import told
 from tests.rig.long_run.plants import asked, plant

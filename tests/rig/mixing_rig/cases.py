@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from rulec.prove.truth import (
+from tests.campaign import Case, campaign, single_faults
+from tests.dosing import (
     INSIDE,
     RIGS,
     TABLE_1,
@@ -12,9 +13,8 @@ from rulec.prove.truth import (
     operating_points,
     settling,
 )
-from rulec.prove.truth.runs import DEGREES as PLATEAUS
-from rulec.prove.truth.runs import HOLD
-from tests.campaign import Case, campaign, single_faults
+from tests.dosing.runs import DEGREES as PLATEAUS
+from tests.dosing.runs import HOLD
 
 BOTH = ("default", "paper")
 PLANTS = ("abc", "mixing-rig")

@@ -7,8 +7,8 @@ from pathlib import Path
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
-from rulec.prove.truth import RIGS, Plant, Sensing, calibration_run, record, write_csv
 from tests.conftest import ROOT
+from tests.dosing import RIGS, Plant, Sensing, calibration_run, record, write_csv
 from tests.rig.called import called, commissioned
 from tests.rig.mixing_rig.cases import Task
 from tests.rig.mixing_rig.drawn import drawn

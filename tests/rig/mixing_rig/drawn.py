@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rulec.prove.truth import Plant
 from rulec.prove.truth.streams import factor
+from tests.dosing import Plant
 
 # Standard uncertainties as shares of the value. Source: the data sheets of the modules as printed
 # (column u over value of kb/modules/dosing-pcp.yaml, dosing-centrifugal.yaml, static-mixer.yaml);

@@ -17,7 +17,7 @@ from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form
 
-from rulec.prove import truth
+from tests import dosing as truth
 from tests.method.readings import recording
 from tests.rig.mixing_rig.cases import Task
 from tests.rig.mixing_rig.commission import commission, key_of, ruleset_file, ruleset_of

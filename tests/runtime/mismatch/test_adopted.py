@@ -25,8 +25,8 @@ from rulec.mismatch.evidence.stores.fit import plain_end
 from rulec.mismatch.inference.prove import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth import write_csv
 from tests.conftest import ROOT
+from tests.dosing import write_csv
 from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
 from tests.runtime.mismatch.made import SLIP, USUAL, alone, changed, columns, prepared, warmed
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED

@@ -135,3 +135,25 @@ def level(random: np.random.Generator, samples: int) -> Array:
     period = random.uniform(0.25, 0.6) * samples
     phase = (np.arange(samples) / period + random.uniform()) % 1.0
     return np.asarray(HIGH - (HIGH - LOW) * phase)
+
+
+SPEED_TIME = 1.0
+"""Time constant, s; assumed: a converter's speed ramp."""
+
+
+def approach(time: Array, setting: Array, time_constant: float) -> Array:
+    """Return the first-order approach to a setting, settled at the first sample; shape (n,).
+
+    The setting of a sample holds since the sample before.
+
+    Source: exact solution of `time_constant dy/dt = setting - y` for a constant setting.
+    """
+    value = np.array(setting, dtype=np.float64)
+    for k, left in enumerate(np.exp(-np.diff(time) / time_constant), start=1):
+        value[k] = setting[k] + left * (value[k - 1] - setting[k])
+    return value
+
+
+def late(value: Array, by: int) -> Array:
+    """Delay a course by `by` samples; it begins with its first value; shape (n,)."""
+    return np.concatenate([np.full(by, value[0]), value[:-by]])

@@ -12,8 +12,8 @@ import numpy as np
 import yaml
 
 from ..formulas import Names
-from ..runs import late
 from ..units import BAR, LITRE_PER_HOUR, RPM, Array
+from .drive import late
 from .operated_plant import Scene
 from .rig import PUMPS, Rig
 from .solve import Change, Column, Kind, Operated, Reading, Stalled, Term

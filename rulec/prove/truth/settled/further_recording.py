@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..runs import SPEED_TIME, approach
 from ..units import Array
-from .drive import MEMORY
+from .drive import MEMORY, SPEED_TIME, approach
 from .effect_size import made_of
 from .operated_plant import SENSING, Scene
 from .solve import Operated, shown_by, solve

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runs import SPEED_TIME, approach
 from ..sensors import Sensing, read
 from ..smooth import wobble
 from ..streams import stream
@@ -170,7 +169,7 @@ def scene(
         return drive.course(random, profile, samples)
 
     def reached(setting: Array) -> Array:
-        return approach(seconds, setting, SPEED_TIME)
+        return drive.approach(seconds, setting, drive.SPEED_TIME)
 
     given: dict[str, Array] = {}
     around: dict[str, Array] = {}

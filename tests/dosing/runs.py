@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .faults import Faults
-from .plant import LIQUID_TEMPERATURE, Duty, Operation, Plant
-from .units import RPM, Array
+from rulec.prove.truth.settled.drive import SPEED_TIME, approach
+from rulec.prove.truth.units import RPM, Array
+from tests.dosing.faults import Faults
+from tests.dosing.plant import LIQUID_TEMPERATURE, Duty, Operation, Plant
 
 HOLD = 10  # samples per plateau, s
 # Steps back to zero between the plateaus: the plant is healthy again after each fault.
@@ -137,8 +138,8 @@ def _spread(points: int, axis: int) -> Array:
 
 MOVED_BY_A_VALVE = (".leakage", ".clogging", ".widening")
 
-SPEED_TIME, VALVE_TIME = 1.0, 1.5
-"""Time constants, s; assumed: a converter's speed ramp, a motorised valve of a small rig."""
+VALVE_TIME = 1.5
+"""Time constant, s; assumed: a motorised valve of a small rig."""
 
 
 def settling(run: Run) -> Run:
@@ -159,24 +160,6 @@ def settling(run: Run) -> Run:
         for name, degree in run.faults.items()
     }
     return Run(run.plant, replace(operation, speed=speed), faults)
-
-
-def approach(time: Array, setting: Array, time_constant: float) -> Array:
-    """Return the first-order approach to a setting, settled at the first sample; shape (n,).
-
-    The setting of a sample holds since the sample before.
-
-    Source: exact solution of `time_constant dy/dt = setting - y` for a constant setting.
-    """
-    value = np.array(setting, dtype=np.float64)
-    for k, left in enumerate(np.exp(-np.diff(time) / time_constant), start=1):
-        value[k] = setting[k] + left * (value[k - 1] - setting[k])
-    return value
-
-
-def late(value: Array, by: int) -> Array:
-    """Delay a course by `by` samples; it begins with its first value; shape (n,)."""
-    return np.concatenate([np.full(by, value[0]), value[:-by]])
 
 
 RISE = 0.03

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from .plant import Operation, Plant
-from .settled.solve import Kind, State, Term
-from .units import Array
+from rulec.prove.truth.settled.solve import Kind, State, Term
+from rulec.prove.truth.units import Array
+from tests.dosing.plant import Operation, Plant
 
 Faults = Mapping[str, Array]  # degree, shape (n,), 1
 

@@ -1,16 +1,18 @@
 """Command: make the recordings that ship with a plant.
 
-`python -m rulec.prove.truth examples --plant abc -o DIR`
+`python -m tests.dosing examples --plant abc -o DIR`
 """
 
 from argparse import ArgumentParser
 from collections.abc import Mapping
 from pathlib import Path
 
-from .plant import Plant
-from .recording import record, write_csv
-from .rigs import RIGS
-from .runs import (
+from rulec.prove.truth.recording import write_csv
+from rulec.prove.truth.sensors import TABLE_1
+from tests.dosing.plant import Plant
+from tests.dosing.recording import record
+from tests.dosing.rigs import RIGS
+from tests.dosing.runs import (
     Run,
     calibration_run,
     healthy_run,
@@ -21,7 +23,6 @@ from .runs import (
     visiting_run,
     warm_run,
 )
-from .sensors import TABLE_1
 
 EXAMPLE_SEED = 1
 BENCH_SEED = 2  # a maker's bench has other sensors, hence other systematic errors
@@ -31,7 +32,7 @@ SWAPPED = ("B.dp [bar]", "C.dp [bar]")  # columns that are exchanged in swapped.
 
 def main(arguments: list[str] | None = None) -> None:
     """Write the examples of a plant; of those with faults the truth as well."""
-    parser = ArgumentParser(prog="python -m rulec.prove.truth", description=__doc__)
+    parser = ArgumentParser(prog="python -m tests.dosing", description=__doc__)
     parser.add_argument("command", choices=("examples",))
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--plant", choices=EXAMPLES, default="abc")

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from .plant import Plant
-from .settled.rig import Rig
-from .units import LITRE_PER_HOUR
+from rulec.prove.truth.settled.rig import Rig
+from rulec.prove.truth.units import LITRE_PER_HOUR
+from tests.dosing.plant import Plant
 
 POWER_BY_SQUARE = 1.268e-6 / 0.15 / LITRE_PER_HOUR**2
 """Power of a centrifugal pump by the square of its flow, W/(m3/s)2, with all digits; module types

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .settled.rig import UNITS, Rig
-from .settled.solve import Change
-from .units import ZERO_CELSIUS, Array
+from rulec.prove.truth.settled.rig import UNITS, Rig
+from rulec.prove.truth.settled.solve import Change
+from rulec.prove.truth.units import ZERO_CELSIUS, Array
 
 LIQUID_TEMPERATURE = 20.0 + ZERO_CELSIUS  # K
 
