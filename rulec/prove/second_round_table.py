@@ -4,7 +4,7 @@ benefit, beside that of baselines of equal length.
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from statistics import fmean
 from typing import Any
 
@@ -118,34 +118,18 @@ OUTCOMES = {
 STOOD = "truth stood: the true explanation was among those that the recipe tells apart"
 
 
-@dataclass(frozen=True)
-class Gained:
-    """Recipes by the certainty that they predict, from `low` to `high`.
-
-    `said` and `found` are mean probabilities of the true explanation, predicted and realised.
-    `stood` counts the recipes that distinguish the truth from others; `found_of_stood` is the mean
-    realised by those.
-    """
-
-    low: float
-    high: float
-    count: int
-    said: float
-    found: float
-    stood: int
-    found_of_stood: float
-
-
-def gained(further: Sequence[Further]) -> list[Gained]:
-    """Return predicted against realised certainty; bins with recipes only."""
-    found = []
+def gained(further: Sequence[Further]) -> Iterator[tuple[str, ...]]:
+    """Yield predicted against realised certainty by bins of the former: the bin, the number of
+    recipes, both means, how many recipes distinguish the truth from others, and their mean."""
     ran = [f for f in further if f.outcome == RUN]
     for low, high, own in by_probability(ran, lambda f: f.expected[1]):
-        stood = [f.sure[RECIPE] for f in own if f.stood]
         said, realised = (fmean(f.expected[1] for f in own), fmean(f.sure[RECIPE] for f in own))
-        mean = fmean(stood) if stood else float("nan")
-        found.append(Gained(low, high, len(own), said, realised, len(stood), mean))
-    return found
+        stood = [f.sure[RECIPE] for f in own if f.stood]
+        yield (
+            f"{percent(low)} to {percent(high)}",
+            *(str(len(own)), percent(said), percent(realised), str(len(stood))),
+            percent(fmean(stood)) if stood else "–",
+        )
 
 
 def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> Iterator[Table]:
@@ -164,16 +148,8 @@ def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> It
     yield _scores("Of cases that were run again", [first[f.case] for f in ran], ran)
     yield replace(_scores("Of all cases", judged, further), note=arms)
     titles = (".predicted", ".recipes", ".mean", ".realised", ".truth stood", ".realised")
-    rows = [
-        (
-            f"{percent(one.low)} to {percent(one.high)}",
-            *(str(one.count), percent(one.said), percent(one.found), str(one.stood)),
-            percent(one.found_of_stood) if one.stood else "–",
-        )
-        for one in gained(further)
-    ]
     title = "How sure of the true explanation: predicted and realised"
-    yield Table(title, titles, rows, STOOD)
+    yield Table(title, titles, list(gained(further)), STOOD)
 
 
 def headline(further: Sequence[Further]) -> str:
