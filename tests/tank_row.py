@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from rulec.prove.truth.tanks import Layout
-from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup
+from rulec.prove.truth.tanks.build import CASCADED, LITRE_PER_HOUR, Layout, Setup
+from rulec.prove.truth.tanks.plan import Case, Planned
 from rulec.prove.truth.tanks.plant import Plant, Tank
 
 SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
@@ -23,6 +23,19 @@ ROW = Layout(
     {"first": "L1 [V]", "last": "L3 [V]"},
 )
 """The inflow metered, two levels measured."""
+
+
+def case(
+    seed: int,
+    *effects: str,
+    samples: int = 120,
+    layout: Layout = CASCADED,
+    group: str = "single",
+    strength: float | None = None,
+) -> Case:
+    """Return a short case, also of effects that nobody could see."""
+    return Planned("it", group, seed, layout, effects, samples, strength).drawn()
+
 
 UNITS = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
 

@@ -18,9 +18,8 @@ from rulec.prove.truth.settled.operated_plant import Scene, scene
 from rulec.prove.truth.settled.rig import Rig
 from rulec.prove.truth.settled.rigs import drawn_rig, write_plant
 from rulec.prove.truth.streams import stream
-from rulec.prove.truth.tanks import CASCADED, build
 from rulec.prove.truth.tanks.balance import integrate
-from rulec.prove.truth.tanks.build import Setup
+from rulec.prove.truth.tanks.build import CASCADED, Setup, build
 from rulec.prove.truth.tanks.feed import Curve, Kink, Warming
 from rulec.prove.truth.tanks.laws import GRAVITY
 from rulec.prove.truth.tanks.plant import Opening, Plant

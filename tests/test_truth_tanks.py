@@ -9,9 +9,8 @@ from rulec_runtime.contract.ruleset import Dynamics
 from rulec_runtime.simulation.balances import Balances
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth.tanks import CASCADED, Layout, build
 from rulec.prove.truth.tanks.balance import Course, integrate
-from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup
+from rulec.prove.truth.tanks.build import CASCADED, LITRE_PER_HOUR, Layout, Setup, build
 from rulec.prove.truth.tanks.feed import Bypass, Curve, Feed, Kink, Warming
 from rulec.prove.truth.tanks.laws import GRAVITY, arriving, loss, outflow, overflow, supply
 from rulec.prove.truth.tanks.plant import (
@@ -25,7 +24,7 @@ from rulec.prove.truth.tanks.plant import (
     Tank,
     Vortex,
 )
-from rulec.prove.truth.tanks.sealed import write_plant
+from rulec.prove.truth.tanks.rows import write_plant
 from rulec.prove.truth.tanks.sensing import shown
 from tests.tank_row import ROW, SI, parameters, volumes, without_errors
 

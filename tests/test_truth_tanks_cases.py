@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 
 from rulec.prove.truth.sealed import HIDES
-from rulec.prove.truth.tanks import CASCADED, Case, Layout, build, case, possible_effects
-from rulec.prove.truth.tanks.case import ACCEPTED, Readings, change_of, rms, run
-from rulec.prove.truth.tanks.sealed import SealedCase
+from rulec.prove.truth.tanks.build import CASCADED, Layout, build
+from rulec.prove.truth.tanks.effect import possible_effects
+from rulec.prove.truth.tanks.effect_size import ACCEPTED, Readings, change_of, rms, run
+from rulec.prove.truth.tanks.plan import Case
 from rulec.prove.truth.tanks.sensing import shown
 from tests.conftest import ROOT, plain_yaml
-from tests.tank_row import ROW, UNITS, parameters
-
-SHORT = 120
-"""Samples of a case that is made for one test."""
+from tests.tank_row import ROW, UNITS, case, parameters
 
 NOISE = 0.03
 """V; a larger change is seen."""
@@ -25,13 +23,13 @@ NOISE = 0.03
 
 @functools.cache
 def short(effects: tuple[str, ...], seed: int = 3) -> Case:
-    return case(seed, effects, SHORT)
+    return case(seed, *effects)
 
 
 def changed(made: Case) -> Readings:
     """What all effects of a case change together, V, by tank."""
-    plain = shown(made.setup.plant, made.scene.course)
-    return change_of(shown(made.plant, run(made.scene, made.plant)), plain)
+    plain = shown(made.setup.plant, made.setup.course)
+    return change_of(shown(made.plant, run(made.setup, made.plant)), plain)
 
 
 @pytest.mark.parametrize("effect", possible_effects(CASCADED))
@@ -52,7 +50,7 @@ def test_each_effect_acts(effect: str) -> None:
 @pytest.mark.parametrize("effect", ["middle.overflow-sharp", "inflow.lag", "first.y.jet"])
 def test_effects_act_in_the_row(effect: str) -> None:
     """Of an unmeasured tank, of the feed, of one of two sensors."""
-    made = case(3, (effect,), SHORT, ROW)
+    made = case(3, effect, layout=ROW)
     off = {tank: round(rms(values), 4) for tank, values in changed(made).items()}
     assert ACCEPTED[0] <= max(off.values()) <= ACCEPTED[1]
     assert (off["first"] == 0.0) == (effect == "middle.overflow-sharp")
@@ -87,7 +85,7 @@ def test_an_effect_changes_neither_noise_nor_input() -> None:
 
 def test_two_effects_hide_each_other() -> None:
     """Each is clear alone; together they show little."""
-    made = case(1, ("pump.dead-band", "lower.y.offset-high"), SHORT, hiding=True)
+    made = case(1, "pump.dead-band", "lower.y.offset-high", group="hiding")
     alone = [rms(one.change["lower"]) for one in made.planted]
     assert rms(changed(made)["lower"]) < HIDES * math.hypot(*alone)
 
@@ -107,7 +105,7 @@ def test_parameters_lie_within_what_module_types_state() -> None:
 
 @pytest.mark.parametrize("layout", [CASCADED, ROW], ids=lambda layout: layout.name)
 def test_recordings_have_the_columns_of_their_plant(layout: Layout, tmp_path: Path) -> None:
-    SealedCase(case(3, (), 60, layout, name="it"), ("clean",)).write(tmp_path)
+    case(3, samples=60, layout=layout).write(tmp_path)
     with (tmp_path / "recording.csv").open(encoding="utf-8", newline="") as file:
         header = next(csv.reader(file))
     columns = plain_yaml(tmp_path / "plant" / "columns.yaml")
@@ -116,4 +114,4 @@ def test_recordings_have_the_columns_of_their_plant(layout: Layout, tmp_path: Pa
 
 def test_unknown_effects_are_refused() -> None:
     with pytest.raises(ValueError, match=r"no effect 'lower\.lek'; known: .*lower\.leak"):
-        case(1, ("lower.lek",))
+        case(1, "lower.lek")

@@ -9,15 +9,15 @@ from rulec.prove.truth.detection_limit import Measure
 from rulec.prove.truth.kinds import difficulties
 from rulec.prove.truth.smooth import SIZE_OF_FORM, form_error
 from rulec.prove.truth.streams import stream
-from rulec.prove.truth.tanks import CASCADED, build
-from rulec.prove.truth.tanks.build import METER_SLOPE, Setup, recorded_input
+from rulec.prove.truth.tanks.build import CASCADED, METER_SLOPE, Setup, build, recorded_input
 from rulec.prove.truth.tanks.detection_limit import blurred
 from rulec.prove.truth.tanks.feed import Bend
 from rulec.prove.truth.tanks.laws import outflow, supply
 from rulec.prove.truth.tanks.model import Model, noise_of
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO
+from rulec.prove.truth.tanks.rows import row
 from rulec.prove.truth.tanks.sensing import shown
-from rulec.prove.truth.tanks.suite import HARD, cases, row
+from rulec.prove.truth.tanks.suite import HARD, cases
 from rulec.prove.truth.units import Array
 
 ALL = difficulties("tanks", "all")

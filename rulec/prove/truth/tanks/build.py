@@ -8,12 +8,14 @@ tool. A test compares them.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..smooth import Drift, coloured, colours, drifts, form_errors
 from ..streams import stream
 from ..units import Array
+from .balance import Course, integrate
 from .drive import DRAWN, PROFILES
 from .feed import Bend, Feed
 from .laws import GRAVITY
@@ -106,6 +108,19 @@ class Setup:
     shown: Array
     meter: Meter = field(default_factory=Meter)
     told: Told = field(default_factory=dict)
+
+    @cached_property
+    def course(self) -> Course:
+        """The course of the plant, which sets the limits of effects."""
+        return integrate(self.plant, self.time, self.shown)
+
+    def levels(self, tank: str) -> Array:
+        """Return the levels of a tank, cm."""
+        return self.course.levels[:, self.layout.tanks.index(tank)]
+
+    def falling(self, tank: str) -> Array:
+        """Return the inflow of a tank, cm3/s."""
+        return self.course.fallen[:, self.layout.tanks.index(tank)]
 
 
 def build(

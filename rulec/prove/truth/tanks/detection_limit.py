@@ -6,7 +6,7 @@ In hard cases coloured noise, drifts and form errors are random terms of their t
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,9 +16,9 @@ from ..smooth import drift_directions, series_directions
 from ..units import Array
 from ..whiten import Whitening
 from .balance import Course
-from .build import METER_SLOPE, Setup
-from .case import Case, Planted, make
+from .build import METER_SLOPE, Layout, Setup
 from .effect import SENSOR, Built, Placed, possible_effects
+from .effect_size import Planted, make
 from .model import Model, base_knobs, noise_of
 from .plant import LEVEL_ZERO, Plant
 from .right_answer import right
@@ -27,7 +27,9 @@ SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
 """No rivals: mirror images of other effects, or the gain that is fitted anyway."""
 
 
-def detection_limits(case: Case) -> list[tuple[float, float, str]]:
+def detection_limits(
+    setup: Setup, planted: Sequence[Planted], seed: int
+) -> list[tuple[float, float, str]]:
     """Return gain, margin and rival of each planted effect while the others may have any size; see
     `sealed.Planted`.
 
@@ -35,14 +37,14 @@ def detection_limits(case: Case) -> list[tuple[float, float, str]]:
     point, or the difference between two points could pass for any effect. A large effect that
     parameters compensate along a curve therefore seems more detectable than it is.
     """
-    if not case.planted:
+    if not planted:
         return []
-    plain, model = case.setup.plant, Model(case.setup.time, case.setup.shown)
+    plain, model = setup.plant, Model(setup.time, setup.shown)
     course = model.course(plain)
     start = model.readings(plain, course)
-    knobs = list(base_knobs(case.setup.layout, plain))
+    knobs = list(base_knobs(setup.layout, plain))
     slopes = model.slopes(plain, course, knobs) * np.array([knob.u for knob in knobs])
-    blur = blurred(case.setup, model, course) if case.setup.told else None
+    blur = blurred(setup, model, course) if setup.told else None
     if blur is not None:
         slopes = blur.over(np.column_stack([slopes, blur.free]))
 
@@ -51,32 +53,34 @@ def detection_limits(case: Case) -> list[tuple[float, float, str]]:
         found = model.readings(plant, model.alike(plain, course, plant)) - start
         return found if blur is None else blur.over(found[:, None])[:, 0]
 
-    alone = [change(one.built.plant) for one in case.planted]
+    there = {one.placed.id for one in planted}
+    alone = [change(one.built.plant) for one in planted]
     found = []
-    for i, one in enumerate(case.planted):
+    for i, one in enumerate(planted):
         others = [a for j, a in enumerate(alone) if j != i]
         flat = np.array(others).reshape(-1, start.size).T
-        rivals = list(_rivals(case, one, change))
+        rivals = list(_rivals(setup, one, there, seed, change))
         gain = expected_gain(alone[i], slopes, flat)
         found.append((gain, *margin(alone[i], slopes, flat, rivals)))
     return found
 
 
-def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Iterator[Rival]:
+def _rivals(
+    setup: Setup, one: Planted, there: set[str], seed: int, change: Callable[[Plant], Array]
+) -> Iterator[Rival]:
     """Other effects at the place or near it.
 
-    An effect with the same right name, or one that is also planted, is no rival; of two that differ
-    in sign, one is enough.
+    An effect with the same right name, or one that is also planted (`there`), is no rival; of two
+    that differ in sign, one is enough.
     """
-    plain, names = case.setup.plant, set(right(case.setup, one).names)
-    planted = {p.placed.id for p in case.planted}
-    near = {one.placed.module, *_around(case, one.placed)}
-    for placed in possible_effects(case.setup.layout).values():
-        if placed.id in planted or placed.effect.name in SAME or placed.module not in near:
+    plain, names = setup.plant, set(right(setup, one).names)
+    near = {one.placed.module, *_around(setup.layout, one.placed)}
+    for placed in possible_effects(setup.layout).values():
+        if placed.id in there or placed.effect.name in SAME or placed.module not in near:
             continue
 
         def built(size: float, placed: Placed = placed) -> Built:
-            return make(case.scene, plain, placed, size, case.drawn)
+            return make(setup, plain, placed, size, seed)
 
         def changed(size: float, built: Callable[[float], Built] = built) -> Array | None:
             try:
@@ -86,13 +90,12 @@ def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Itera
 
         low, high = placed.effect.low, placed.effect.high
         moderate = built(math.sqrt(low * high))
-        if not names & set(right(case.setup, replace(one, placed=placed, built=moderate)).names):
+        if not names & set(right(setup, replace(one, placed=placed, built=moderate)).names):
             yield Rival(placed.id, low, high, changed)
 
 
-def _around(case: Case, placed: Placed) -> set[str]:
+def _around(layout: Layout, placed: Placed) -> set[str]:
     """Modules near a place: its tank, its feed if it is the first, the next sensor below."""
-    layout = case.setup.layout
     tank = layout.tanks[0] if placed.effect.at == "feed" else placed.place
     below = layout.tanks[layout.tanks.index(tank) :]
     sensor = next(t for t in below if t in layout.measured)

@@ -5,6 +5,7 @@ Ids of a case are such as `upper.leak` and `lower.y.lag`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ import yaml
 
 from ..formulas import Names
 from ..units import Array
-from .balance import Course
 from .build import Layout, Setup
 from .feed import Bypass, Curve, Kink, Warming
 from .laws import BROAD, GRAVITY, SHARP
@@ -33,28 +33,6 @@ CONSTANTS: Mapping[str, Any] = {
 def quantile(values: Array, share: float) -> float:
     """Return a quantile."""
     return float(np.quantile(values, share))
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A plant without effects and its course, which sets the limits of effects."""
-
-    setup: Setup
-    course: Course
-
-    def levels(self, tank: str) -> Array:
-        """Return the levels of a tank, cm."""
-        return self.course.levels[:, self.setup.layout.tanks.index(tank)]
-
-    def falling(self, tank: str) -> Array:
-        """Return the inflow of a tank, cm3/s."""
-        return self.course.fallen[:, self.setup.layout.tanks.index(tank)]
-
-    def below(self, tank: str) -> str | None:
-        """Return the tank below another one; None for the last."""
-        names = self.setup.layout.tanks
-        number = names.index(tank) + 1
-        return names[number] if number < len(names) else None
 
 
 @dataclass(frozen=True)
@@ -95,7 +73,7 @@ class Here:
     beside `known`.
     """
 
-    scene: Scene
+    setup: Setup
     plant: Plant
     place: str
     size: float
@@ -104,17 +82,17 @@ class Here:
 
     def time_at(self, share: float) -> float:
         """Return the time after a share of the recording, s."""
-        time = self.scene.course.time
+        time = self.setup.course.time
         return round(float(time[0] + share * np.ptp(time)), 1)
 
     def level(self, share: float) -> float:
         """Return a quantile of the level here, cm."""
-        return quantile(self.scene.levels(self.place), share)
+        return quantile(self.setup.levels(self.place), share)
 
     def voltage_at(self, share: float) -> float:
         """Return a quantile of the reading here, V."""
         gain = self.plant.sensor(self.place).gain
-        return round(quantile(gain * self.scene.levels(self.place), share), 2)
+        return round(quantile(gain * self.setup.levels(self.place), share), 2)
 
     def between(self, low: float, high: float) -> float:
         """Draw uniformly."""
@@ -131,20 +109,21 @@ def known(here: Here) -> Mapping[str, Any]:
     `falls` is the inflow of this tank, `first_falls` that of the first, cm3/s; `shown` the recorded
     input; `record` the length of the recording, s; `below` the tank below.
     """
-    scene, place, shown = here.scene, here.place, here.scene.setup.shown
-    names = {**CONSTANTS, "fed": scene.course.fed, "shown": shown}
-    names["record"] = float(np.ptp(scene.course.time))
-    first = scene.setup.layout.tanks[0]
+    setup, place, shown = here.setup, here.place, here.setup.shown
+    tanks = setup.layout.tanks
+    names = {**CONSTANTS, "fed": setup.course.fed, "shown": shown}
+    names["record"] = float(np.ptp(setup.course.time))
+    first = tanks[0]
     names["usual_input"], names["highest_input"] = quantile(shown, 0.5), float(shown.max())
-    names["usual_first"] = quantile(scene.levels(first), 0.5)
-    names["first_falls"] = scene.falling(first)
+    names["usual_first"] = quantile(setup.levels(first), 0.5)
+    names["first_falls"] = setup.falling(first)
     names["highest_fall"] = float(names["first_falls"].max())
-    if place in scene.setup.layout.tanks:
-        names["tank"], names["below"] = here.plant.tank(place), scene.below(place)
-        names["highest"], names["falls"] = float(scene.levels(place).max()), scene.falling(place)
+    if place in tanks:
+        names["tank"], names["below"] = here.plant.tank(place), dict(pairwise(tanks)).get(place)
+        names["highest"], names["falls"] = float(setup.levels(place).max()), setup.falling(place)
         names["usual_fall"] = quantile(names["falls"], 0.5)
         if names["below"]:
-            names["highest_below"] = float(scene.levels(names["below"]).max())
+            names["highest_below"] = float(setup.levels(names["below"]).max())
     return names
 
 

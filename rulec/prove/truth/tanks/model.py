@@ -6,7 +6,7 @@ Source: Gauss 1809, with rows for the priors; a step that does not help is halve
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from ..sealed import Periods
 from ..units import Array
 from .balance import Course, integrate
-from .build import CARD_ZERO, LITRE_PER_HOUR, METER_SLOPE, Layout
-from .case import Case
+from .build import CARD_ZERO, LITRE_PER_HOUR, METER_SLOPE, Layout, Setup
 from .effect import SENSOR
 from .plant import LEVEL_ZERO, LevelSensor, Plant
 from .sensing import shown
@@ -190,25 +189,25 @@ class _Fit:
     cost: float
 
 
-def heldout_errors(case: Case, heldout: Periods) -> dict[str, float]:
+def heldout_errors(
+    setup: Setup, plant: Plant, readings: Mapping[str, Array], heldout: Periods
+) -> dict[str, float]:
     """Return the RMS of measured minus simulated, V, by signal, in the held-out periods.
 
     The fit to all other samples starts at the true values. Raises ValueError if no sample, or every
     one, is held out.
     """
-    time, out = case.setup.time, np.zeros(case.setup.time.size, dtype=bool)
+    time, out = setup.time, np.zeros(setup.time.size, dtype=bool)
     for begin, end in heldout:
         out |= (time >= begin) & (time <= end)
     if not out.any() or out.all():
         raise ValueError("some samples must be held out, and some must not")
-    layout = case.setup.layout
-    readings = case.recording.readings
+    layout = setup.layout
     model = Model(readings["time [s]"], readings[layout.input_column])
-    sensors = case.plant.sensors
+    sensors = plant.sensors
     measured = np.concatenate([readings[layout.columns[s.tank]] / noise_of(s) for s in sensors])
-    plain = case.setup.plant
-    knobs = [*base_knobs(layout, plain), *effect_knobs(plain, case.plant)]
-    fit = _fitted(model, measured, np.tile(~out, len(sensors)), case.plant, knobs)
+    knobs = [*base_knobs(layout, setup.plant), *effect_knobs(setup.plant, plant)]
+    fit = _fitted(model, measured, np.tile(~out, len(sensors)), plant, knobs)
     parts = np.split(fit.residuals, len(sensors))
     return {
         f"{s.tank}{SENSOR}": noise_of(s) * float(np.sqrt(np.mean(part[out] ** 2)))

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from ..formulas import Names
 from .build import Setup
-from .case import Planted
 from .effect import facts
+from .effect_size import Planted
 
 FEED = {True: {"set": "Q", "flow": "flow"}, False: {"set": "u", "flow": "pump"}}
 """Places of a feed in its module type, metered or not."""

@@ -1,0 +1,192 @@
+"""A planned case (its effects, their strength and concealment), how it is made, and its answer."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from .. import sealed
+from ..kinds import STATED
+from ..recording import Recording, write_csv
+from ..streams import FURTHER
+from .balance import Course
+from .build import Layout, Setup, build, recorded_input
+from .detection_limit import detection_limits
+from .effect import Placed, possible_effects
+from .effect_size import Planted, change_of, is_inside, make, most, plant_each, run
+from .model import heldout_errors
+from .plant import Plant
+from .right_answer import right
+from .rows import write_plant
+from .sensing import shown
+
+ATTEMPTS = 20
+"""Most plants that are drawn until effects show as planned."""
+
+CLEAR = 0.1
+"""V; least change by all effects together, if their strength is drawn."""
+
+LEAST = 4.0
+"""Least expected gain of a single effect."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A case to be made; the same plan gives the same bytes.
+
+    Attributes
+    ----------
+    name : unique, and in no file that the analysis gets
+    group : of `cases.yaml`; effects of `hiding` must hide each other
+    effects : their ids
+    strength : RMS change by each effect alone, V; None if it is drawn
+    rarely : largest size of an effect, for those whose size is the share of samples in which they
+        act
+    difficulties : of `sealed.DIFFICULTIES`
+    """
+
+    name: str
+    group: str
+    seed: int
+    layout: Layout
+    effects: tuple[str, ...] = ()
+    samples: int = 1024
+    strength: float | None = None
+    profile: str = ""
+    rarely: float = math.inf
+    difficulties: tuple[str, ...] = ()
+
+    def make(self) -> Case:
+        """Make a case that somebody could solve; raises ValueError if no plant shows the effects.
+
+        A single effect that cannot be seen is not sought in another plant.
+        """
+        made = self.drawn()
+        if len(made.planted) == 1 and made.answer.effects[0].gain < LEAST:
+            raise ValueError("nobody could see it")
+        return made
+
+    def drawn(self) -> Case:
+        """Draw plants until the readings change as planned.
+
+        Raises ValueError for an unknown effect, or if no plant shows them.
+        """
+        for attempt in range(ATTEMPTS):
+            if made := _attempt(self, self.placed, self.seed + attempt * FURTHER):
+                return made
+        effects = " and ".join(self.effects)
+        raise ValueError(f"no plant of {ATTEMPTS} shows {effects} as it should")
+
+    @property
+    def placed(self) -> list[Placed]:
+        """The effects, no larger than they may be; raises ValueError for an unknown one."""
+        known, found = possible_effects(self.layout), []
+        for name in self.effects:
+            if name not in known:
+                raise ValueError(f"no effect '{name}'; known: {', '.join(known)}")
+            effect = known[name].effect
+            limited = replace(effect, high=min(effect.high, self.rarely))
+            found.append(replace(known[name], effect=limited))
+        return found
+
+    @property
+    def concealed(self) -> str:
+        """Way of concealment; of a hard case, by its effects."""
+        stated = STATED["tanks"].get(self.group, {})
+        if "concealed" in stated:
+            return str(stated["concealed"])
+        sorts = [placed.effect.sort for placed in self.placed]
+        return "clean" if not sorts else "unnamed" if "unnamed" in sorts else "open"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording, and the planted effects.
+
+    `plant` has all effects, `planted` each of them alone; `setup` is the plant without any. `drawn`
+    is the seed of the successful attempt.
+    """
+
+    plan: Planned
+    drawn: int
+    setup: Setup
+    plant: Plant
+    planted: tuple[Planted, ...]
+    recording: Recording
+
+    @functools.cached_property
+    def answer(self) -> sealed.Answer:
+        """The sealed answer; effects without an entry have the sort `unnamed`."""
+        setup, effects = self.setup, []
+        limits = detection_limits(setup, self.planted, self.drawn)
+        for one, (gain, margin, rival) in zip(self.planted, limits, strict=True):
+            effect, key = one.placed.effect, right(setup, one)
+            effects.append(
+                sealed.Planted(
+                    effect=effect.name,
+                    title=effect.title,
+                    sort=effect.sort if key.names else "unnamed",
+                    module=one.placed.module,
+                    place=effect.at,
+                    **vars(key),
+                    gain=gain,
+                    margin=margin,
+                    rival=rival,
+                )
+            )
+        return sealed.Answer(
+            case=self.plan.name,
+            half="dynamic",
+            plant=setup.layout.name,
+            profile=setup.profile,
+            seed=self.plan.seed,
+            samples=setup.time.size,
+            verdict=sealed.verdict_of([one.sort for one in effects]),
+            concealed=(self.plan.concealed,),
+            effects=tuple(effects),
+            difficulties=setup.told,
+        )
+
+    def write(self, folder: Path) -> None:
+        """Write `plant/` and `recording.csv`: names and numbers in them reveal no effect."""
+        write_plant(self.setup.layout, folder / "plant")
+        write_csv(folder / "recording.csv", self.recording.readings)
+
+    def reference(self, request: sealed.Request) -> sealed.Reference:
+        """Return the errors of the true model, fitted to all samples that are not held out."""
+        readings = self.recording.readings
+        return sealed.Reference(heldout_errors(self.setup, self.plant, readings, request.heldout))
+
+
+def _attempt(plan: Planned, wanted: list[Placed], seed: int) -> Case | None:
+    """Draw one plant; None if it cannot show the effects as planned."""
+    setup = build(plan.layout, seed, plan.samples, plan.profile, plan.difficulties)
+    planted = plant_each(setup, wanted, seed, plan.strength)
+    if planted is None:
+        return None
+    plant = setup.plant
+    for one in planted:  # each of the size it has alone
+        plant = make(setup, plant, one.placed, one.size, seed).plant
+    course = run(setup, plant)
+    changed = most(change_of(shown(plant, course), shown(setup.plant, setup.course)))
+    clear = CLEAR if plan.strength is None else 0.0
+    if not is_inside(plant, course) or (planted and changed < clear):
+        return None
+    alone = math.hypot(*(most(one.change) for one in planted))
+    if plan.group == "hiding" and changed / alone > sealed.HIDES:
+        return None
+    return Case(plan, seed, setup, plant, tuple(planted), _recorded(setup, plant, course, seed))
+
+
+def _recorded(setup: Setup, plant: Plant, course: Course, seed: int) -> Recording:
+    layout = setup.layout
+    readings = {"time [s]": setup.time, layout.input_column: recorded_input(setup, seed)}
+    for tank, values in shown(plant, course, seed).items():
+        readings[layout.columns[tank]] = values
+    truth = {"time [s]": course.time, f"{layout.feed} [cm3/s]": course.fed}
+    for i, tank in enumerate(layout.tanks):
+        truth[f"{tank}.h [cm]"] = course.levels[:, i]
+        truth[f"{tank}.outflow [cm3/s]"] = course.left[:, i]
+    return Recording(readings, truth)

@@ -1,0 +1,94 @@
+"""Random rows of tanks, and their files as a plant engineer writes them."""
+
+import itertools
+import shutil
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+from ..streams import stream
+from .build import CASCADED, Layout
+
+NAMES = (
+    ("upper", "centre", "lower", "bottom"),
+    ("north", "east", "south", "west"),
+    ("T1", "T2", "T3", "T4"),
+    ("settling", "buffer", "storage", "sump"),
+)
+FEEDS, MAINS = ("pump", "supply", "P1"), ("mains", "inflow", "F1")
+
+FEWEST, MOST = 2, 4
+"""Tanks in a row."""
+
+ALSO_MEASURED = 0.4
+"""Probability that a tank above the last one is also measured."""
+
+METERED = 0.4
+"""Probability that a flow meter shows the feed, instead of the voltage of a pump."""
+
+INTERVALS = (3.0, 4.0, 5.0)
+"""s"""
+
+
+def row(seed: int) -> Layout:
+    """Draw a row of tanks; the last one is measured, as nothing else depends on it."""
+    random = stream(seed, "row")
+    count = int(random.integers(FEWEST, MOST + 1))
+    tanks = NAMES[int(random.integers(len(NAMES)))][:count]
+    also = random.uniform(size=count - 1) < ALSO_MEASURED
+    measured = (*itertools.compress(tanks, also), tanks[-1])
+    metered = bool(random.uniform() < METERED)
+    feed = (MAINS if metered else FEEDS)[int(random.integers(len(FEEDS)))]
+    interval = float(random.choice(INTERVALS))
+    columns = {tank: f"L{tanks.index(tank) + 1} [V]" for tank in measured}
+    inlet = "F [l/h]" if metered else "u [V]"
+    return Layout(f"row-{seed}", feed, tanks, measured, metered, interval, inlet, columns)
+
+
+_PACKAGE = Path(__file__).parents[3]
+ROOT = _PACKAGE if (_PACKAGE / "kb").is_dir() else _PACKAGE.parent
+"""Folder of kb and plants: the installed package, or a checkout."""
+
+METERED_INFLOW = Path(__file__).with_name("metered-inflow.yaml")
+"""A module type that is not shipped: the feed of a row with a flow meter."""
+
+FILES = ("plant.yaml", "columns.yaml")
+
+
+def write_plant(layout: Layout, folder: Path) -> Path:
+    """Write the folder of a plant: drawing, columns, and knowledge that is not shipped.
+
+    The files follow from the layout alone and contain no true parameter.
+    """
+    folder.mkdir(parents=True)
+    for name, lines in zip(FILES, (_plant(layout), _columns(layout)), strict=True):
+        if layout == CASCADED:
+            shutil.copyfile(ROOT / "plants" / layout.name / name, folder / name)
+        else:
+            (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if layout.metered:
+        shutil.copytree(ROOT / "kb", folder / "kb")
+        shutil.copy(METERED_INFLOW, folder / "kb" / "modules")
+        with (folder / "plant.yaml").open("a", encoding="utf-8") as plant:
+            plant.write("kb: kb\n")
+    return folder
+
+
+def _plant(layout: Layout) -> Iterator[str]:
+    yield f"plant: {layout.name}"
+    yield f"title: {len(layout.tanks)} open tanks in a row"
+    yield "modules:"
+    yield f"  {layout.feed}: {{type: {'metered-inflow' if layout.metered else 'voltage-pump'}}}"
+    yield from (f"  {tank}: {{type: open-tank, title: tank {tank}}}" for tank in layout.tanks)
+    yield "connections:"
+    yield from (f"  - {a} -> {b}" for a, b in pairwise((layout.feed, *layout.tanks)))
+    yield "columns: columns.yaml"
+
+
+def _columns(layout: Layout) -> Iterator[str]:
+    signal, unit = ("Q", "l/h") if layout.metered else ("u", "V")
+    yield "columns:"
+    yield '  time: {from: "time [s]", unit: s}'
+    yield f'  {layout.feed}.{signal}: {{from: "{layout.input_column}", unit: {unit}}}'
+    for tank, column in layout.columns.items():
+        yield f'  {tank}.y: {{from: "{column}", unit: V}}'
