@@ -42,7 +42,7 @@ def test_each_effect_acts(effect: str) -> None:
     assert least <= rms(one.change["lower"]) <= most
     assert one.change["lower"] == pytest.approx(changed(made)["lower"], abs=1e-6)
     assert np.mean(np.abs(one.change["lower"]) > NOISE) > 0.02
-    y, u = (made.recording.readings[name] for name in ("y [V]", "u [V]"))
+    y, u = (made.readings[name] for name in ("y [V]", "u [V]"))
     assert -0.4 < y.min() < y.max() < 10.0
     assert 0.0 <= u.min() < u.max() <= 10.0
 
@@ -65,10 +65,10 @@ def test_faults_begin(effect: str) -> None:
     fault = upper.leak or lower.clog
     assert fault is not None
     plain = short((), seed=made.drawn)
-    before = made.recording.readings["time [s]"] < fault.begin
+    before = made.readings["time [s]"] < fault.begin
     assert 0.2 < before.mean() < 0.8
-    for name in ("upper.h [cm]", "lower.h [cm]"):
-        healthy, faulty = (c.recording.truth[name] for c in (plain, made))
+    for tank in (0, 1):
+        healthy, faulty = (run(c.setup, c.plant).levels[:, tank] for c in (plain, made))
         assert faulty[before] == pytest.approx(healthy[before], abs=1e-4)
     assert faulty != pytest.approx(healthy, abs=1e-4)
 
@@ -78,7 +78,7 @@ def test_an_effect_changes_neither_noise_nor_input() -> None:
     made = short(("lower.y.offset-high",))
     plain = short((), seed=made.drawn)
     offset = made.planted[0].built.values["offset"]
-    ours, clean = (c.recording.readings for c in (made, plain))
+    ours, clean = (c.readings for c in (made, plain))
     assert ours["u [V]"].tolist() == clean["u [V]"].tolist()
     assert ours["y [V]"] - offset == pytest.approx(clean["y [V]"], abs=10.0 / 4096.0)
 

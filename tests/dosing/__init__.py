@@ -6,11 +6,11 @@ laws and the solver are those of `rulec.prove.truth.settled`. Everything is SI u
 it; readings and CSV files are in trade units.
 """
 
-from rulec.prove.truth.recording import Recording, write_csv
+from rulec.prove.truth.recording import write_csv
 from rulec.prove.truth.sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
 from tests.dosing.faults import possible_faults
 from tests.dosing.plant import Operation, Plant
-from tests.dosing.recording import record
+from tests.dosing.recording import Recording, record
 from tests.dosing.rigs import RIGS
 from tests.dosing.runs import (
     VALVE_TIME,

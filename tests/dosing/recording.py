@@ -1,10 +1,10 @@
 """A run as its sensors show it, and as it truly was."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from rulec.prove.truth.recording import Recording
 from rulec.prove.truth.sensors import TABLE_1, Sensing, read
 from rulec.prove.truth.settled.solve import Operated, solve
 from rulec.prove.truth.units import LITRE_PER_HOUR, Array
@@ -15,6 +15,21 @@ from tests.dosing.runs import Run
 TANK_AREA = 0.5  # m2
 TANK_FULL = 0.8  # m
 TANK_REFILL = 0.3  # m; the level at which the tank is filled up again
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Columns by header, in trade units; each ndarray, shape (n,).
+
+    Attributes
+    ----------
+    readings : `time [s]` and `<instance>.<signal> [unit]`; NaN where a sensor is not fitted
+    truth : `time [s]`, the degree of every fault of the run, the true flows (`Q_pump` is the
+        flow of the pump before a leak)
+    """
+
+    readings: Mapping[str, Array]
+    truth: Mapping[str, Array]
 
 
 def record(run: Run, sensing: Sensing = TABLE_1, seed: int = 1) -> Recording:

@@ -1,25 +1,10 @@
-"""The columns of a recording and of its truth; CSV."""
+"""The file of a recording."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
 
 from .units import Array
-
-
-@dataclass(frozen=True)
-class Recording:
-    """Columns by header, in trade units; each ndarray, shape (n,).
-
-    Attributes
-    ----------
-    readings : `time [s]` and `<instance>.<signal> [unit]`; NaN where a sensor is not fitted
-    truth : `time [s]`, and what no sensor shows
-    """
-
-    readings: Mapping[str, Array]
-    truth: Mapping[str, Array]
 
 
 def write_csv(path: Path, columns: Mapping[str, Array], digits: int = 6) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .. import sealed
 from ..kinds import STATED
-from ..recording import Recording, write_csv
+from ..recording import write_csv
 from ..streams import FURTHER
-from .balance import Course
+from ..units import Array
 from .build import Layout, Setup, build, recorded_input
 from .detection_limit import detection_limits
 from .effect import Placed, possible_effects
@@ -106,7 +107,7 @@ class Case:
     """A recording, and the planted effects.
 
     `plant` has all effects, `planted` each of them alone; `setup` is the plant without any. `drawn`
-    is the seed of the successful attempt.
+    is the seed of the successful attempt; `readings` are columns by header.
     """
 
     plan: Planned
@@ -114,7 +115,7 @@ class Case:
     setup: Setup
     plant: Plant
     planted: tuple[Planted, ...]
-    recording: Recording
+    readings: Mapping[str, Array]
 
     @functools.cached_property
     def answer(self) -> sealed.Answer:
@@ -152,12 +153,12 @@ class Case:
     def write(self, folder: Path) -> None:
         """Write `plant/` and `recording.csv`: names and numbers in them reveal no effect."""
         write_plant(self.setup.layout, folder / "plant")
-        write_csv(folder / "recording.csv", self.recording.readings)
+        write_csv(folder / "recording.csv", self.readings)
 
     def reference(self, request: sealed.Request) -> sealed.Reference:
         """Return the errors of the true model, fitted to all samples that are not held out."""
-        readings = self.recording.readings
-        return sealed.Reference(heldout_errors(self.setup, self.plant, readings, request.heldout))
+        found = heldout_errors(self.setup, self.plant, self.readings, request.heldout)
+        return sealed.Reference(found)
 
 
 def _attempt(plan: Planned, wanted: list[Placed], seed: int) -> Case | None:
@@ -177,16 +178,7 @@ def _attempt(plan: Planned, wanted: list[Placed], seed: int) -> Case | None:
     alone = math.hypot(*(most(one.change) for one in planted))
     if plan.group == "hiding" and changed / alone > sealed.HIDES:
         return None
-    return Case(plan, seed, setup, plant, tuple(planted), _recorded(setup, plant, course, seed))
-
-
-def _recorded(setup: Setup, plant: Plant, course: Course, seed: int) -> Recording:
-    layout = setup.layout
-    readings = {"time [s]": setup.time, layout.input_column: recorded_input(setup, seed)}
+    readings = {"time [s]": setup.time, plan.layout.input_column: recorded_input(setup, seed)}
     for tank, values in shown(plant, course, seed).items():
-        readings[layout.columns[tank]] = values
-    truth = {"time [s]": course.time, f"{layout.feed} [cm3/s]": course.fed}
-    for i, tank in enumerate(layout.tanks):
-        truth[f"{tank}.h [cm]"] = course.levels[:, i]
-        truth[f"{tank}.outflow [cm3/s]"] = course.left[:, i]
-    return Recording(readings, truth)
+        readings[plan.layout.columns[tank]] = values
+    return Case(plan, seed, setup, plant, tuple(planted), readings)
