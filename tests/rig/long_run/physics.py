@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.prove.truth.settled.solve import State, Term
+from rulec.prove.truth.settled.solve import Operated, State, Term
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.dosing.plant import LIQUID_TEMPERATURE, Plant
 
@@ -35,7 +35,7 @@ def idle(plant: Plant, name: str, when: Array, back: float = SHUT) -> Plant:
     when : shape (n,), bool; when it does not, and is a passage instead: dp = -back Q |Q|
     back : Pa/(m3/s)2; of a check valve, `SHUT`
     """
-    kind = plant.rig.kind(name)
+    kind, own = plant.rig.kind(name), Operated(plant.rig, plant.values, {}).parameters(name)
 
     def passage(s: State) -> Array:
         through = -np.sign(s.pressure) * np.sqrt(np.abs(s.pressure) / back)
@@ -43,19 +43,13 @@ def idle(plant: Plant, name: str, when: Array, back: float = SHUT) -> Plant:
 
     def power(s: State) -> Array:
         """Of a dry pump that of friction alone, of one that is off none."""
-        none, own = np.zeros_like(s.flow), _own(plant, name)
+        none = np.zeros_like(s.flow)
         dry = kind.power(own, s.speed, none, none) * (DRY_POWER if kind.by_head else 1.0)
         return np.where(when, dry * (s.speed > 0.0) - s.power, 0.0)
 
     return replace(
         plant, terms=(*plant.terms, Term("passage", name, passage), Term("power", name, power))
     )
-
-
-def _own(plant: Plant, name: str) -> dict[str, Array]:
-    """Parameters of a module by their own names."""
-    lead = f"{name}."
-    return {n.removeprefix(lead): v for n, v in plant.values.items() if n.startswith(lead)}
 
 
 SLIP = (".C0", ".C1", ".C2")
