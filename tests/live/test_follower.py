@@ -12,13 +12,13 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.live import limits, state
-from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.changes import Horizon, changes
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.follower import Memory, Update, follow, nothing_yet
+from rulec_runtime.live.follower import Update, follow
 from rulec_runtime.live.journal.lines import LinesFile
+from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.state import ReplayedSource, replayed
@@ -36,16 +36,11 @@ def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
     return rules, read_recording(ROOT / "plants" / plant / "examples" / name, rules)
 
 
-def followed(
-    rules: Ruleset,
-    recording: Recording,
-    ends: Iterable[int],
-    looks: BackgroundUpdates | None = None,
-) -> list[Update]:
+def followed(rules: Ruleset, recording: Recording, ends: Iterable[int]) -> list[Update]:
     """What is told as rows come, up to each of some numbers of them."""
     memory, told = nothing_yet(False), list[Update]()
     for first, last in pairwise([0, *ends]):
-        told += follow(rules, memory, part_of(recording, first, last), looks)
+        told += follow(rules, memory, part_of(recording, first, last))
         memory = told[-1].memory
     return told
 

@@ -4,7 +4,7 @@ import argparse
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +12,10 @@ from rulec_runtime.commands.watch_opened import Opened, opened
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.live import limits, state
-from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import concluded, warm_up
+from rulec_runtime.live.follower import concluded
 from rulec_runtime.live.memory import Memory, nothing_yet
-from rulec_runtime.live.update_process import UpdateProcess
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -29,21 +27,14 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
     ruleset = load(Path(options.plant))
     unwritten: list[str] = []
     with _ends_when_asked(), ExitStack() as stack:
-        # The events of a file that is read to its end depend on its rows alone.
-        alone = options.until_end or ruleset.dynamics is not None
-        background = None if alone else stack.enter_context(closing(UpdateProcess(ruleset)))
-        if background is not None and len(ruleset.observed) > limits.SMALL_PLANT:
-            warm_up(ruleset)
         what = opened(options, ruleset, stack, unwritten)
-        memory = _watch(what, ruleset, options.until_end, background)
+        memory = _watch(what, ruleset, options.until_end)
     active = {one.status for one in memory.episodes if one.active}
     failed = active & set(options.fail_on.split(","))
     return limits.FAILED if failed else int(bool(unwritten))
 
 
-def _watch(
-    what: Opened, ruleset: Ruleset, until_end: bool, background: BackgroundUpdates | None
-) -> Memory:
+def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
     memory, source, present = what.memory, what.source, what.present
     with suppress(KeyboardInterrupt):
         while not source.ended and not what.screen.quit:
@@ -53,7 +44,7 @@ def _watch(
                 recent = nothing_yet(source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
-            for updated, events, diagnosis in judged(ruleset, memory, came, background):
+            for updated, events, diagnosis in judged(ruleset, memory, came):
                 memory = updated
                 news += events
                 present.update(memory, events, diagnosis)

@@ -7,24 +7,17 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.live.background_update import BackgroundUpdates
 from rulec_runtime.live.connection import noticed, read_again
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import background_update, follow
+from rulec_runtime.live.follower import follow
 from rulec_runtime.live.memory import Memory
 from rulec_runtime.live.rows import Notice, Rows
 
 
 def judged(
-    ruleset: Ruleset,
-    memory: Memory,
-    came: Sequence[Rows | Notice],
-    background: BackgroundUpdates | None = None,
+    ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice]
 ) -> Iterator[tuple[Memory, tuple[Event, ...], Diagnosis | None]]:
-    """Memory and events after each block of rows and each notice, and the diagnosis of the rows.
-
-    `background` runs full updates; one that has ended while nothing came is reported as well.
-    """
+    """Memory and events after each block of rows and each notice, and the diagnosis of the rows."""
     for item in _blocks(came):
         if isinstance(item, Notice):
             memory, events = noticed(memory, item)
@@ -33,11 +26,9 @@ def judged(
         memory, events = read_again(memory, item)
         if events:
             yield memory, events, None
-        for update in follow(ruleset, memory, item, background):
+        for update in follow(ruleset, memory, item):
             memory = update.memory
             yield memory, update.events, update.diagnosis
-    if not came and (late := background_update(ruleset, memory, background)) is not None:
-        yield late.memory, late.events, late.diagnosis
 
 
 def _blocks(came: Sequence[Rows | Notice]) -> Iterator[Rows | Notice]:

@@ -1,7 +1,6 @@
 """A full update: the passes of a recording, over all rows and operating points in memory.
 
-It is a function of memory alone, so that another process can run it. When memory is full, the older
-half of the rows becomes operating points.
+When memory is full, the older half of the rows becomes operating points.
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,9 +25,9 @@ from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.changes import Horizon
 from rulec_runtime.live.history import History, history_of, joined, only, some
-from rulec_runtime.live.last_evaluation import Evaluation, LastEvaluation, PartEvaluation, due_after
+from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation, due_after
 from rulec_runtime.live.levels import levels_of
-from rulec_runtime.live.memory import Memory
+from rulec_runtime.live.memory import Memory, without_first
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 
@@ -53,17 +52,16 @@ class _FullUpdate:
     found: tuple[Found, ...]
 
 
-def evaluated(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Evaluation:
-    """Judge the whole memory of a plant that settles, and find the rows that exceed it.
+def evaluated(ruleset: Ruleset, memory: Memory) -> tuple[Diagnosis, float | None, Memory]:
+    """Judge the whole memory of a plant that settles: the diagnosis, the time of the last settled
+    row, s (None if nothing settled), and memory without the rows that exceed it.
 
-    Without `headers`, headers are only checked if a column has already been reported to differ from
-    its header.
+    Later than the first rows, headers are only checked if a column has already been reported to
+    differ from its header: a lasting fault looks the same.
     """
     recent = memory.recent
     conditions = {e.subject.rpartition(".")[2] for e in memory.episodes if e.kind == "sensor"}
-    misread = bool(conditions & {UNIT.name, SWAPPED.name})
-    # Otherwise only the first rows are checked: later a lasting fault looks the same.
-    headers = misread or (headers and memory.before is None)
+    headers = memory.before is None or bool(conditions & {UNIT.name, SWAPPED.name})
     diagnosis, judged = _full_update(ruleset, recent, memory.before, headers=headers)
     known = None
     signals = len(recent.values)
@@ -71,16 +69,12 @@ def evaluated(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Evaluat
     large = signals > limits.SMALL_PLANT or signals * len(recent) > limits.SEEN_AT_ONCE
     if judged is not None and large:
         known = _evaluation_after(ruleset, diagnosis, judged, memory.count)
-    cut, before = 0, memory.before
+    after = replace(memory, known=known)
     if len(recent) >= 2 * limits.KEPT_ROWS:
         cut, before = _oldest(memory, judged, diagnosis)
-    return Evaluation(
-        diagnosis=diagnosis,
-        settled=None if judged is None else float(judged.whole.timeline.until[-1]),
-        known=known,
-        cut=cut,
-        before=before,
-    )
+        after = replace(after, recent=without_first(recent, cut), before=before)
+    settled = None if judged is None else float(judged.whole.timeline.until[-1])
+    return diagnosis, settled, after
 
 
 def _full_update(

@@ -1,10 +1,7 @@
-"""The result of the last full update and of partial updates since, and a running update."""
-
-from __future__ import annotations
+"""The result of the last full update, and of partial updates since."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +10,6 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.sensor_health import Health
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.independent_parts import Part
-from rulec_runtime.live import limits
 from rulec_runtime.live.history import History
 from rulec_runtime.live.levels import Levels
 
@@ -38,17 +34,6 @@ class PartEvaluation:
     settled: float
     due: float
     followed: int
-
-    def after_update(self, whole: History, found: Found, count: int) -> PartEvaluation:
-        """The evaluation after a partial update with row number `count`. The next one is due when
-        the last stretch is twice as long, or with the next row if the part is not settled."""
-        timeline = whole.timeline
-        return replace(
-            self,
-            found=found,
-            settled=float(timeline.until[-1]) if len(timeline) else self.settled,
-            due=due_after(whole, count),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,67 +66,11 @@ class LastEvaluation:
         """Indices of the parts to update even if their readings do not move."""
         return {i for i, one in enumerate(self.parts) if count >= one.due}
 
-    @property
-    def large(self) -> set[int]:
-        """Indices of the parts whose partial update takes longer than until the next row."""
-        return {
-            i
-            for i, one in enumerate(self.parts)
-            if len(one.part.ruleset.observed) > limits.SMALL_PLANT
-        }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evaluation:
-    """The result of a full update.
-
-    Attributes
-    ----------
-    diagnosis : to be reported.
-    settled : time of the last settled row, s; None if nothing settled.
-    known : basis of partial updates; None for a plant that gets full updates only.
-    cut : number of first rows that exceed memory and become operating points.
-    before : operating points of the rows before the remaining ones.
-    """
-
-    diagnosis: Diagnosis
-    settled: float | None
-    known: LastEvaluation | None
-    cut: int
-    before: History | None
-
-
-class PendingUpdate(Protocol):
-    """A full update that runs elsewhere."""
-
-    def found(self, wait: bool) -> Evaluation | None:
-        """Its result; None while it runs, unless the caller waits. Raises what it raised."""
-
-    def drop(self) -> None:
-        """Cancel it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class UpdateUnderWay:
-    """A running full update of the rows that had come when it began.
-
-    Attributes
-    ----------
-    asked : the update.
-    count : rows that had come; `kept` is how many of them were in memory.
-    updated : indices of the parts that have had a partial update since.
-    doubt : whether a sensor has come into doubt since, so that another update is due.
-    """
-
-    asked: PendingUpdate
-    count: int
-    kept: int
-    updated: frozenset[int] = frozenset()
-    doubt: bool = False
-
 
 def due_after(whole: History, count: int) -> float:
-    """Number of the row with which an update is due even if readings do not move."""
+    """Number of the row with which an update is due even if readings do not move, after one with
+    row number `count`: when the last stretch is twice as long, or with the next row if the part is
+    not settled."""
     timeline = whole.timeline
     if not len(timeline) or timeline.later[-1] > 0:
         return count + 1.0

@@ -44,16 +44,15 @@ class Levels:
     same: Array
     lost: Array
 
-    def after(self, row: Array, far: float) -> tuple[Levels, np.ndarray, bool]:
+    def after(self, row: Array) -> tuple[Levels, np.ndarray, bool]:
         """Levels after one more row, shape (signals,), which readings have moved, and whether a
-        sensor is odd: its reading is stuck, lost, or back. A reading has moved if it is off by
-        `far` standard deviations."""
+        sensor is odd: its reading is stuck, lost, or back."""
         with np.errstate(invalid="ignore"):
             sound = (row >= self.low) & (row <= self.high)
             total, rows = np.where(sound, self.total + row, self.total), self.rows + sound
-            moved = self._off(row, 1.0, far)
-            moved |= self._off((row + self.before.sum(axis=0)) / 3.0, 3.0, far)
-            moved |= self._off(total / np.maximum(rows, 1.0), np.maximum(rows, 1.0), far)
+            moved = self._off(row, 1.0)
+            moved |= self._off((row + self.before.sum(axis=0)) / 3.0, 3.0)
+            moved |= self._off(total / np.maximum(rows, 1.0), np.maximum(rows, 1.0))
         moved &= sound
         moved |= sound != (self.lost == 0.0)
         same = np.where(row == self.before[-1], self.same + 1.0, 0.0)
@@ -71,14 +70,12 @@ class Levels:
         )
         return now, moved, bool(odd.any())
 
-    def after_rows(
-        self, recent: Recording, new: int, far: float = limits.MOVED
-    ) -> tuple[Levels, np.ndarray, bool]:
+    def after_rows(self, recent: Recording, new: int) -> tuple[Levels, np.ndarray, bool]:
         """The same after the `new` last rows of a recording."""
         levels, moved, odd = self, np.zeros(len(self.names), dtype=bool), False
         table = np.array([recent.values[name][len(recent) - new :] for name in self.names])
         for row in table.T:
-            levels, some, odd_now = levels.after(row, far)
+            levels, some, odd_now = levels.after(row)
             moved |= some
             odd |= odd_now
         return levels, moved, odd
@@ -96,9 +93,9 @@ class Levels:
             rows=np.where(known, 0.0, self.rows),
         )
 
-    def _off(self, mean: Array, rows: Array | float, far: float) -> np.ndarray:
+    def _off(self, mean: Array, rows: Array | float) -> np.ndarray:
         """Whether the mean of some rows differs from the judged level."""
-        spread = far * self.noise * np.sqrt(1.0 / rows + 1.0 / self.rested)
+        spread = limits.MOVED * self.noise * np.sqrt(1.0 / rows + 1.0 / self.rested)
         off: np.ndarray = np.abs(mean - self.level) > np.maximum(spread, self.least)
         return off
 
@@ -107,18 +104,6 @@ def _turns(before: Array, now: Array, enough: float) -> np.ndarray:
     """Whether a count reaches `enough` with this row, or falls back to zero from there."""
     turns: np.ndarray = (now == enough) | ((before >= enough) & (now == 0.0))
     return turns
-
-
-def far_after(rows: int) -> float:
-    """Standard deviations by which a moved reading is off, if its noise was estimated from so many
-    rows: as unlikely as `MOVED` of a normal distribution.
-
-    The quantile of Student's distribution by Wallace, "Bounds on normal approximations to Student's
-    and the chi-square distributions", Ann. Math. Stat. 30 (1959).
-    """
-    freedom = max(rows - 1.0, 1.0)
-    likened = limits.MOVED * (8.0 * freedom + 3.0) / (8.0 * freedom + 1.0)
-    return float(np.sqrt(freedom * np.expm1(likened**2 / freedom)))
 
 
 def levels_of(ruleset: Ruleset, recording: Recording, noise: Mapping[str, float]) -> Levels:

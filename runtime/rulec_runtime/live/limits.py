@@ -5,10 +5,6 @@ KEPT_ROWS = 1024
 twice as many the older half becomes operating points. Origin: assumed; seventeen stretches of full
 length, more than it takes to report a fault."""
 
-MOST_ROWS = 3 * KEPT_ROWS
-"""Rows in memory at which rows wait for a running background update. Origin: assumed; at ten rows a
-second that is 100 s after memory was full, so rows hardly ever wait."""
-
 SMALL_PLANT = 60
 """Most signals of a plant that gets a full update with each row, while memory is small: see
 `SEEN_AT_ONCE`. Origin: assumed; that takes less than the tenth of a second until the next row."""
@@ -25,22 +21,12 @@ FOLLOWED_AGAIN = 1.02
 """Factor by which operating points must increase before courses of degrees are recomputed. Origin:
 assumed; a course that has lasted for a day is updated every half hour."""
 
-DUE_AT_ONCE = 3
-"""Most unmoved parts that get a partial update with one row, with background updates. Origin:
-assumed; that takes less than half of a tenth of a second."""
-
-PATIENCE = 30
-"""Rows that a background update may take before a large part that moves gets a partial update, for
-which rows wait. Origin: assumed; several times what an update takes that checks no headers."""
-
 ROWS_AT_A_GLANCE = 60
 """Most rows of a block that gets a partial update. Origin: assumed; a stretch of full length."""
 
 MOVED = 5.0
 """Standard deviations of its noise by which a moved reading, or its mean, is off. Origin:
-distribution; with 200 signals one row in 3000 seems to move by chance, and is only judged. With
-background updates it is the same chance of Student's distribution, as a few rows give a poor
-estimate of the noise."""
+distribution; with 200 signals one row in 3000 seems to move by chance, and is only judged."""
 
 STANDS_STILL = 50.0
 """Number of successive equal readings after which a sensor is checked. Origin: assumed; `STILL_RUN`

@@ -9,7 +9,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
-from rulec_runtime.live.last_evaluation import LastEvaluation, UpdateUnderWay
+from rulec_runtime.live.last_evaluation import LastEvaluation
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
@@ -27,7 +27,6 @@ class Memory:
     episodes : reported episodes that are active, or within the horizon.
     number : events reported so far.
     known : the last evaluation, valid until readings move; it is not saved.
-    under_way : a running background update; it is not saved either.
     """
 
     recent: Recording
@@ -36,7 +35,6 @@ class Memory:
     episodes: tuple[Episode, ...] = ()
     number: int = 0
     known: LastEvaluation | None = None
-    under_way: UpdateUnderWay | None = None
 
 
 def nothing_yet(dated: bool) -> Memory:

@@ -19,7 +19,7 @@ from rulec_runtime.live import limits
 from rulec_runtime.live.full_update import unsettled
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
-from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation
+from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation, due_after
 from rulec_runtime.recordings.header_correction import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
@@ -75,7 +75,8 @@ def _judged(
     points = history_of(tail, own, stretches, noise)
     whole = joined_history(one.closed, tail, points)
     if not len(whole):
-        return one.after_update(whole, Found([], [], []), count), whole, None
+        found = Found([], [], [])
+        return replace(one, found=found, due=due_after(whole, count)), whole, None
     evaluated = evaluate_points(own, whole.points, whole.halves, "default")
     enough = len(whole) > limits.FOLLOWED_AGAIN * one.followed
     each = (
@@ -86,8 +87,13 @@ def _judged(
     )
     found = joined(each, None)
     found.not_judged.extend(unsettled(tail, whole))
-    again = one.after_update(whole, found, count)
-    again = replace(again, followed=len(whole)) if enough else again
+    again = replace(
+        one,
+        found=found,
+        settled=float(whole.timeline.until[-1]),
+        due=due_after(whole, count),
+        followed=len(whole) if enough else one.followed,
+    )
     return again, whole, latest_of(own, whole.timeline, evaluated)
 
 

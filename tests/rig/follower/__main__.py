@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
-from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.live.follower import follow
+from rulec_runtime.live.memory import nothing_yet
 from rulec_runtime.recordings.recording import Recording
 
 from tests.conftest import compiled

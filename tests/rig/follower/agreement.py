@@ -8,7 +8,8 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, concluded, follow, nothing_yet
+from rulec_runtime.live.follower import concluded, follow
+from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.recordings.recording import Recording
 
 from tests.rig.follower.plants import part_of
