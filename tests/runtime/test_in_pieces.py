@@ -12,7 +12,7 @@ import pytest
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady import limits as of_steady
 from rulec_runtime.recordings import limits as of_recordings
-from rulec_runtime.recordings import text_parts, text_table
+from rulec_runtime.recordings import text_table
 from rulec_runtime.recordings.larger_than_memory import array
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.json_form import diagnosis_form
@@ -32,8 +32,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
         monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
         for name in ("POINTS_AT_ONCE", "RUNS_AT_ONCE"):
             monkeypatch.setattr(of_steady, name, 2)
-        for module in (text_parts, text_table):
-            monkeypatch.setattr(module, "BATCH", 7)
+        monkeypatch.setattr(text_table, "BATCH", 7)
 
     return set_to
 

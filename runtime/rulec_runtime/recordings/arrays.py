@@ -66,12 +66,8 @@ class GrowingTimes:
         self._plain = False
         self._first: list[str] = []
 
-    def add(self, cells: Sequence[str] | Array) -> None:
-        """Append texts, or finite numbers."""
-        if isinstance(cells, np.ndarray):
-            self._numbers.append(cells)
-            self._plain = True
-            return
+    def add(self, cells: Sequence[str]) -> None:
+        """Append texts."""
         self._first = self._first or list(cells[:1])
         numbers = plain_times(cells)
         self._numbers.append(numbers)

@@ -6,7 +6,7 @@ How numbers are written, their decimal sign and thousands marks, is inferred fro
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -185,12 +185,6 @@ class Column:
         if self.placed is not None:
             self.placed[row] = word
 
-    def add(self, numbers: Array, comma: bool) -> None:
-        """Append numbers; `comma`: the file may use a decimal comma."""
-        if comma and not np.all(np.isnan(numbers) | (numbers == np.floor(numbers))):
-            self.decimals.add(".")
-        self.parts.append(numbers)
-
     def numbers(self) -> Array:
         """All numbers, shape (n,)."""
         return self.parts.joined()
@@ -233,6 +227,17 @@ def cells_of(line: str, separator: str) -> list[str]:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:
         return [line]
+
+
+def rows_of(path: Path, lines: Iterable[str], separator: str) -> Iterator[list[str]]:
+    """Cells of the rows that are not empty. Raises `RecordingRefused`."""
+    try:
+        yield from filter(any, csv.reader(lines, delimiter=separator))
+    except csv.Error as error:
+        # A cell may hold anything else: only an unclosed quote makes one too large.
+        raise RecordingRefused(
+            f'{path}: not a readable CSV file ({error}); look for a quote (") that is not closed'
+        ) from None
 
 
 def is_whole(row: Sequence[str], width: int) -> bool:

@@ -7,8 +7,6 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from rulec_runtime import limits
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.recordings.arrays import GrowingCells, GrowingTimes
@@ -23,11 +21,11 @@ from rulec_runtime.recordings.csv_table import (
     read_cells,
     refuse_columns,
     refuse_words,
+    rows_of,
 )
 from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_file import TextFile, text_file
-from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of, parts_of, rows_of
 from rulec_runtime.recordings.time_column import order_in
 from rulec_runtime.recordings.titles import (
     TitleLine,
@@ -37,6 +35,9 @@ from rulec_runtime.recordings.titles import (
     rejoined,
     units_below,
 )
+
+BATCH = 1000
+"""Rows read at a time: cells become numbers while they are still in the cache."""
 
 
 @dataclass(kw_only=True)
@@ -54,17 +55,9 @@ class _Taken:
     whole: int = 0
     first_left_out: int = 0
 
-    def take(self, part: Part) -> None:
+    def take(self, part: list[list[str]]) -> None:
         """Append rows."""
         kept, numbers = self.places
-        if isinstance(part, np.ndarray):
-            for column, index in zip(self.columns, numbers, strict=True):
-                column.add(part[:, index], self.comma)
-            for text, index in zip(self.texts, kept, strict=True):
-                text.add(part[:, index])
-            self.count += len(part)
-            self.whole += len(part)
-            return
         rows = self._whole_of(part)
         if not self.whole and rows and numbers:
             refuse_words(self.path, rows[0], (*kept, *numbers))
@@ -88,10 +81,7 @@ class _Taken:
 
 @dataclass(frozen=True)
 class TextTable:
-    """Titles of a table, and functions that give the rows below them, each call anew.
-
-    `parts` gives the rows below the first few in parts, see `parts_of`.
-    """
+    """Titles of a table, and a function that gives the rows below them, each call anew."""
 
     path: Path
     titles: tuple[str, ...]
@@ -100,7 +90,6 @@ class TextTable:
     has_units: bool
     most: int | None
     times: frozenset[str]
-    parts: Callable[[int, Sequence[int]], Iterator[Part]] | None
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         """Read columns; rows with a wrong number of cells are left out, since none of their cells
@@ -125,7 +114,8 @@ class TextTable:
             width=len(self.titles),
             comma=self.separator != ",",
         )
-        for part in self._parts(taken):
+        rows = self._below()
+        while part := list(islice(rows, BATCH)):
             taken.take(part)
         self._check(taken)
         return Table(
@@ -135,14 +125,6 @@ class TextTable:
             left_out=taken.count - taken.whole,
             first_left_out=taken.first_left_out,
         )
-
-    def _parts(self, taken: _Taken) -> Iterator[Part]:
-        """The rows in parts; as numbers only if no column is kept as text."""
-        plain = all(c.written.decimal != "," and not c.written.thousands for c in taken.columns)
-        timed = all(isinstance(text, GrowingTimes) for text in taken.texts)
-        if self.parts is None or not plain or not timed:
-            return batches_of(self._below())
-        return self.parts(int(self.has_units), taken.places[0])
 
     def lines(self) -> Iterator[list[str]]:
         """Cells of the rows that `read` keeps."""
@@ -227,15 +209,14 @@ def text_sheet(
     remarks: tuple[str, ...] = (),
     most: int | None = None,
     times: frozenset[str] = frozenset(),
-    parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None,
 ) -> Sheet:
     """A table of rows of text; each call of `rows` gives those below the titles.
 
     A row of units below the titles gives the units. If there are at most `most` rows, numbers need
-    not stay in memory; `times` are names of time columns; `parts` as in `TextTable`.
+    not stay in memory; `times` are names of time columns.
     """
     units = units_below(titles, next(rows(), []))
-    table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times, parts)
+    table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times)
     return Sheet(
         name=name,
         titles=tuple(titles),
@@ -264,11 +245,8 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     def below() -> Iterator[list[str]]:
         return islice(rows_of(path, lines_from(), separator), 1, None)
 
-    def parts(above: int, finite: Sequence[int]) -> Iterator[Part]:
-        return parts_of(path, lines_from(), separator, 1 + above, (len(titles), finite))
-
     remarks, timed = left_out_above(found.above), frozenset(times)
-    return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed, parts)]
+    return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed)]
 
 
 def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine:

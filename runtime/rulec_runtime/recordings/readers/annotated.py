@@ -9,10 +9,9 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, rows_of
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_file import TextFile, text_file
-from rulec_runtime.recordings.text_parts import rows_of
 from rulec_runtime.recordings.text_table import text_sheet
 
 BEGINS = ("#group", "#datatype", "#default")
