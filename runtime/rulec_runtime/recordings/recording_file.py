@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,9 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.nearest import near_file
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
+from rulec_runtime.recordings.arrays import array_sheet, seconds_of
 from rulec_runtime.recordings.columns import any_of
-from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_cells
+from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import (
     CSV,
     STANDARD_INPUT,
@@ -29,8 +31,8 @@ from rulec_runtime.recordings.formats import (
 )
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.larger_than_memory import let_go
-from rulec_runtime.recordings.table import Dates
-from rulec_runtime.recordings.time_column import factor_of_time, read_times
+from rulec_runtime.recordings.table import Dates, Table
+from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
 
 SHOWN = 5
@@ -110,7 +112,14 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
             f"{path.name}: {plural(table.left_out, one, many)} left out (the first is data row "
             f"{table.first_left_out})"
         )
-    title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
+    return _file(path, header, table, header.time_unit, ruleset, notes)
+
+
+def _file(
+    path: Path, header: Header, table: Table, unit: str, ruleset: Ruleset, notes: list[str]
+) -> RecordingFile:
+    """Times, in a unit if they are numbers, and readings of a table."""
+    title, zone, form = header.time_title, ruleset.time_zone, form_of(ruleset)
     try:
         time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
     except RecordingRefused:
@@ -235,48 +244,19 @@ def file_of(
     header = assign(path, titles, ruleset, notes)
     if not any(lengths.values()):
         raise RecordingRefused(f"{name}: there are no rows")
-    time, zones = _times(path, columns[titles[header.time]], header, ruleset, zoned, notes)
-    read = [_column(name, titles[t.index], columns[titles[t.index]]) for t in header.targets]
-    return RecordingFile(
-        path=path,
-        header=header,
-        time=time,
-        values=readings_of(path, read, header, ruleset, notes),
-        zones=zones,
-        comma=False,
-    )
-
-
-def _times(
-    path: Path, cells: Cells, header: Header, ruleset: Ruleset, zoned: bool, notes: list[str]
-) -> tuple[Array, Array | None]:
-    title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
-    if isinstance(cells, list):
-        return read_times(path, cells, title, unit, ruleset.units, zone, notes)
-    if cells.dtype.kind == "M":
-        since = _seconds(cells - np.datetime64(0, "s"))
-        dates = Dates(since, np.full(len(cells), 0.0 if zoned else np.nan))
-        return read_times(path, dates, title, unit, ruleset.units, zone, notes)
-    if cells.dtype.kind == "m":
-        return _seconds(cells), None
-    factor = factor_of_time(path, header.time_title, header.time_unit, ruleset.units)
-    return cells.astype(float) * factor, None
-
-
-def _seconds(lengths: np.ndarray) -> Array:
-    """Durations in s, NaN where missing."""
-    return np.asarray(lengths / np.timedelta64(1, "s"), dtype=float)
-
-
-def _column(name: str, title: str, cells: Cells) -> Column:
-    column = Column(title)
-    if isinstance(cells, list):
-        read_cells(column, cells, 0, comma=True)
-    elif cells.dtype.kind in "Mm":
-        raise RecordingRefused(f"{name}: column '{title}' holds dates or times, not readings")
-    else:
-        column.parts.append(cells.astype(float))
-    return column
+    cells: list[Any] = list(columns.values())
+    kinds = ["" if isinstance(one, list) else one.dtype.kind for one in cells]
+    for index in (target.index for target in header.targets):
+        if kinds[index] in ("M", "m"):
+            text = f"column '{titles[index]}' holds dates or times, not readings"
+            raise RecordingRefused(f"{name}: {text}")
+    rows, kind = len(cells[header.time]), kinds[header.time]
+    if kind == "M":
+        zones = np.full(rows, 0.0 if zoned else np.nan)
+        cells[header.time] = Dates(seconds_of(cells[header.time]), zones)
+    sheet = array_sheet("", titles, (), rows, lambda at: [[cells[i] for i in at]])
+    table = sheet.read([header.time], [target.index for target in header.targets])
+    return _file(path, header, table, "s" if kind == "m" else header.time_unit, ruleset, notes)
 
 
 def different(given: Sequence[object]) -> None:
