@@ -60,7 +60,10 @@ def test_a_frame_is_read_as_its_file(kind: str, frame: pd.DataFrame) -> None:
             {TIME: [0, 1], "A.dp [bar]": pd.date_range("2025", periods=2)},
             "holds dates or times, not readings",
         ),
-        ({TIME: [0, 1], "A.dp [rpm]": [1.0, 1.0]}, "'A.dp [rpm]' is in rpm, but A.dp is measured"),
+        (
+            {TIME: [0, 1], "A.dp [rpm]": [1.0, 1.0]},
+            "'A.dp [rpm]': it is in rpm, but A.dp is measured",
+        ),
         ([], "give one recording at least"),
         (42, "int is no recording; give a path, a data frame of pandas, polars, pyarrow"),
         (Path("nowhere.csv"), "nowhere.csv: there is no such file"),

@@ -83,7 +83,7 @@ def test_an_unfit_reading_is_left_out(tmp_path: Path) -> None:
         ({"seconds": None}, "column 'seconds' is missing"),
         ({"time [s]": None}, "there is no time column"),
         ({"A.dp [bar]": None, "dq:A.pump:A.leakage": None}, "faults cannot be undone"),
-        ({"A.dp [bar]": "A.dp [rpm]"}, "write A.dp in bar"),
+        ({"A.dp [bar]": "A.dp [rpm]"}, "A.dp is measured in bar"),
         ({"samples": ""}, "no row has a time, seconds and samples"),
     ],
 )

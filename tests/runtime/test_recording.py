@@ -132,7 +132,7 @@ REFUSED: list[tuple[str, str | bytes]] = [
     ("unknown unit 'bar(g)'", titled("A.dp [bar(g)]")),
     ("unknown unit", titled("A.dp [__import__('os')]")),
     ("unknown unit", titled("A.dp [bar**9**9**9]")),
-    ("in W, but A.dp is measured in bar; are two columns swapped?", titled("A.dp [W]")),
+    ("in W, but A.dp is measured in bar; are two swapped?", titled("A.dp [W]")),
     ("'A.dp [bar]' and 'A.dp [Pa]'; take one of them out", titled("A.dp [Pa]", "A.Q")),
     ("the file is empty", ""),
     ("the file is empty", "\n \n\n"),

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
-from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+from rulec_runtime.recordings.reading_unit import conversion, parse_unit
 from rulec_runtime.recordings.time_column import is_time
 
 SHOWN = 4
@@ -67,7 +66,12 @@ def assign(
             _tell_other(path, title, inside, "the column map", meant[0][1:], ruleset, notes)
         elif name in signals:
             unit = unit.strip() or beside
-            meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, bare))]
+            if not unit:
+                bare[title] = signals[name].unit
+            try:
+                meant = [(name, *conversion(signals[name], unit, ruleset.units))]
+            except ValueError as error:
+                raise RecordingRefused(f"{path}: column '{title}': {error}") from None
             _tell_other(path, title, beside, "its title", meant[0][1:], ruleset, notes)
         elif result_of(name, ruleset):
             raise RecordingRefused(
@@ -154,29 +158,3 @@ def _tell_other(
             f"{path.name}: the file says that '{title}' is in '{beside[:40]}', and {counts} says "
             f"otherwise; {counts} counts"
         )
-
-
-def _conversion(
-    path: Path, title: str, unit: str, signal: SignalSpec, ruleset: Ruleset, bare: dict[str, str]
-) -> tuple[float, float]:
-    """Factor and offset of a column's unit; a missing unit is assumed and entered into `bare`."""
-    if not unit.strip():
-        bare[title] = signal.unit
-    if unit.strip() in ("", signal.unit):
-        return signal.factor, signal.offset
-    found = parse_unit(unit, ruleset.units)
-    wanted = parse_unit(signal.unit, ruleset.units)
-    if found is None:
-        known = fitting(wanted, ruleset.units) or [signal.unit]
-        near = nearest(unit, known)
-        hint = f"did you mean '{near}'? " if near else ""
-        raise RecordingRefused(
-            f"{path}: column '{title}': unknown unit '{unit[:40]}'; {hint}"
-            f"for {signal.id} write {', '.join(known[:8])}"
-        )
-    if wanted is not None and found.dimension != wanted.dimension:
-        raise RecordingRefused(
-            f"{path}: column '{title}' is in {unit}, but {signal.id} is measured in {signal.unit}; "
-            "are two columns swapped?"
-        )
-    return found.factor, found.offset

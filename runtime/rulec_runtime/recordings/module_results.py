@@ -21,7 +21,7 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import is_there, opened_sheet, place_of
 from rulec_runtime.recordings.header import Header, Target, parts_of, result_of
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
-from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.reading_unit import conversion
 from rulec_runtime.recordings.recording_file import form_of
 from rulec_runtime.recordings.time_column import read_times
 
@@ -130,12 +130,10 @@ def _scale(
     signal = ruleset.signal_by_id.get(name)
     if signal is None:
         return (1.0, 0.0) if name.partition(":")[0] in KINDS else None
-    if unit == signal.unit or not unit:
-        return signal.factor, signal.offset
-    found, wanted = parse_unit(unit, ruleset.units), parse_unit(signal.unit, ruleset.units)
-    if found is None or wanted is None or found.dimension != wanted.dimension:
-        raise RecordingRefused(f"{path}: column '{title}': write {name} in {signal.unit}")
-    return found.factor, found.offset
+    try:
+        return conversion(signal, unit, ruleset.units)
+    except ValueError as error:
+        raise RecordingRefused(f"{path}: column '{title}': {error}") from None
 
 
 def _check(path: Path, names: Sequence[str], ruleset: Ruleset) -> None:

@@ -1,4 +1,4 @@
-"""Parse units in the header of a recording, by the table of spellings of the ruleset."""
+"""Units of readings, by the table of spellings of the ruleset."""
 
 import ast
 import re
@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rulec_runtime.contract.ruleset import UnitSpec
+from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
+from rulec_runtime.output.nearest import nearest
 from rulec_runtime.recordings import limits
 
 _TYPOGRAPHY = str.maketrans({"°": "deg", "²": "2", "³": "3", "·": "*", "⋅": "*", " ": None})
@@ -60,6 +61,26 @@ def _power(node: ast.expr) -> float:
         case ast.BinOp(left=left, op=ast.Div(), right=right):
             return _power(left) / _power(right)
     raise ValueError("not a power")
+
+
+def conversion(signal: SignalSpec, unit: str, units: Mapping[str, UnitSpec]) -> tuple[float, float]:
+    """Factor and offset: SI = reading in `unit` * factor + offset; without a unit, that of the
+    signal is used. Raises ValueError, with what to write instead."""
+    if unit in ("", signal.unit):
+        return signal.factor, signal.offset
+    found, wanted = parse_unit(unit, units), parse_unit(signal.unit, units)
+    if found is None:
+        known = fitting(wanted, units) or [signal.unit]
+        near = nearest(unit, known)
+        hint = f"did you mean '{near}'? " if near else ""
+        raise ValueError(
+            f"unknown unit '{unit[:40]}'; {hint}for {signal.id} write {', '.join(known[:8])}"
+        )
+    if wanted is not None and found.dimension != wanted.dimension:
+        raise ValueError(
+            f"it is in {unit[:40]}, but {signal.id} is measured in {signal.unit}; are two swapped?"
+        )
+    return found.factor, found.offset
 
 
 def fitting(wanted: UnitSpec | None, units: Mapping[str, UnitSpec]) -> list[str]:

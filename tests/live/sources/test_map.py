@@ -33,7 +33,7 @@ def read(tmp_path: Path, ruleset: Ruleset, text: str, kind: Kind = OPCUA) -> Sou
     [
         ("A.dp:", "A.dq:", "map.yaml, line 5: 'A.dq' is no signal of the plant; did you mean"),
         ("1/min", "parrot", "line 6: unknown unit 'parrot'; for A.n write Hz, rpm"),
-        ("1/min", "bar", "line 6: A.n is measured in rpm, but this is in bar"),
+        ("1/min", "bar", "line 6: it is in bar, but A.n is measured in rpm"),
         ("interval", "intervall", "line 3: unknown key 'intervall'; did you mean 'interval'?"),
         ("0.5", "fast", "line 3: 'interval' needs a number of 0.01 or more"),
         ("opc.tcp://10.0.0.5:4840", "10.0.0.5", "line 2: '10.0.0.5' is no endpoint; write one"),

@@ -147,7 +147,7 @@ def test_what_is_not_as_the_map_says_is_refused(plant: PlantServer, watch: Watch
         (plant.url, "A.dp: ns=2;s=text", "holds String; a number is needed"),
         (plant.url, "A.dp: ns=2;s=words", "the node holds String; a number is needed"),
         (plant.url, "A.dp: {node: ns=2;s=A.dp, unit: mbar}", "map says mbar, .* server says bar"),
-        (other.url, "A.n: ns=2;s=A.dp", "A.n is measured in rpm, but this is in mbar"),
+        (other.url, "A.n: ns=2;s=A.dp", "it is in mbar, but A.n is measured in rpm"),
         (other.url, "A.n: ns=2;s=A.n", "gives its unit as 'parrots', which is not known"),
     ):
         watch.refused(url, why, f"signals:\n  {line}\n")

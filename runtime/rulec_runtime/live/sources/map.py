@@ -19,7 +19,7 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import SourceRefused, extra
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.open_file import begin_of, text_of
-from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+from rulec_runtime.recordings.reading_unit import conversion
 
 
 class Entry:
@@ -356,7 +356,7 @@ def _channel(kind: Kind, entry: Entry, ruleset: Ruleset, servers: Mapping[str, S
     unit = own["unit"].text() if "unit" in own else ""
     if unit:
         try:
-            conversion(signal, unit, ruleset)
+            conversion(signal, unit, ruleset.units)
         except ValueError as error:
             raise own["unit"].refused(str(error)) from None
     return Channel(
@@ -371,23 +371,3 @@ def _channel(kind: Kind, entry: Entry, ruleset: Ruleset, servers: Mapping[str, S
         index=int(own["index"].number(0.0)) if "index" in own else None,
         uncertain="uncertain" in own and own["uncertain"].one_of(ANSWERS) == ACCEPT,
     )
-
-
-def conversion(signal: SignalSpec, unit: str, ruleset: Ruleset) -> tuple[float, float]:
-    """Factor and offset: SI = reading in `unit` * factor + offset. Raises ValueError.
-
-    Without a unit, that of the signal is used.
-    """
-    if not unit or unit == signal.unit:
-        return signal.factor, signal.offset
-    found = parse_unit(unit, ruleset.units)
-    wanted = parse_unit(signal.unit, ruleset.units)
-    known = ", ".join((fitting(wanted, ruleset.units) or [signal.unit])[:8])
-    if found is None:
-        raise ValueError(f"unknown unit '{unit[:40]}'; for {signal.id} write {known}")
-    if wanted is not None and found.dimension != wanted.dimension:
-        raise ValueError(
-            f"{signal.id} is measured in {signal.unit}, but this is in {unit[:40]}; "
-            "is it another signal?"
-        )
-    return found.factor, found.offset

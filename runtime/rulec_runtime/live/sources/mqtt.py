@@ -16,12 +16,13 @@ from rulec_runtime.live.network import tls_reason
 from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler, Handover, usable
-from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
+from rulec_runtime.live.sources.map import Channel, SourceMap
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.remarks import Remarks, SourceRefused, notice
 from rulec_runtime.live.sources.sparkplug import Sparkplug
 from rulec_runtime.live.steady_clock import Standstill, steady
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.reading_unit import conversion
 from rulec_runtime.recordings.recording_file import largest_reading
 
 
@@ -46,7 +47,7 @@ class Mqtt:
         self._scales: dict[str, tuple[float, float, float]] = {}
         for channel in source.channels:
             self._by_topic.setdefault(channel.address, []).append(channel)
-            factor, offset = conversion(channel.signal, channel.unit, ruleset)
+            factor, offset = conversion(channel.signal, channel.unit, ruleset.units)
             most = largest_reading(channel.signal)
             own = (channel.scale * factor, channel.offset * factor + offset, most)
             self._scales[channel.signal.id] = own

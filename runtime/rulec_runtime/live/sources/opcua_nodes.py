@@ -10,10 +10,10 @@ from asyncua import Client, ua
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.map import Channel, Server, conversion
+from rulec_runtime.live.sources.map import Channel, Server
 from rulec_runtime.live.sources.opcua_session import bounded, connected, discard, is_gone
 from rulec_runtime.output.terminal import one_line
-from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.reading_unit import conversion, parse_unit
 
 
 def node_of(channel: Channel) -> ua.NodeId:
@@ -181,7 +181,7 @@ def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> t
             raise ValueError(f"the map says {stated}, but the server says {unit}")
     if not stated:
         notes.append(f"{signal.id} names no unit; {signal.unit} is assumed")
-    factor, offset = conversion(signal, stated, ruleset)
+    factor, offset = conversion(signal, stated, ruleset.units)
     return channel.scale * factor, channel.offset * factor + offset
 
 
