@@ -316,7 +316,7 @@ def test_the_next_file_may_have_another_head(tmp_path: Path, abc: Ruleset) -> No
     path, taken = growing(tmp_path, abc, head() + rows(range(2)))
     path.rename(tmp_path / "x.csv.1")
     path.write_text(TITLES)
-    taken.until(lambda t: t.source._head is None)  # type: ignore[attr-defined]
+    taken.until(lambda t: t.source._table.head is None)  # type: ignore[attr-defined]
     path.rename(tmp_path / "x.csv.2")
     path.write_text("logger\nA.n,time,A.dp\nrpm,s,bar\n900,2,0.0025\n900,3,0.0035\n")
     taken.until(lambda t: len(t.times) == 4)

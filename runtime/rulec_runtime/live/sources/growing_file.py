@@ -5,7 +5,6 @@ import os
 import re
 import time as clocks
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,52 +19,16 @@ from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.recording_file import times_of
 
 
-@dataclass(frozen=True)
-class Head:
-    """The head of a file: its `table`, its end, in bytes, and a digest of titles and units.
-
-    The digest excludes lines above the titles, which may contain the start time. `whole` is False
-    if further lines might change the head; `in_sight` is whether it looks like a table.
-    """
-
-    table: TableHead | None = None
-    encoding: str = "utf-8"
-    end: int = 0
-    digest: str = ""
-    whole: bool = True
-    in_sight: bool = True
-
-
-def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> Head | None:
-    """The head of a file as far as it was written; None without a line that may hold titles. Leaves
-    the file at its start. Raises `RecordingRefused`."""
-    file.seek(0)
-    data = b""
-    while len(data) <= limits.LONGEST_LINE and (piece := file.read(limits.PIECE)):
-        data += piece
-    file.seek(0)
-    if data.startswith(b"\x1f\x8b"):
-        raise RecordingRefused(f"{path}: a packed file does not grow; name the one written to")
+def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> tuple[TableHead | None, str]:
+    """The head of a file as far as it was written, and the encoding; None without a line that may
+    hold titles. Raises `RecordingRefused`."""
     cutter, search = LineCutter(), HeadSearch(str(path), times)
-    ends = [0]
-    table = None
-    for line in data.splitlines(keepends=True):
-        for cut in cutter.feed(line):
-            ends.append(cutter.offset)
-            # Below the titles it is a broken row, which others may follow.
-            if "\0" in cut and not search.in_sight:
-                raise RecordingRefused(f"{path}: this is a binary file; a CSV file is read here")
-            table = table or search.add(cut)
-        if table:
-            break
-    whole = table is not None
-    table = table or search.so_far()
-    if not whole and len(data) > limits.LONGEST_LINE:
-        raise RecordingRefused(f"{path}: no header in its first {limits.LONGEST_LINE} bytes")
-    if table is None:
-        return None
-    digest = hashlib.sha256(data[ends[table.first] : ends[table.end]]).hexdigest()
-    return Head(table, cutter.encoding, ends[table.end], digest, whole, search.in_sight)
+    file.seek(0)
+    while data := file.read(limits.PIECE):
+        for line in cutter.feed(data):
+            if head := search.add(line):
+                return head, cutter.encoding
+    return search.so_far(), cutter.encoding
 
 
 def tail_of(file: BinaryIO, offset: int) -> bytes:
@@ -92,11 +55,12 @@ def with_inode(path: Path, inode: int) -> Iterator[Path]:
             continue
 
 
-def following(file: BinaryIO, path: Path, head: Head | None, times: Collection[str]) -> Path:
+def following(file: BinaryIO, path: Path, head: TableHead | None, times: Collection[str]) -> Path:
     """The file to read after one that was replaced.
 
     Usually that of the same name. After several rotations, the oldest file that was written later,
-    has the same header, and a name such as ``x.csv.1``, ``x.csv-20260301`` or ``x-20260301.csv``.
+    has the same titles and units, and a name such as ``x.csv.1``, ``x.csv-20260301`` or
+    ``x-20260301.csv``. Lines above the titles may contain the start time.
     """
     last, current = os.fstat(file.fileno()).st_mtime_ns, path.stat().st_ino
     later = []
@@ -106,10 +70,10 @@ def following(file: BinaryIO, path: Path, head: Head | None, times: Collection[s
             if about.st_mtime_ns <= last or about.st_ino in (current, inode_of(file)):
                 continue
             with opened(other, buffering=0) as begun:
-                found = head_of(begun, other, times)
+                found, _ = head_of(begun, other, times)
         except (OSError, RecordingRefused):
             continue
-        if head is not None and found is not None and found.digest == head.digest:
+        if head and found and (head.titles, head.units) == (found.titles, found.units):
             later.append((about.st_mtime_ns, other))
     return min(later)[1] if later else path
 
@@ -136,20 +100,19 @@ class GrowingFile(TextSource):
         super().__init__(path, ruleset)
         self._times = times_of(ruleset)
         self._file: BinaryIO | None = None
-        self._head: Head | None = None
         self._started = self._refused = self._missing = False
         self._replaced: float | None = None
         self._tail = b""
         self._waiting: list[Rows | Notice] = []
-        if path.name.lower().endswith(".gz"):
-            raise RecordingRefused(f"{path}: a packed file does not grow; name the one written to")
         if resume:
             self._resume(resume)
         elif not path.is_file():
             raise RecordingRefused(f"{path}: there is no such file; start the logger first")
         if self._file is None and path.is_file():
             self._open(path)
-            self._waiting += self._read_head()
+        if self._file is not None and self._table.head is None:
+            self._waiting += self._read(self._file)
+            self._table.check()
         self._started = True
 
     @property
@@ -158,13 +121,14 @@ class GrowingFile(TextSource):
         if self._file is None:
             return {}
         offset, tail = self._cutter.offset, self._tail
-        if self._head is None:
+        if self._table.head is None:
+            # Its lines are read again: rows below a head need it.
             offset = os.fstat(self._file.fileno()).st_size
             tail = tail_of(self._file, offset)
         return {
             "inode": inode_of(self._file),
             "offset": offset,
-            "header": self._head.digest if self._head else "",
+            "header": self._table.head is not None,
             "tail": hashlib.sha256(tail).hexdigest(),
             "time": self._clock.last if self._clock.begun else None,
             "step": self._clock.step,
@@ -196,13 +160,13 @@ class GrowingFile(TextSource):
         if self._file is None and not self._path.is_file():
             return self._lost("is not there")
         file = self._file or self._open(self._path)
-        if self._head is None:
-            found = self._read_head()
-            if found or self._head is None:
-                return found or self._end_of_file()
         if self._was_cut(file):
             self._open(self._path)
             return [self._notice("gap", " was cut short; rows not yet read are lost")]
+        return self._read(file)
+
+    def _read(self, file: BinaryIO) -> list[Rows | Notice]:
+        """Rows of the next piece of the file."""
         data = file.read(limits.PIECE)
         if not data:
             return self._end_of_file()
@@ -219,52 +183,34 @@ class GrowingFile(TextSource):
             again = [self._notice("connected", ": rows come again")]
         return [*again, *rows]
 
-    def _rows(self, lines: list[str]) -> list[Rows | Notice]:
+    def _rows(self, lines: list[str], ended: bool = False) -> list[Rows | Notice]:
+        """Rows of further lines. Raises before the first row, if the head is of another plant or
+        something is ambiguous: whoever starts the watch can say what is meant."""
         found = self._too_long()
         if self._refused:
             return found
         try:
-            return found + self._table.feed(lines)
+            if self._packed:
+                text = "a packed file does not grow; name the one written to"
+                raise RecordingRefused(f"{self._path}: {text}")
+            found += self._table.feed(lines)
+            return found + (self._table.end() if ended else [])
         except RecordingRefused as refused:
-            if isinstance(refused, Unclear) and not self._clock.begun:
-                raise  # whoever starts the watch can say what is meant
+            started = self._started or self._table.head is not None
+            if not started or (isinstance(refused, Unclear) and not self._clock.begun):
+                raise
             self._refused = True
             return [*found, self._refusal(refused)]
 
     def _open(self, path: Path) -> BinaryIO:
         self.close()
         self._file = file = opened(path, buffering=0)
-        self._head, self._replaced, self.ended, self._refused = None, None, False, False
+        self._replaced, self.ended, self._refused = None, False, False
         self._cutter, self._tail = LineCutter(), b""
+        self._packed = tail_of(file, 2) == b"\x1f\x8b"
         self._table = self._new_table()
         self._clock.begins = True
         return file
-
-    def _read_head(self, ended: bool = False) -> list[Rows | Notice]:
-        """Read the head once it is complete, or the file has `ended`. Raises only before the first
-        file has started, and then also if only titles have come."""
-        assert self._file is not None
-        try:
-            head = head_of(self._file, self._path, self._times)
-            if head is None or head.table is None:
-                return []
-            if not head.whole and not ended:
-                if head.in_sight and not self._started:
-                    self._new_table().begin(head.table)
-                return []
-            self._head = head
-            self._cutter = LineCutter(head.encoding, head.end)
-            self._tail = tail_of(self._file, head.end)
-            self._table.begin(head.table)
-            return []
-        except RecordingRefused as refused:
-            if not self._started:
-                raise
-            self._head = self._head or Head()
-            self._refused = True
-            return [self._refusal(refused)]
-        finally:
-            self._file.seek(self._cutter.offset if self._head else 0)
 
     def _was_cut(self, file: BinaryIO) -> bool:
         """Whether the file is shorter now, or was rewritten to beyond the current position."""
@@ -282,17 +228,15 @@ class GrowingFile(TextSource):
         self._replaced = self._replaced or now
         if now - self._replaced < limits.LINGER:
             return []
-        if self._head is None:
-            notices = self._read_head(ended=True)
-            if self._head is not None:
-                return notices
+        if self._table.head is None and (rows := self._rows([], ended=True)):
+            return rows
         if not there:
             return self._lost("was taken away; its successor is waited for")
         found: list[Rows | Notice] = []
         if self._cutter.waiting:
             text = ": the last row before it was replaced has no end; left out"
             found.append(self._notice("refused", text))
-        self._open(following(self._file, self._path, self._head, self._times))
+        self._open(following(self._file, self._path, self._table.head, self._times))
         return found
 
     def _lost(self, why: str) -> list[Rows | Notice]:
@@ -319,15 +263,14 @@ class GrowingFile(TextSource):
             file = self._open(path)
             if hashlib.sha256(tail_of(file, offset)).hexdigest() != position["tail"]:
                 continue
+            head, encoding = head_of(file, path, self._times)
+            file.seek(0)
             if not position["header"]:
-                self._waiting += self._read_head()
                 return
-            head = head_of(file, path, self._times)
-            if head is None or head.digest != position["header"]:
+            if head is None:
                 continue
-            self._read_head(ended=True)
-            self._cutter = LineCutter(head.encoding, offset)
-            self._tail = tail_of(file, offset)
+            self._table.begin(head)
+            self._cutter, self._tail = LineCutter(encoding, offset), tail_of(file, offset)
             file.seek(offset)
             if self._clock.begun:
                 self._table.resume()

@@ -123,6 +123,8 @@ class HeadSearch:
 
     def add(self, line: str) -> TableHead | None:
         """The head once it is complete. Raises `RecordingRefused` if none comes."""
+        if "\0" in line and not self._search.in_sight:
+            raise RecordingRefused(f"{self._name}: this is a binary file; a CSV file is read here")
         self._lines.append(line)
         self._length += len(line)
         self._titles = self._titles or self._search.add(line)

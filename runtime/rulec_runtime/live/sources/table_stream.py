@@ -59,6 +59,7 @@ class TableStream:
         self._separator = ""
         self._width = 0
         self._header: Header | None = None
+        self.head: TableHead | None = None
         self._factor = 1.0
         self._header_of_time = "", ""
         self._notes: list[str] = []
@@ -95,7 +96,12 @@ class TableStream:
         )
         self._header_of_time = header.time_title, header.time_unit
         self._separator, self._width = head.separator, len(head.titles)
-        self._header, self._notes = header, notes
+        self._header, self._notes, self.head = header, notes, head
+
+    def check(self) -> None:
+        """Raises `RecordingRefused` if only a head has come so far, and is of another plant."""
+        if self.head is None and self._search.in_sight and (head := self._search.so_far()):
+            TableStream(self._path, self._ruleset, self._clock, self._remarks).begin(head)
 
     def feed(self, lines: Sequence[str]) -> list[Rows | Notice]:
         """Rows of further lines, without line ends; the first lines may be the head. Raises
