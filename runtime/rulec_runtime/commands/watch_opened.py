@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +14,8 @@ from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.journal.acknowledgements import Notes
 from rulec_runtime.live.journal.lines import Files, LinesFile
-from rulec_runtime.live.journal.outbox import Outbox, Sink, spill_beside
+from rulec_runtime.live.journal.outbox import Note, Outbox, Sink, spill_beside
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble, needs
 from rulec_runtime.live.journal.sinks import HealthSink, KeptSink, MqttSink, WatchSink
 from rulec_runtime.live.memory import Memory, nothing_yet
@@ -29,7 +28,6 @@ from rulec_runtime.live.view.live_screen import LiveScreen
 from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import say_aside, styled
 from rulec_runtime.recordings.recording import RecordingRefused
-from rulec_runtime.report.text import counted
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.store import Journal
@@ -79,7 +77,7 @@ def opened(
     acknowledge: Acknowledge = present.acknowledge
     if journal is not None:
         sinks.append(journal.sink)
-        acknowledge = journal.joined_to(present, stack)
+        acknowledge = journal.joined_to(present)
     if options.page:
         url = _page(options.page, present, acknowledge, stack)
         out.print(styled("[dim]page: {}[/]", url))
@@ -187,12 +185,18 @@ def host_and_port(option: str, text: str) -> tuple[str, int]:
 
 
 def waiting_in(
-    folder: Path | None, name: str, sink: Sink, plant: str, stack: ExitStack, unwritten: list[str]
+    folder: Path | None,
+    name: str,
+    sink: Sink,
+    plant: str,
+    stack: ExitStack,
+    unwritten: list[str],
+    noting: Callable[[Sequence[Note]], None] = lambda _: None,
 ) -> Outbox:
     """The started outbox of a sink, which first writes what an earlier process has left in the
     folder; without a folder events wait in memory alone. The end of `stack` closes it."""
     file = None if folder is None else spill_beside(folder / name, plant)
-    outbox = Outbox(sink, plant, say_aside, file=file)
+    outbox = Outbox(sink, plant, say_aside, file=file, noting=noting)
     outbox.start()
     stack.callback(_close, outbox, unwritten)
     return outbox
@@ -200,10 +204,9 @@ def waiting_in(
 
 def _close(outbox: Outbox, unwritten: list[str]) -> None:
     """Write what waits as far as possible; report what is left, also in `unwritten`."""
-    left = outbox.close()
-    if not left:
+    if not outbox.close():
         return
-    text = f"{outbox.place}: {counted(left, 'event')} could not be written"
+    text = f"{outbox.place}: {outbox.told()} could not be written"
     if outbox.file is not None and outbox.file.exists():
         text += f"; what waits stands in {outbox.file} and is written at the next start"
     else:
@@ -215,10 +218,20 @@ def _close(outbox: Outbox, unwritten: list[str]) -> None:
 class KeptJournal:
     """A journal with its outbox; `folder` holds what waits, None for memory alone."""
 
-    def __init__(self, journal: Journal, outbox: Outbox, plant: str, folder: Path | None) -> None:
-        self._journal, self._outbox, self._plant = journal, outbox, plant
+    def __init__(
+        self,
+        journal: Journal,
+        name: str,
+        plant: str,
+        folder: Path | None,
+        stack: ExitStack,
+        unwritten: list[str],
+    ) -> None:
+        self._journal, self._plant = journal, plant
         self.folder = folder
-        self.sink: WatchSink = KeptSink(outbox)
+        self._seen: Callable[[frozenset[str]], None] = lambda _: None
+        self._outbox = waiting_in(folder, name, journal, plant, stack, unwritten, self.note)
+        self.sink: WatchSink = KeptSink(self._outbox)
 
     def saved(self) -> tuple[bytes, str] | None:
         """The latest state, from the journal or its outbox, and its place.
@@ -239,7 +252,16 @@ class KeptJournal:
             return left[1], str(self._outbox.file)
         return None if kept is None else (kept.state, self._journal.place)
 
-    def joined_to(self, present: Present, stack: ExitStack) -> Callable[[str, str], None]:
+    def note(self, notes: Sequence[Note]) -> None:
+        """Write acknowledgements, and show those of everybody. Raises `JournalTrouble`."""
+        for note in notes:
+            try:
+                self._journal.acknowledge(self._plant, note.episode, note.by, note.at)
+            except JournalRefused as error:
+                say_aside(str(error))
+        self._seen(self._journal.acknowledged(self._plant))
+
+    def joined_to(self, present: Present) -> Callable[[str, str], None]:
         """Show earlier events and acknowledgements of the journal; returns a function that
         acknowledges, both in the journal and in `present`."""
         try:
@@ -247,20 +269,14 @@ class KeptJournal:
         except JournalTrouble:
             before = []  # `rulec journal` lists its events when it is back
         present.recall([entry.event for entry in before])
-        notes = Notes(self._journal, self._outbox, self._plant, say_aside, present.acknowledged)
-
-        def ended() -> None:
-            self._outbox.close()  # first: an episode must be there to be acknowledged
-            if left := notes.close():
-                text = f"{self._journal.place}: {counted(left, 'acknowledgement')} not written"
-                kept = notes.file is not None and notes.file.exists()
-                say_aside(text + f"; {notes.file} keeps what waits for the next start" * kept)
-
-        stack.callback(ended)
+        present.acknowledged(self._outbox.noted)
+        self._seen = present.acknowledged
+        with suppress(JournalTrouble):  # retried later; the outbox reports it
+            self.note(())
 
         def acknowledge(episode: str, by: str) -> None:
             if episode not in present.now().acknowledged:
-                notes.put(episode, by)
+                self._outbox.note(episode, by)
             present.acknowledge(episode, by)
 
         return acknowledge
@@ -283,8 +299,7 @@ def kept_journal(
         file = Path(journal.place)
         name, folder = file.name, folder or file.parent
     stack.callback(_released, journal, plant)
-    outbox = waiting_in(folder, name, journal, plant, stack, unwritten)
-    return KeptJournal(journal, outbox, plant, folder)
+    return KeptJournal(journal, name, plant, folder, stack, unwritten)
 
 
 def _released(journal: Journal, plant: str) -> None:

@@ -2,18 +2,21 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.commands.watch_opened import KeptJournal
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.acknowledgements import Notes
-from rulec_runtime.live.journal.outbox import Outbox
+from rulec_runtime.live.journal.outbox import Outbox, spill_beside
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.store import open_journal
+from rulec_runtime.live.memory import nothing_yet
+from rulec_runtime.live.moment import Present
 
+from tests.conftest import compiled
 from tests.live.journal.events import LEAKAGE, event, story
 
 
@@ -145,13 +148,13 @@ class FrailJournal:
 
 
 @contextmanager
-def noting(frail: FrailJournal, waiting: Path) -> Iterator[tuple[Notes, set[str], list[str]]]:
-    """Notes, episodes that are shown as acknowledged, and what was said."""
-    seen, said = set[str](), list[str]()
-    outbox = Outbox(frail, "abc", said.append, file=waiting)  # type: ignore[arg-type]
-    notes = Notes(frail, outbox, "abc", said.append, seen.update)  # type: ignore[arg-type]
-    with closing(notes):
-        yield notes, seen, said
+def noting(frail: FrailJournal, folder: Path) -> Iterator[tuple[KeptJournal, Present]]:
+    """A journal that a watch keeps, and the moment that shows what is acknowledged."""
+    present = Present(compiled("abc"), "x", nothing_yet(True))
+    with ExitStack() as stack:
+        kept = KeptJournal(frail, "j", "abc", folder, stack, [])  # type: ignore[arg-type]
+        kept.joined_to(present)
+        yield kept, present
 
 
 def noted(frail: FrailJournal) -> list[tuple[str, str | None, float | None]]:
@@ -160,39 +163,41 @@ def noted(frail: FrailJournal) -> list[tuple[str, str | None, float | None]]:
     return sorted({(entry.event.episode.id, entry.by, entry.at) for entry in entries})
 
 
-def test_what_was_acknowledged_outlives_a_kill_while_the_database_is_gone(tmp_path: Path) -> None:
+def test_what_was_acknowledged_outlives_a_kill_while_the_database_is_gone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Who and when stay as they were; once it is written nothing is left. An episode that is not
     there is told, and so is a file of something else."""
-    frail, waiting, begin = (
+    monkeypatch.setattr(limits, "BUSY", 0.5)
+    frail, begin, file = (
         FrailJournal(tmp_path / "j.db"),
-        tmp_path / "j.waiting.json",
         time.time(),
+        spill_beside(tmp_path / "j", "abc"),
     )
     frail.journal.commit("abc", story(), b"4")
     frail.gone = True
-    with noting(frail, waiting) as (notes, _, _):
-        notes.put(LEAKAGE.id, "Ann")
-        notes.put(LEAKAGE.id, "Ben")
+    with noting(frail, tmp_path) as (kept, _):
+        kept._outbox.note(LEAKAGE.id, "Ann")
+        kept._outbox.note(LEAKAGE.id, "Ben")
         end = time.time()
-        assert notes.file is not None
-        kept = notes.file.read_bytes()
-        assert notes.close() == 1
-    with noting(frail, waiting) as (_, seen, _):
-        assert seen == {LEAKAGE.id}  # shown at once
+    assert "1 acknowledgement could not be written" in capsys.readouterr().err
+    left = file.read_bytes()
+    with noting(frail, tmp_path) as (_, present):
+        assert present.now().acknowledged == {LEAKAGE.id}  # shown at once
         frail.gone = False
-    assert not notes.file.exists()
+    assert not file.exists()
     ((episode, by, at),) = before = noted(frail)
     assert (episode, by) == (LEAKAGE.id, "Ann")
     assert at is not None
     assert begin <= at <= end
-    notes.file.write_bytes(kept)  # killed before it was taken away
-    with noting(frail, waiting) as (again, _, said):
-        again.put("X@0", "Ann")
-    assert len(said) == 1
-    assert "holds no episode X@0" in said[0]
+    file.write_bytes(left)  # killed before it was taken away
+    capsys.readouterr()
+    with noting(frail, tmp_path) as (again, _):
+        again._outbox.note("X@0", "Ann")
+    assert "holds no episode X@0" in capsys.readouterr().err
     assert noted(frail) == before
-    assert not notes.file.exists()
-    notes.file.write_text("[]")
-    with pytest.raises(JournalRefused, match="move it away"), noting(frail, waiting):
+    assert not file.exists()
+    file.write_text("[]")
+    with pytest.raises(JournalRefused, match="move it away"), noting(frail, tmp_path):
         pass
     frail.journal.close()

@@ -1,6 +1,7 @@
-"""Events on their way to a sink that may be full or gone: none is lost, none is written twice.
+"""Events and acknowledgements on their way to a sink that may be full or gone: none is lost, and
+none is written twice.
 
-A separate thread writes, so the diagnosis never waits. While the sink fails, events wait in memory
+A separate thread writes, so the diagnosis never waits. While the sink fails, they wait in memory
 and in a file beside it, so that they survive the process, and the write is retried.
 """
 
@@ -9,12 +10,13 @@ import dataclasses
 import hashlib
 import json
 import os
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Condition, Thread
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
@@ -25,8 +27,6 @@ from rulec_runtime.output.json_file import Damaged, digest_of, read_json
 from rulec_runtime.output.write_file import written
 from rulec_runtime.recordings.plant_calendar import duration
 from rulec_runtime.report.text import counted
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,16 @@ class Note:
 
 @dataclass(frozen=True)
 class Pending:
-    """Events in order, and the state of the watcher after the last; `dated` if times are s since
-    1970."""
+    """Events in order, the state of the watcher after the last, and acknowledgements; `dated` if
+    times are s since 1970."""
 
     events: tuple[Event, ...] = ()
     state: bytes | None = None
     dated: bool = True
+    notes: tuple[Note, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.events or self.notes or self.state is not None)
 
 
 def spill_beside(path: Path, plant: str) -> Path:
@@ -54,56 +58,16 @@ def spill_beside(path: Path, plant: str) -> Path:
     return path.with_name(f"{path.name}.{short}.waiting.json")
 
 
-def notes_beside(file: Path) -> Path:
-    """The path for pending acknowledgements, beside that of the events."""
-    return file.with_name(file.name.replace(".waiting.", ".acknowledged."))
-
-
 def spill(file: Path, plant: str, pending: Pending) -> None:
     """Save what waits, as a whole; raises OSError."""
     state, dated = pending.state, pending.dated
-    data = {
+    data: dict[str, Any] = {
         "plant": plant,
         "dated": dated,
         "events": [record_of(event, dated) for event in pending.events],
         "state": None if state is None else base64.b64encode(state).decode(),
+        "notes": [dataclasses.astuple(note) for note in pending.notes],
     }
-    _write(file, data)
-
-
-def waiting(file: Path, plant: str) -> Pending:
-    """What was saved; nothing if there is no file.
-
-    Raises `JournalRefused` for a file of another plant, or one that somebody has changed.
-    """
-
-    def pending(data: Any) -> Pending:
-        state = data["state"]
-        events = tuple(event_of(record) for record in data["events"])
-        kept = None if state is None else base64.b64decode(state, validate=True)
-        return Pending(events, kept, bool(data["dated"]))
-
-    return _read(file, plant, "events", pending) or Pending()
-
-
-def spill_notes(file: Path, plant: str, notes: Sequence[Note]) -> None:
-    """Save pending acknowledgements; removes the file without any. Raises OSError."""
-    if not notes:
-        file.unlink(missing_ok=True)
-        return
-    _write(file, {"plant": plant, "notes": [dataclasses.astuple(note) for note in notes]})
-
-
-def waiting_notes(file: Path, plant: str) -> tuple[Note, ...]:
-    """The saved acknowledgements. Raises `JournalRefused` as `waiting` does."""
-
-    def notes(data: Any) -> tuple[Note, ...]:
-        return tuple(Note(str(episode), str(by), float(at)) for episode, by, at in data["notes"])
-
-    return _read(file, plant, "acknowledgements", notes) or ()
-
-
-def _write(file: Path, data: dict[str, Any]) -> None:
     data["digest"] = digest_of(data)
     with written(file) as stream:
         json.dump(data, stream, allow_nan=False)
@@ -111,20 +75,30 @@ def _write(file: Path, data: dict[str, Any]) -> None:
         os.fsync(stream.fileno())
 
 
-def _read(file: Path, plant: str, what: str, content: Callable[[Any], T]) -> T | None:
+def waiting(file: Path, plant: str) -> Pending:
+    """What was saved; nothing if there is no file.
+
+    Raises `JournalRefused` for a file of another plant, or one that somebody has changed.
+    """
     try:
         data = read_json(file)
         if data["digest"] != digest_of(data):
             raise Damaged("somebody has changed it")
         if data["plant"] != plant:
-            raise Damaged(f"its {what} are those of {data['plant']}, not of {plant}")
-        return content(data)
+            raise Damaged(f"its events are those of {data['plant']}, not of {plant}")
+        state = data["state"]
+        return Pending(
+            tuple(event_of(record) for record in data["events"]),
+            None if state is None else base64.b64decode(state, validate=True),
+            bool(data["dated"]),
+            tuple(Note(str(name), str(by), float(at)) for name, by, at in data.get("notes", ())),
+        )
     except FileNotFoundError:
-        return None
+        return Pending()
     except (Damaged, JournalRefused, KeyError, TypeError, ValueError, AttributeError) as error:
         reason = str(error) if isinstance(error, Damaged) else "it is none that rulec wrote"
         raise JournalRefused(
-            f"{file} should hold {what} that wait to be written, but {reason}; move it away to "
+            f"{file} should hold events that wait to be written, but {reason}; move it away to "
             "start without them"
         ) from None
     except OSError as error:
@@ -149,8 +123,9 @@ class Outbox:
     """The queue of one sink.
 
     `say` gets lines for people, once per trouble, from another thread. `file` saves what waits
-    beyond the end of the process; the rest of an earlier process is written first. Raises
-    `JournalRefused` if that cannot be read.
+    beyond the end of the process; the rest of an earlier process is written first. `noting` writes
+    acknowledgements, after the events; it is also called every few seconds without any, and raises
+    `JournalTrouble`. Raises `JournalRefused` if the file cannot be read.
     """
 
     def __init__(
@@ -160,16 +135,18 @@ class Outbox:
         say: Callable[[str], None],
         *,
         file: Path | None,
+        noting: Callable[[Sequence[Note]], None] = lambda _: None,
         clock: Callable[[], float] = steady,
     ) -> None:
-        self._sink, self._plant, self._say = sink, plant, say
+        self._sink, self._plant, self._say, self._noting = sink, plant, say, noting
         self.file, self._clock = file, clock
         left = Pending() if file is None else waiting(file, plant)
         self.dated = left.dated or not left.events
         """Whether times are s since 1970; a source may know that only from its first rows on."""
         self._events: list[Event] = list(left.events)
         self._state = left.state
-        self._spilled = bool(left.events)
+        self._notes = list(left.notes)
+        self._spilled = bool(left)
         self._changes = self._kept = 0  # number of calls of `put`; how many of them are in the file
         self._trouble: float | None = None  # since when the sink fails, by the clock
         self._wait = limits.FIRST_RETRY
@@ -200,9 +177,20 @@ class Outbox:
 
     @property
     def pending(self) -> int:
-        """Number of pending events."""
+        """Number of pending events and acknowledgements."""
         with self._changed:
-            return len(self._events)
+            return len(self._events) + len(self._notes)
+
+    @property
+    def noted(self) -> frozenset[str]:
+        """Ids of the episodes whose acknowledgements wait."""
+        with self._changed:
+            return frozenset(note.episode for note in self._notes)
+
+    def told(self) -> str:
+        """What waits, for people."""
+        counts = ((len(self._events), "event"), (len(self._notes), "acknowledgement"))
+        return " and ".join(counted(number, what) for number, what in counts if number)
 
     def put(self, events: Sequence[Event], state: bytes | None = None) -> None:
         """Add events, and the state after them; returns at once.
@@ -223,6 +211,14 @@ class Outbox:
             self._changes += 1
             self._changed.notify_all()
 
+    def note(self, episode: str, by: str) -> None:
+        """Acknowledge an episode; returns at once."""
+        with self._changed:
+            if episode not in self.noted:
+                self._notes.append(Note(episode, by, time.time()))
+                self._changes += 1
+                self._changed.notify_all()
+
     def settle(self) -> None:
         """Wait until everything is written, or the sink fails."""
         with self._changed:
@@ -238,7 +234,7 @@ class Outbox:
 
     def close(self, patience: float | None = None) -> int:
         """Write what waits as far as possible within so many seconds; returns the number of events
-        that are still pending."""
+        and acknowledgements that are still pending."""
         patience = limits.BUSY if patience is None else patience
         with self._changed:
             self._due, self._wait = self._clock(), limits.FIRST_RETRY
@@ -254,7 +250,7 @@ class Outbox:
         """Try to write, if that is due; returns the s until the next attempt."""
         now = self._clock()
         pending, changes = self._waiting()
-        idle = not pending.events and pending.state is None and now < self._written + limits.RENEWED
+        idle = not pending and now < self._written + limits.RENEWED
         if idle or self._refused is not None:
             return limits.RENEWED
         if self._trouble is not None:
@@ -262,6 +258,7 @@ class Outbox:
         if now >= self._due:
             try:
                 self._sink.commit(self._plant, pending.events, pending.state, dated=pending.dated)
+                self._noting(pending.notes)
             except JournalTrouble as error:
                 self._failed(str(error), now)
             except JournalRefused as error:
@@ -293,10 +290,11 @@ class Outbox:
     def _waiting(self) -> tuple[Pending, int]:
         """What is pending, and the number of calls of `put` until then."""
         with self._changed:
-            return Pending(tuple(self._events), self._state, self.dated), self._changes
+            events, notes = tuple(self._events), tuple(self._notes)
+            return Pending(events, self._state, self.dated, notes), self._changes
 
     def _idle(self) -> bool:
-        return not self._events and self._state is None
+        return not (self._events or self._notes or self._state is not None)
 
     def _failed(self, reason: str, now: float) -> None:
         if self._trouble is None:
@@ -319,6 +317,7 @@ class Outbox:
     def _done(self, pending: Pending, changes: int, now: float) -> None:
         with self._changed:
             del self._events[: len(pending.events)]
+            del self._notes[: len(pending.notes)]
             if self._changes == changes:
                 self._state = None
             self._changed.notify_all()
@@ -336,7 +335,7 @@ class Outbox:
     def _keep(self, pending: Pending, changes: int) -> None:
         """Save what waits in the file as a whole, but only as often as that takes little time."""
         began = self._clock()
-        if self.file is None or not pending.events or self._kept == changes:
+        if self.file is None or not (pending.events or pending.notes) or self._kept == changes:
             self._kept = changes
             return
         if began < self._spill_due:
