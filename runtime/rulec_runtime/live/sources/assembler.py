@@ -32,50 +32,48 @@ class Handover:
 
     def __init__(self, signals: Sequence[str]) -> None:
         self._signals = tuple(signals)
-        self._rows: deque[tuple[int, _Row]] = deque()
-        self._notices: deque[tuple[int, Notice]] = deque(maxlen=limits.QUEUED_NOTICES)
-        self._count = 0
-        self._dropped, self._since = 0, 0.0
+        self._came: deque[_Row | Notice] = deque()
+        self._count = self._dropped = 0
+        self._since = 0.0
         self._changed = Condition()
 
     def row(self, time: float, values: Array) -> None:
         """Add a row: its time, s, and the readings of the signals in their order, SI."""
         with self._changed:
+            self._came.append((time, values))
             self._count += 1
-            self._rows.append((self._count, (time, values)))
-            if len(self._rows) > limits.QUEUED_ROWS:
-                _, (gone, _) = self._rows.popleft()
+            if self._count > limits.QUEUED_ROWS:
+                rows = ((i, row) for i, row in enumerate(self._came) if isinstance(row, tuple))
+                place, (gone, _) = next(rows)
+                del self._came[place]
                 self._since = self._since if self._dropped else gone
-                self._dropped += 1
+                self._count, self._dropped = self._count - 1, self._dropped + 1
             self._changed.notify()
 
     def notices(self, found: Sequence[Notice]) -> None:
         with self._changed:
-            for one in found:
-                self._count += 1
-                self._notices.append((self._count, one))
+            self._came.extend(found)
             self._changed.notify()
 
     def take(self, seconds: float) -> list[Rows | Notice]:
         """Everything in the queue, after waiting at most so many seconds for it."""
         with self._changed:
-            if not (self._rows or self._notices):
+            if not self._came:
                 self._changed.wait(seconds)
-            rows, self._rows = self._rows, deque()
-            notices = list(self._notices)
-            self._notices.clear()
+            came, self._came, self._count = self._came, deque(), 0
             dropped, self._dropped = self._dropped, 0
         found: list[Rows | Notice] = []
         if dropped:
             text = f"{plural(dropped, 'row was', 'rows were')} dropped: nobody took them in time"
             found.append(notice("gap", self._since, text))
-        block: list[_Row] = []
-        for number, one in notices:
-            while rows and rows[0][0] < number:
-                block.append(rows.popleft()[1])
-            found += [*self._block(block), one]
-            block = []
-        return found + self._block([*block, *(row for _, row in rows)])
+        rows: list[_Row] = []
+        for one in came:
+            if isinstance(one, Notice):
+                found += [*self._block(rows), one]
+                rows = []
+            else:
+                rows.append(one)
+        return found + self._block(rows)
 
     def _block(self, rows: Sequence[_Row]) -> list[Rows | Notice]:
         if not rows:

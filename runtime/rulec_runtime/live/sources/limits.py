@@ -22,9 +22,6 @@ QUEUED_ROWS = 10_000
 """Most rows in the queue; then the oldest are dropped. Origin: assumed; 1000 s at 10 Hz, 16 MB with
 200 signals."""
 
-QUEUED_NOTICES = 1000
-"""Most notices in the queue; then the oldest are dropped. Origin: assumed."""
-
 UNCERTAIN = 1
 """The two highest bits of the status of an uncertain value. Origin: standard, OPC 10000-4, 7.39."""
 
