@@ -12,6 +12,7 @@ from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.follower import diagnosis_of
 from rulec_runtime.live.limits import PAST
 from rulec_runtime.live.memory import Memory
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.wording import STATUS
 
@@ -26,6 +27,7 @@ class Now:
     status : letter of NE 107 of all active episodes, or ``ok``.
     source, connected, remark : the source, whether rows come from it, and its last notice.
     rows : number of rows received.
+    came : when the last row came, s, by the steady clock here: clocks of plants go wrong.
     active : episodes that have not ended, the worst first.
     past : the latest events, newest first.
     acknowledged : ids of acknowledged episodes.
@@ -45,28 +47,17 @@ class Now:
     past: tuple[Event, ...]
     acknowledged: frozenset[str]
     diagnosis: Diagnosis | None
+    came: float | None = None
+
+    @property
+    def age(self) -> float | None:
+        """Seconds since the last row came; None before any."""
+        return None if self.came is None else max(steady() - self.came, 0.0)
 
     @property
     def judged(self) -> bool:
         """Whether anything was judged; otherwise the absence of findings means nothing."""
         return self.diagnosis is not None and self.diagnosis.judged > 0
-
-
-class Arrival:
-    """When the last row arrived, by the clock of the viewer: clocks of plants go wrong."""
-
-    def __init__(self) -> None:
-        self._rows = 0
-        self._since: float | None = None
-
-    def saw(self, rows: int, time: float) -> None:
-        """Record the number of rows at a time, s, of a monotonic clock."""
-        if rows != self._rows:
-            self._rows, self._since = rows, time
-
-    def age(self, time: float) -> float | None:
-        """Seconds since the last row arrived; None before any."""
-        return None if self._since is None else max(time - self._since, 0.0)
 
 
 class Present:
@@ -112,6 +103,7 @@ class Present:
                 connected=not away,
                 remark=remarks[-1] if remarks else self._now.remark,
                 rows=memory.count,
+                came=self._now.came if memory.count == self._now.rows else steady(),
                 active=active,
                 past=tuple(self._past),
                 diagnosis=diagnosis or self._now.diagnosis,

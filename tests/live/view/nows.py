@@ -9,6 +9,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.changes import Horizon, episodes_of
 from rulec_runtime.live.episode import Episode, Event, What
 from rulec_runtime.live.moment import Now
+from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import read_recording
 
@@ -56,6 +57,7 @@ def now_of(diagnosis: Diagnosis) -> Now:
         past=tuple(replace(e, number=i + 1) for i, e in enumerate(events))[::-1],
         acknowledged=frozenset(e.id for e in found[:1] if not e.active),
         diagnosis=diagnosis,
+        came=steady(),
     )
 
 
@@ -81,7 +83,9 @@ def healthy() -> Now:
 
 def before() -> Now:
     """Nothing has come yet."""
-    nothing = replace(healthy(), time=None, calendar=None, rows=0, diagnosis=None, past=())
+    nothing = replace(
+        healthy(), time=None, calendar=None, rows=0, diagnosis=None, past=(), came=None
+    )
     return replace(nothing, connected=False, remark="connection refused", status="C")
 
 

@@ -14,7 +14,9 @@ from dataclasses import replace
 
 import pytest
 from rich.cells import cell_len
-from rulec_runtime.live.moment import Arrival, Now
+from rulec_runtime.live import moment
+from rulec_runtime.live.memory import nothing_yet
+from rulec_runtime.live.moment import Now, Present
 from rulec_runtime.live.view import live_screen
 from rulec_runtime.live.view.live_screen import Keys, LiveScreen
 from rulec_runtime.live.view.screen import Screen, View, ViewState, after
@@ -249,12 +251,15 @@ def test_hostile_event_stays_on_its_lines(text: str) -> None:
     assert "\x1b" not in out.getvalue()
 
 
-def test_age_is_that_of_the_last_row() -> None:
-    arrival = Arrival()
-    assert arrival.age(5.0) is None
-    for rows, time_ in ((3, 10.0), (3, 12.0), (4, 13.0), (4, 14.0)):
-        arrival.saw(rows, time_)
-    assert 2.0 == arrival.age(15.0)
+def test_age_is_that_of_the_last_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    present = Present(compiled("abc"), "x", nothing_yet(False))
+    assert present.now().age is None
+    clock = [10.0]
+    monkeypatch.setattr(moment, "steady", lambda: clock[0])
+    for rows, clock[0] in ((3, 10.0), (3, 12.0), (4, 13.0), (4, 14.0)):
+        present.update(replace(nothing_yet(False), count=rows), (), None)
+    clock[0] = 15.0
+    assert 2.0 == present.now().age
 
 
 def _none() -> Keys:

@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.text import Text
 
 from rulec_runtime.live.episode import line_of
-from rulec_runtime.live.moment import Arrival, Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
@@ -179,7 +179,6 @@ class LiveScreen:
         self._told = told
         self._state = ViewState()
         self._now: Now | None = None
-        self._arrival = Arrival()
         self._changed = threading.Event()
         self._closing = threading.Event()
         self._quit = threading.Event()
@@ -221,7 +220,6 @@ class LiveScreen:
     def show(self, now: Now) -> None:
         """Show the present state of the plant."""
         self._raise()
-        self._arrival.saw(now.rows, steady())
         before, self._now = self._now, now
         if self._live is not None:
             if before is None or news(now) != news(before):
@@ -274,8 +272,7 @@ class LiveScreen:
         if self._now is None:
             return None
         width, height = self._console.size
-        age = self._arrival.age(steady())
-        return Screen(self._now, self._state, width, height, age, self._keys.there)
+        return Screen(self._now, self._state, width, height, self._now.age, self._keys.there)
 
 
 def event_lines(now: Now, last: int) -> Iterator[Text]:

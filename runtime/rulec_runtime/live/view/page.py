@@ -18,7 +18,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from rulec_runtime.live.moment import Arrival, Now
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.steady_clock import steady, steady_loop
 from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.html import key_of, link_of, main_of, page_of, title_of
@@ -39,17 +39,14 @@ class Board:
     def __init__(self, state_of: Callable[[], Now], seal: str) -> None:
         self._state_of = state_of
         self._seal = seal
-        self._arrival = Arrival()
         self._lock = threading.Lock()
         self._made: tuple[Now, str] | None = None
         self.closing = threading.Event()
 
     def now(self) -> tuple[Now, float | None]:
         """The present moment, and the age of its last row, s."""
-        now, clock = self._state_of(), steady()
-        with self._lock:
-            self._arrival.saw(now.rows, clock)
-            return now, self._arrival.age(clock)
+        now = self._state_of()
+        return now, now.age
 
     def main(self, now: Now) -> str:
         """HTML of everything that changes, except the connection."""
@@ -57,11 +54,6 @@ class Board:
             if self._made is None or self._made[0] is not now:
                 self._made = (now, main_of(now, self._seal))
             return self._made[1]
-
-    def watch(self) -> None:
-        """Update the age of the last row periodically, even without requests."""
-        while not self.closing.wait(limits.TICK):
-            self.now()
 
 
 class Page:
@@ -72,19 +64,16 @@ class Page:
     ) -> None:
         self.url = url
         self._server, self._board, self._bound = server, board, bound
-        self._threads = [
-            threading.Thread(target=_serve, args=(server, bound), name="page", daemon=True),
-            threading.Thread(target=board.watch, name="page ages", daemon=True),
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._thread = threading.Thread(
+            target=_serve, args=(server, bound), name="page", daemon=True
+        )
+        self._thread.start()
 
     def close(self) -> None:
         """Close all connections; returns when the port is free."""
         self._board.closing.set()
         self._server.should_exit = True
-        for thread in self._threads:
-            thread.join()
+        self._thread.join()
         self._bound.close()
 
 
