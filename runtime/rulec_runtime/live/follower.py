@@ -95,7 +95,7 @@ def _partial(ruleset: Ruleset, memory: Memory, known: LastEvaluation, places: li
     if not places:
         diagnosis = replace(known.diagnosis, samples=memory.count)
         return Update(replace(memory, known=known), (), diagnosis)
-    known = partial_update(ruleset, memory.recent, known, places, memory.count)
+    known = partial_update(ruleset, memory, known, places)
     memory = replace(memory, known=known)
     return _update(ruleset, memory, known.diagnosis, settled_until(known.parts))
 

@@ -24,7 +24,7 @@ from rulec_runtime.diagnosis.steady.growing_faults import found_of
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.changes import Horizon
-from rulec_runtime.live.history import History, history_of, joined, only, some
+from rulec_runtime.live.history import History, history_of, joined, some
 from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation, due_after
 from rulec_runtime.live.levels import levels_of
 from rulec_runtime.live.memory import Memory, without_first
@@ -113,15 +113,10 @@ def _evaluation_after(
 ) -> LastEvaluation:
     """The evaluation after a full update with row number `count`."""
     recording, whole = judged.health.recording, judged.whole
-    firsts, rows = judged.stretches.first, len(recording)
-    open_points = min(1, len(firsts))
-    open_rows = rows - int(firsts[-1]) if open_points else rows
-    chosen = np.arange(len(whole)) < len(whole) - open_points
     settled = float(whole.timeline.until[-1])
     parts = tuple(
         PartEvaluation(
             part=part,
-            closed=only(whole, part, chosen, open_rows),
             found=found,
             settled=settled,
             due=due_after(whole, count),
@@ -136,7 +131,6 @@ def _evaluation_after(
         health=health,
         noise=judged.noise,
         count=count,
-        cut=count - open_rows,
         parts=parts,
         levels=levels_of(ruleset, recording, judged.noise).judged(whole),
     )

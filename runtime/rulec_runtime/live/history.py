@@ -87,11 +87,7 @@ def _columns(timeline: Timeline) -> list[np.ndarray]:
     return [getattr(timeline, field.name) for field in fields(timeline)]
 
 
-def only(history: History, part: Part, chosen: np.ndarray, open_rows: int) -> History:
-    """Some of the stretches, by flags, for a part of the plant, without the last `open_rows`."""
-    kept = some(history, chosen)
-    return History(
-        kept.points.of(part.ruleset.observed),
-        Halves(kept.halves.apart[part.observers], kept.halves.excess),
-        replace(kept.timeline, later=kept.timeline.later - open_rows),
-    )
+def only(history: History, part: Part) -> History:
+    """The stretches for a part of the plant."""
+    halves = Halves(history.halves.apart[part.observers], history.halves.excess)
+    return History(history.points.of(part.ruleset.observed), halves, history.timeline)

@@ -21,7 +21,6 @@ class PartEvaluation:
     Attributes
     ----------
     part : the part.
-    closed : its operating points before the rows that a partial update judges again.
     found : its findings.
     settled : time of its last settled row, s.
     due : number of the row with which it is updated again even if its readings do not move.
@@ -29,7 +28,6 @@ class PartEvaluation:
     """
 
     part: Part
-    closed: History
     found: Found
     settled: float
     due: float
@@ -44,7 +42,7 @@ class LastEvaluation:
     ----------
     diagnosis : as it was last reported.
     health, noise : of the sensors and of the readings, SI, from the last full update.
-    count : rows received by then; a partial update judges those from number `cut` on again.
+    count : rows received by then.
     parts : per part of the plant.
     levels : of the readings.
     """
@@ -53,7 +51,6 @@ class LastEvaluation:
     health: Health
     noise: Mapping[str, float]
     count: int
-    cut: int
     parts: tuple[PartEvaluation, ...]
     levels: Levels
 

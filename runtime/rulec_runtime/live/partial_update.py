@@ -1,4 +1,4 @@
-"""A partial update: judges only the parts of a plant whose readings moved, by their latest rows.
+"""A partial update: judges only the parts of a plant whose readings moved.
 
 The verdicts on the other parts, the noise of readings and the findings about sensors stay until the
 next full update.
@@ -17,23 +17,24 @@ from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.growing_faults import found_again, found_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.full_update import unsettled
-from rulec_runtime.live.history import History, history_of
+from rulec_runtime.live.history import History, history_of, only
 from rulec_runtime.live.history import joined as joined_history
 from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation, due_after
+from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.header_correction import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 
 
 def partial_update(
-    ruleset: Ruleset, recent: Recording, known: LastEvaluation, moved: Collection[int], count: int
+    ruleset: Ruleset, memory: Memory, known: LastEvaluation, moved: Collection[int]
 ) -> LastEvaluation:
-    """The evaluation after some parts, by their indices, were judged again at row `count`."""
+    """The evaluation after some parts, by their indices, were judged again."""
     parts, levels = list(known.parts), known.levels
     latest = known.diagnosis.latest
     settled = settled_until(parts)
     for place in moved:
-        parts[place], whole, residuals = _judged(recent, known, parts[place], count)
+        parts[place], whole, residuals = _judged(memory, known, parts[place])
         if len(whole):
             latest = _replaced(ruleset, latest, residuals)
             levels = levels.judged(whole)
@@ -51,7 +52,7 @@ def partial_update(
         found=replace(joined(each, latest), regimes=known.diagnosis.regimes),
         # Active blind periods continue: a reading that goes or comes causes a full update.
         blind=tuple(
-            replace(b, until=float(recent.time[-1])) if b.active else b
+            replace(b, until=float(memory.recent.time[-1])) if b.active else b
             for b in known.diagnosis.blind
         ),
     )
@@ -64,16 +65,16 @@ def settled_until(parts: Sequence[PartEvaluation]) -> float:
 
 
 def _judged(
-    recent: Recording, known: LastEvaluation, one: PartEvaluation, count: int
+    memory: Memory, known: LastEvaluation, one: PartEvaluation
 ) -> tuple[PartEvaluation, History, Latest | None]:
-    """The evaluation of a part by its latest rows, its operating points, and the residuals at the
-    last of them."""
-    own = one.part.ruleset
-    tail = _latest_rows(recent, known, own, count)
-    noise = {name: known.noise[name] for name in tail.values}
-    stretches = settle_or_slow_by(tail, own, noise)
-    points = history_of(tail, own, stretches, noise)
-    whole = joined_history(one.closed, tail, points)
+    """The evaluation of a part, its operating points, and the residuals at the last of them."""
+    own, count = one.part.ruleset, memory.count
+    rows = _rows_of(own, memory, known)
+    noise = {name: known.noise[name] for name in rows.values}
+    stretches = settle_or_slow_by(rows, own, noise)
+    whole = history_of(rows, own, stretches, noise)
+    if memory.before is not None:
+        whole = joined_history(only(memory.before, one.part), rows, whole)
     if not len(whole):
         found = Found([], [], [])
         return replace(one, found=found, due=due_after(whole, count)), whole, None
@@ -86,7 +87,7 @@ def _judged(
         for part in evaluated
     )
     found = joined(each, None)
-    found.not_judged.extend(unsettled(tail, whole))
+    found.not_judged.extend(unsettled(rows, whole))
     again = replace(
         one,
         found=found,
@@ -97,27 +98,19 @@ def _judged(
     return again, whole, latest_of(own, whole.timeline, evaluated)
 
 
-def _latest_rows(recent: Recording, known: LastEvaluation, own: Ruleset, count: int) -> Recording:
-    """Rows from the last stretch on of the signals of a part, without readings found unfit."""
-    first = max(len(recent) - (count - known.cut), 0)
-    clean = known.health.recording
-    recent = mended(recent, known.health.mendings)
+def _rows_of(own: Ruleset, memory: Memory, known: LastEvaluation) -> Recording:
+    """The rows in memory of the signals of a part, without readings found unfit."""
+    clean, recent = known.health.recording, mended(memory.recent, known.health.mendings)
     unfit = {f.signal for f in known.health.findings if f.active and not f.mended}
-    before = known.count - known.cut
+    examined = len(recent) - (memory.count - known.count)
     values = {}
     for name in sorted(own.observed & recent.values.keys() & clean.values.keys()):
-        column = recent.values[name][first:].copy()
-        column[:before] = clean.values[name][len(clean) - before :][-len(column) :][:before]
+        column = recent.values[name].copy()
+        column[:examined] = clean.values[name][len(clean) - examined :]
         if name in unfit:
-            column[before:] = np.nan
+            column[examined:] = np.nan
         values[name] = column
-    return replace(
-        recent,
-        time=recent.time[first:],
-        values=values,
-        segment=recent.segment[first:],
-        unfit=clean.unfit,
-    )
+    return replace(recent, values=values, unfit=clean.unfit)
 
 
 def _going_on(found: Found, settled: float, now: float) -> Found:
