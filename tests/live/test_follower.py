@@ -3,9 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +14,9 @@ from rulec_runtime.live.changes import Horizon, changes
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.follower import Update, follow
-from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Notice, Rows
-from rulec_runtime.live.state import ReplayedSource, replayed
 from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
@@ -258,39 +253,3 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     assert [(e.what, e.episode.since) for e in events] == [("changed", 100.0)]
     assert "earlier" in events[0].text
     assert changes(rules, kept, over, SIGHT, 3)[1] == ()
-
-
-def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
-    """Names that were told too early row by row; told at once, the same rows give other names."""
-    rules, recording = recording_of("abc", "swapped.csv")
-    kept = state.to_bytes(rules, nothing_yet(False), {})
-    told = events_of(followed(rules, recording, range(1, 11)))
-    final = {f.subject for f in active(followed(rules, recording, [1000])[-1].memory)}
-    assert {e.episode.subject for e in told if e.what == "began"} - final
-    file = LinesFile(tmp_path / "events.jsonl")
-    file.commit("abc", told, None, dated=False)
-    # Killed here: the state is that before the first row.
-    early, _ = state.from_bytes(rules, kept, "x")
-    ahead = file.after("abc", early.number)
-    # Where a degree goes, the next row says again.
-    assert ahead == [replace(e, episode=replace(e.episode, growth={}, told=None)) for e in told]
-    file.close()
-    again = replayed(early, ahead)
-    assert again.number == len(told)
-    blocks = [part_of(recording, k, k + 5) for k in range(0, len(recording), 5)]
-    give = lambda _: [blocks.pop(0)] if blocks else []  # noqa: E731
-    recorded: Any = SimpleNamespace(take=give, dated=False, ended=False)
-    source, every = ReplayedSource(recorded, ahead), list[Event](told)
-    while came := source.take(0.0):
-        for block in came:
-            assert isinstance(block, Rows)
-            for part in follow(rules, again, block):
-                again = part.memory
-                every += part.events
-    assert [e.number for e in every] == list(range(1, len(every) + 1))
-    assert {e.subject for e in active(again)} == final
-    there = set[str]()
-    for event in every:
-        assert event.what != "began" or event.episode.id not in there
-        (there.discard if event.what in ("ended", "withdrawn") else there.add)(event.episode.id)
-    assert there == {e.id for e in active(again)}

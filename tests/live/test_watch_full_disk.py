@@ -83,7 +83,6 @@ def test_ended_while_it_is_full(
     with kept(small_disk, waiting, state) as (files, unwritten):
         latest = [data for data, _ in files.saved()][-1:]
         assert latest == ([b"state 39"] if state else [])
-        assert files.ahead(39) == []
         put(files, 39, dated)  # as it is judged again where no state is kept
         told.append(put(files, 40, dated))
     assert unwritten == []

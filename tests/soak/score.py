@@ -1,19 +1,18 @@
 """Events against what was planted, and against those of a watch that nobody disturbed."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.journal.event_records import event_from
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.store import open_journal
 
 from rulec.simulation.prediction import Injected
 from tests.conftest import compiled
 from tests.figures.share import Share
+from tests.live.journal.events import events_in
 
 Known = tuple[str, float]
 """A fault and since when."""
@@ -27,7 +26,7 @@ def events_of(journal: Path | str) -> list[Event]:
 
 
 def events_from(lines: Path) -> list[Event]:
-    return [event_from(json.loads(line)) for line in lines.read_text("utf-8").splitlines()]
+    return events_in(lines)
 
 
 def rows_of(journal: Path | str) -> tuple[int, list[float]]:

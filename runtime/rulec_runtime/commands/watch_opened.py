@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits, state
-from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal.lines import Files, LinesFile
 from rulec_runtime.live.journal.outbox import Note, Outbox, Sink, spill_beside
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble, needs
@@ -23,7 +22,6 @@ from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.remarks import extra
-from rulec_runtime.live.state import ReplayedSource, replayed
 from rulec_runtime.live.view.live_screen import LiveScreen
 from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import say_aside, styled
@@ -68,8 +66,6 @@ def opened(
     stack.callback(source.close)
     if files is not None:
         sinks.insert(0, files.sink)
-        if ahead := files.ahead(memory.number):
-            memory, source = replayed(memory, ahead), ReplayedSource(source, ahead)
     out = console(options)
     first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
     out.print(first, soft_wrap=True)
@@ -192,11 +188,12 @@ def waiting_in(
     stack: ExitStack,
     unwritten: list[str],
     noting: Callable[[Sequence[Note]], None] = lambda _: None,
+    ahead: bool = False,
 ) -> Outbox:
     """The started outbox of a sink, which first writes what an earlier process has left in the
     folder; without a folder events wait in memory alone. The end of `stack` closes it."""
     file = None if folder is None else spill_beside(folder / name, plant)
-    outbox = Outbox(sink, plant, say_aside, file=file, noting=noting)
+    outbox = Outbox(sink, plant, say_aside, file=file, noting=noting, ahead=ahead)
     outbox.start()
     stack.callback(_close, outbox, unwritten)
     return outbox
@@ -327,13 +324,6 @@ class KeptFiles:
             found.append((self._left[1], str(self._outbox.file)))
         return found
 
-    def ahead(self, number: int) -> list[Event]:
-        """Events after a state that ends with this number: a process was killed in between."""
-        files = self._files
-        if files.lines is None or files.state is None:
-            return []
-        return files.lines.after(self._plant, number)
-
 
 def kept_files(
     events: str | None,
@@ -359,5 +349,6 @@ def kept_files(
         stack.callback(lines.close)
     folder = folder or names[-1].parent
     files = Files(lines, Path(state) if state else None)
-    outbox = waiting_in(folder, names[0].name, files, plant, stack, unwritten)
+    both = len(names) > 1
+    outbox = waiting_in(folder, names[0].name, files, plant, stack, unwritten, ahead=both)
     return KeptFiles(files, outbox, plant, folder)

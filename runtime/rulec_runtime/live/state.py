@@ -1,19 +1,14 @@
-"""What survives the process: the memory of a watch as bytes, and the events reported since.
+"""What survives the process: the memory of a watch as bytes.
 
-The memory is data only, nothing is executed: an archive of arrays (npz without pickles) with one
-text, everything else as JSON.
-
-If the process was killed after the last saved state, the rows since come again, perhaps in other
-blocks, and might give different events under the same numbers. Instead the watch restores the
-reported events, and judges those rows at once.
+It is data only, nothing is executed: an archive of arrays (npz without pickles) with one text,
+everything else as JSON.
 """
 
 import dataclasses
 import io
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,10 +18,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.live import limits
-from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
 from rulec_runtime.live.memory import Memory, nothing_yet
-from rulec_runtime.live.rows import Notice, Rows, Source
 from rulec_runtime.recordings.recording import RecordingRefused
 from rulec_runtime.recordings.stationary import Timeline
 
@@ -128,52 +122,3 @@ def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, An
 
 def _under(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array]:
     return {name[len(prefix) :]: a for name, a in arrays.items() if name.startswith(prefix)}
-
-
-def replayed(memory: Memory, events: Sequence[Event]) -> Memory:
-    """Memory as it was after these events, except for the rows."""
-    episodes = {one.id: one for one in memory.episodes}
-    number = memory.number
-    for event in events:
-        if event.number > number:
-            one = event.episode
-            episodes[one.id] = replace(one, told=(one.until, one.degree))
-            number = event.number
-    kept = (one for one in episodes.values() if one.active or one.kind != "source")
-    return replace(memory, episodes=tuple(kept), number=number)
-
-
-class ReplayedSource:
-    """A source that hands out at once all rows that were already judged."""
-
-    def __init__(self, source: Source, events: Sequence[Event]) -> None:
-        self._source = source
-        times = [event.time for event in events if event.episode.kind != "source"]
-        self._until = max(times, default=-float("inf"))
-
-    @property
-    def dated(self) -> bool:
-        return self._source.dated
-
-    @property
-    def ended(self) -> bool:
-        return self._source.ended
-
-    @property
-    def position(self) -> Mapping[str, Any]:
-        """The position at which reading continues; empty for a source without one."""
-        position: Mapping[str, Any] = getattr(self._source, "position", {})
-        return position
-
-    def take(self, seconds: float) -> list[Rows | Notice]:
-        found = more = self._source.take(seconds)
-        while more:
-            times = [float(p.time[-1]) for p in found if isinstance(p, Rows)]
-            if max(times, default=float("inf")) >= self._until:
-                break
-            more = self._source.take(0.0)
-            found = [*found, *more]
-        return found
-
-    def close(self) -> None:
-        self._source.close()

@@ -1,7 +1,7 @@
 """Events as a watcher tells them."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,8 @@ def story() -> list[Event]:
 
 
 def event_in(form: dict[str, Any]) -> Event:
-    episode, own = dict(form["episode"]), ("number", "time", "what", "text")
+    known, own = {f.name for f in fields(Episode)}, ("number", "time", "what", "text")
+    episode = {name: part for name, part in form["episode"].items() if name in known}
     rivals = tuple((r["fault"], r["probability"]) for r in episode.pop("alternatives"))
     told = Episode(**episode, alternatives=rivals)
     return Event(**{name: form[name] for name in own}, episode=told)

@@ -108,18 +108,6 @@ def form_for(event: Event, plant: str, dated: bool) -> Record:
     return form
 
 
-def event_from(form: Record) -> Event:
-    """The event of such JSON data; raises `JournalRefused` for invalid data."""
-    try:
-        episode = form["episode"]
-        record = {**episode, "episode": episode["id"], "told": episode["text"]}
-        rivals = [[rival["fault"], rival["probability"]] for rival in episode["alternatives"]]
-        own = {name: form[name] for name in ("number", "time", "what", "text")}
-    except (KeyError, TypeError):
-        raise JournalRefused("this is no event") from None
-    return event_of({**record, **own, "alternatives": rivals})
-
-
 def json_line(form: Record) -> str:
     """JSON data as one line that cannot control a terminal."""
     return machine_text(json.dumps(form, ensure_ascii=False, allow_nan=False)) + "\n"

@@ -7,7 +7,6 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.event_records import (
     Record,
-    event_from,
     form_for,
     json_line,
     other_content,
@@ -41,15 +40,6 @@ class LinesFile:
         """Number of the last event of a plant; 0 before any."""
         return self._last.get(plant, 0)
 
-    def after(self, plant: str, number: int) -> list[Event]:
-        """Events of a plant with a larger number. Raises `JournalRefused` for an invalid line."""
-        found = [
-            record
-            for other, record in self._records(self._file)
-            if other == plant and record["number"] > number
-        ]
-        return [event_from(record) for record in found]
-
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
@@ -66,7 +56,8 @@ class LinesFile:
             if min(forms) <= last:
                 for other, record in self._records(self._file):
                     number = record["number"]
-                    if other == plant and record != forms.get(number, record):
+                    mine = forms.get(number, record) if other == plant else record
+                    if any(mine[name] != record.get(name) for name in ("time", "what", "text")):
                         raise other_content(self.place, plant, number, record, forms[number])
             # Known events that are not in this file are in one that was moved away.
             if new := [n for n in sorted(forms) if n > last]:
@@ -118,8 +109,8 @@ class LinesFile:
 class Files:
     """A file of events, and one of the state after them; at least one of the two.
 
-    A sink of an outbox: `commit` syncs both to the disk, events first. If the process is killed in
-    between, the next watch restores the events.
+    A sink of an outbox that writes ahead: if the process is killed between the two, the outbox has
+    both.
     """
 
     def __init__(self, lines: LinesFile | None, state: Path | None) -> None:

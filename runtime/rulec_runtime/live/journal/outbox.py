@@ -123,7 +123,9 @@ class Outbox:
     """The queue of one sink.
 
     `say` gets lines for people, once per trouble, from another thread. `file` saves what waits
-    beyond the end of the process; the rest of an earlier process is written first. `noting` writes
+    beyond the end of the process; the rest of an earlier process is written first. If it goes
+    `ahead`, events and state are in the file before the sink gets them, which does not store both
+    at once: after a kill in between they are written again. `noting` writes
     acknowledgements, after the events; it is also called every few seconds without any, and raises
     `JournalTrouble`. Raises `JournalRefused` if the file cannot be read.
     """
@@ -135,11 +137,12 @@ class Outbox:
         say: Callable[[str], None],
         *,
         file: Path | None,
+        ahead: bool = False,
         noting: Callable[[Sequence[Note]], None] = lambda _: None,
         clock: Callable[[], float] = steady,
     ) -> None:
         self._sink, self._plant, self._say, self._noting = sink, plant, say, noting
-        self.file, self._clock = file, clock
+        self.file, self._ahead, self._clock = file, ahead, clock
         left = Pending() if file is None else waiting(file, plant)
         self.dated = left.dated or not left.events
         """Whether times are s since 1970; a source may know that only from its first rows on."""
@@ -257,9 +260,11 @@ class Outbox:
             self._keep(pending, changes)  # before an attempt that may take long
         if now >= self._due:
             try:
+                if self._ahead and pending.events:
+                    self._save(pending, changes)
                 self._sink.commit(self._plant, pending.events, pending.state, dated=pending.dated)
                 self._noting(pending.notes)
-            except JournalTrouble as error:
+            except (JournalTrouble, OSError) as error:
                 self._failed(str(error), now)
             except JournalRefused as error:
                 self._stopped(str(error))
@@ -332,6 +337,11 @@ class Outbox:
             what = f", with {counted(count, 'event')} that waited" if count else ""
             self._say(f"{self.place}: written again after {lasted}{what}")
 
+    def _save(self, pending: Pending, changes: int) -> None:
+        if self.file is not None:
+            spill(self.file, self._plant, pending)
+            self._spilled, self._kept = True, changes
+
     def _keep(self, pending: Pending, changes: int) -> None:
         """Save what waits in the file as a whole, but only as often as that takes little time."""
         began = self._clock()
@@ -341,8 +351,6 @@ class Outbox:
         if began < self._spill_due:
             return
         with suppress(OSError):  # if this disk is full as well, memory still has everything
-            spill(self.file, self._plant, pending)
-            self._spilled = True
-            self._kept = changes
+            self._save(pending, changes)
         now = self._clock()
         self._spill_due = now + max((now - began) / limits.SPILL_SHARE, limits.SPILL_PAUSE)
