@@ -8,7 +8,8 @@ from rich.console import Console
 from rulec_runtime.commands.destinations import check_outputs, console
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.listing import csv_pieces, json_pieces, put, tell
-from rulec_runtime.live.journal.refused import JournalRefused, needs
+from rulec_runtime.live.journal.refused import JournalRefused
+from rulec_runtime.live.sources.remarks import extra
 from rulec_runtime.output.terminal import styled
 
 FAILED = 3
@@ -17,7 +18,7 @@ FAILED = 3
 
 def run(options: argparse.Namespace) -> int:
     """List a journal; returns `FAILED` if `--fail-on` applies."""
-    needs("sqlalchemy", "journal")
+    extra("sqlalchemy", "journal")
     from rulec_runtime.live.journal.store import open_journal
 
     check_outputs(options)

@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.journal.lines import Files, LinesFile
 from rulec_runtime.live.journal.outbox import Note, Outbox, Sink, spill_beside
-from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble, needs
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.sinks import HealthSink, KeptSink, MqttSink, WatchSink
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.moment import Present
@@ -134,7 +134,7 @@ def sinks_of(
 def _mqtt(
     options: argparse.Namespace, plant: str, folder: Path | None, stack: ExitStack
 ) -> WatchSink:
-    needs("paho", "mqtt")
+    extra("paho.mqtt.client", "mqtt")
     from rulec_runtime.live.journal.mqtt_out import MqttOut
 
     broker = MqttOut(
@@ -152,7 +152,7 @@ def _mqtt(
 
 def _device_health(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) -> WatchSink:
     """An OPC UA server at ``PORT`` of loopback or at ``HOST:PORT``."""
-    needs("asyncua", "opcua")
+    extra("asyncua", "opcua")
     from rulec_runtime.live.journal.device_health import DeviceHealth, Security
 
     host, port = host_and_port("--device-health", options.device_health.removeprefix("opc.tcp://"))
@@ -286,7 +286,7 @@ def kept_journal(
 
     Raises `JournalRefused` if it is not a journal, or another process watches the plant.
     """
-    needs("sqlalchemy", "journal")
+    extra("sqlalchemy", "journal")
     from rulec_runtime.live.journal.store import open_journal
 
     journal = open_journal(where, patient=True)

@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 from functools import lru_cache
 from pathlib import Path
@@ -62,22 +61,15 @@ _TIME = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class Ambiguous:
-    """The first date that can be read in several `orders`."""
+def orders_of(cells: Iterable[str]) -> tuple[str, tuple[Order, ...]]:
+    """The first of some cells whose form does not fix the order of day, month and year, and the
+    orders in which all of them can be read. The form fixes it if they name months, begin with a
+    year of four digits, or have dots, which put the day first.
 
-    date: str
-    orders: tuple[Order, ...]
-
-
-def order_of(cells: Iterable[str]) -> Order | Ambiguous:
-    """The order in which all dates among some cells can be read; empty if their form fixes it: they
-    name months, begin with a year of four digits, or have dots, which put the day first.
-
-    >>> order_of(["3/31/2025 02:05 PM"]), order_of(["2025-03-31"]), order_of(["31-Mar-25"])
-    ('month first', '', '')
-    >>> order_of(["3/4/2025"])
-    Ambiguous(date='3/4/2025', orders=('day first', 'month first'))
+    >>> orders_of(["3/31/2025 02:05 PM"]), orders_of(["2025-03-31"]), orders_of(["31-Mar-25"])
+    (('3/31/2025 02:05 PM', ('month first',)), ('', ()), ('', ()))
+    >>> orders_of(["3/4/2025"])
+    ('3/4/2025', ('day first', 'month first'))
     """
     left: tuple[Order, ...] = ("day first", "month first", "year first")
     first = ""
@@ -87,8 +79,8 @@ def order_of(cells: Iterable[str]) -> Order | Ambiguous:
             first = first or cell.strip()
             left = tuple(order for order in left if order in orders) or left
             if len(left) == 1:
-                return left[0]
-    return Ambiguous(first, left) if first else ""
+                break
+    return first, left if first else ()
 
 
 @lru_cache(maxsize=1024)

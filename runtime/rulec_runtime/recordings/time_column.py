@@ -17,11 +17,10 @@ from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.dates import (
-    Ambiguous,
     date_of,
     dates_of,
     in_zone,
-    order_of,
+    orders_of,
     time_of_day,
 )
 from rulec_runtime.recordings.larger_than_memory import mapped
@@ -186,20 +185,21 @@ def order_in(
     Raises `Unclear` if several orders are possible."""
     if form.dates:
         return form.dates
-    found = order_of(islice(cells(), common.SHOWING_ROWS))
-    if isinstance(found, Ambiguous):
-        found = order_of(cells())
-    if isinstance(found, Ambiguous):
-        read = " or ".join(_day_of(found.date, order) for order in found.orders)
+    date, orders = orders_of(islice(cells(), common.SHOWING_ROWS))
+    if len(orders) > 1:
+        date, orders = orders_of(cells())
+    if len(orders) > 1:
+        read = " or ".join(_day_of(date, order) for order in orders)
         raise Unclear(
-            f"{path}: the date '{found.date[:30]}' may be {read}; say which in the column map, as "
-            f"in 'time: {{from: ..., dates: {found.orders[0]}}}'",
-            [{"dates": order} for order in found.orders],
+            f"{path}: the date '{date[:30]}' may be {read}; say which in the column map, as in "
+            f"'time: {{from: ..., dates: {orders[0]}}}'",
+            [{"dates": order} for order in orders],
             likely=False,
         )
-    if found:
-        notes.append(f"dates are read with the {found.removesuffix(' first')} first")
-    return found
+    if not orders:
+        return ""
+    notes.append(f"dates are read with the {orders[0].removesuffix(' first')} first")
+    return orders[0]
 
 
 def _day_of(date: str, order: Order) -> str:
