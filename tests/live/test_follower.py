@@ -9,11 +9,10 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.live import limits, state
-from rulec_runtime.live.batches import judged
 from rulec_runtime.live.changes import Horizon, changes
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.follower import Update, follow
+from rulec_runtime.live.follower import Update, follow, judged
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Notice, Rows

@@ -12,9 +12,8 @@ from rulec_runtime.commands.watch_opened import Opened, opened
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.live import limits, state
-from rulec_runtime.live.batches import judged
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import concluded
+from rulec_runtime.live.follower import concluded, judged
 from rulec_runtime.live.memory import Memory, nothing_yet
 
 

@@ -16,7 +16,7 @@ from rulec_runtime.live import limits, state
 from rulec_runtime.live.journal.lines import Files, LinesFile
 from rulec_runtime.live.journal.outbox import Note, Outbox, Sink, spill_beside
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
-from rulec_runtime.live.journal.sinks import HealthSink, KeptSink, MqttSink, WatchSink
+from rulec_runtime.live.journal.sinks import HealthSink, MqttSink, WatchSink
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.moment import Present
 from rulec_runtime.live.rows import Source
@@ -227,8 +227,7 @@ class KeptJournal:
         self._journal, self._plant = journal, plant
         self.folder = folder
         self._seen: Callable[[frozenset[str]], None] = lambda _: None
-        self._outbox = waiting_in(folder, name, journal, plant, stack, unwritten, self.note)
-        self.sink: WatchSink = KeptSink(self._outbox)
+        self.sink = waiting_in(folder, name, journal, plant, stack, unwritten, self.note)
 
     def saved(self) -> tuple[bytes, str] | None:
         """The latest state, from the journal or its outbox, and its place.
@@ -236,7 +235,7 @@ class KeptJournal:
         Raises `JournalTrouble` if the database does not answer and nothing waits: it is unknown
         then which events were reported. A read-only database causes an error at the first write.
         """
-        left = self._outbox.left  # read first: what is written meanwhile is in the database
+        left = self.sink.left  # read first: what is written meanwhile is in the database
         with suppress(JournalTrouble):  # each commit holds the plant as well
             self._journal.hold(self._plant)
         try:
@@ -246,7 +245,7 @@ class KeptJournal:
                 raise
             kept = None
         if left is not None and (kept is None or kept.number < left[0]):
-            return left[1], str(self._outbox.file)
+            return left[1], str(self.sink.file)
         return None if kept is None else (kept.state, self._journal.place)
 
     def note(self, notes: Sequence[Note]) -> None:
@@ -266,14 +265,14 @@ class KeptJournal:
         except JournalTrouble:
             before = []  # `rulec journal` lists its events when it is back
         present.recall([entry.event for entry in before])
-        present.acknowledged(self._outbox.noted)
+        present.acknowledged(self.sink.noted)
         self._seen = present.acknowledged
         with suppress(JournalTrouble):  # retried later; the outbox reports it
             self.note(())
 
         def acknowledge(episode: str, by: str) -> None:
             if episode not in present.now().acknowledged:
-                self._outbox.note(episode, by)
+                self.sink.note(episode, by)
             present.acknowledge(episode, by)
 
         return acknowledge
@@ -308,11 +307,11 @@ class KeptFiles:
     """Files with their outbox; `folder` holds what waits."""
 
     def __init__(self, files: Files, outbox: Outbox, plant: str, folder: Path) -> None:
-        self._files, self._outbox, self._plant = files, outbox, plant
+        self._files, self.sink = files, outbox
         self.folder = folder
         self._left = outbox.left  # read first: what is written meanwhile is in the file
         last = 0 if files.lines is None else files.lines.last(plant)
-        self.sink: WatchSink = KeptSink(outbox, max(last, outbox.newest), waits=True)
+        outbox.written = max(last, outbox.newest)
 
     def saved(self) -> list[tuple[bytes, str]]:
         """Saved states, each with its place; the one with the most events is the latest."""
@@ -321,7 +320,7 @@ class KeptFiles:
         if state is not None and state.exists():
             found.append((bytes_of(state, limits.LARGEST_STATE), str(state)))
         if state is not None and self._left is not None:
-            found.append((self._left[1], str(self._outbox.file)))
+            found.append((self._left[1], str(self.sink.file)))
         return found
 
 
@@ -349,6 +348,5 @@ def kept_files(
         stack.callback(lines.close)
     folder = folder or names[-1].parent
     files = Files(lines, Path(state) if state else None)
-    both = len(names) > 1
-    outbox = waiting_in(folder, names[0].name, files, plant, stack, unwritten, ahead=both)
+    outbox = waiting_in(folder, names[0].name, files, plant, stack, unwritten, ahead=True)
     return KeptFiles(files, outbox, plant, folder)

@@ -1,4 +1,5 @@
-"""Incremental diagnosis: rows in, events out, with the passes that judge a whole recording.
+"""Incremental diagnosis: rows and notices of a source in, events out, with the passes that judge a
+whole recording.
 
 The latest rows are judged like a recording. Older rows are reduced to operating points
 (`history.py`), so memory is bounded and a fault that lasts for days is still compared with the
@@ -11,19 +12,23 @@ a sensor is in doubt, and in the end (`concluded`). In between, a row without ne
 come during an update wait for it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
 from rulec_runtime.live.changes import changes
+from rulec_runtime.live.connection import noticed, read_again
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.full_update import evaluated, horizon_of
 from rulec_runtime.live.last_evaluation import LastEvaluation
 from rulec_runtime.live.memory import Memory, appended, reference_and_latest
 from rulec_runtime.live.partial_update import partial_update, settled_until
-from rulec_runtime.live.rows import Rows
+from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.recordings.header_correction import mended
 
 
@@ -43,7 +48,7 @@ def follow(ruleset: Ruleset, memory: Memory, rows: Rows) -> Iterator[Update]:
         recent = appended(ruleset, memory.recent, rows, part)
         new = len(rows.time[part])
         memory = replace(memory, recent=recent, count=memory.count + new)
-        update = _judged(ruleset, memory, new)
+        update = _updated(ruleset, memory, new)
         memory = update.memory
         yield update
 
@@ -60,7 +65,7 @@ def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
     return _full(ruleset, memory).diagnosis if len(memory.recent) else None
 
 
-def _judged(ruleset: Ruleset, memory: Memory, new: int) -> Update:
+def _updated(ruleset: Ruleset, memory: Memory, new: int) -> Update:
     """A partial update; a full one without an earlier evaluation, or after many rows at once."""
     known = memory.known
     if known is None or new > limits.ROWS_AT_A_GLANCE:
@@ -108,3 +113,32 @@ def _update(
     episodes, events = changes(ruleset, memory.episodes, diagnosis, horizon, memory.number)
     memory = replace(memory, episodes=episodes, number=memory.number + len(events))
     return Update(memory, events, replace(diagnosis, samples=memory.count))
+
+
+def judged(
+    ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice]
+) -> Iterator[tuple[Memory, tuple[Event, ...], Diagnosis | None]]:
+    """Memory and events after each block of rows and each notice, and the diagnosis of the rows."""
+    for item in _blocks(came):
+        if isinstance(item, Notice):
+            memory, events = noticed(memory, item)
+            yield memory, events, None
+            continue
+        memory, events = read_again(memory, item)
+        if events:
+            yield memory, events, None
+        for update in follow(ruleset, memory, item):
+            memory = update.memory
+            yield memory, update.events, update.diagnosis
+
+
+def _blocks(came: Sequence[Rows | Notice]) -> Iterator[Rows | Notice]:
+    """Notices, and successive rows of the same signals as one block."""
+    for _, group in groupby(came, lambda item: isinstance(item, Rows) and set(item.values)):
+        items = list(group)
+        rows = [item for item in items if isinstance(item, Rows)]
+        if not rows:
+            yield from items
+            continue
+        values = {name: np.concatenate([r.values[name] for r in rows]) for name in rows[0].values}
+        yield Rows(np.concatenate([r.time for r in rows]), values)

@@ -177,8 +177,8 @@ def test_what_was_acknowledged_outlives_a_kill_while_the_database_is_gone(
     frail.journal.commit("abc", story(), b"4")
     frail.gone = True
     with noting(frail, tmp_path) as (kept, _):
-        kept._outbox.note(LEAKAGE.id, "Ann")
-        kept._outbox.note(LEAKAGE.id, "Ben")
+        kept.sink.note(LEAKAGE.id, "Ann")
+        kept.sink.note(LEAKAGE.id, "Ben")
         end = time.time()
     assert "1 acknowledgement could not be written" in capsys.readouterr().err
     left = file.read_bytes()
@@ -193,7 +193,7 @@ def test_what_was_acknowledged_outlives_a_kill_while_the_database_is_gone(
     file.write_bytes(left)  # killed before it was taken away
     capsys.readouterr()
     with noting(frail, tmp_path) as (again, _):
-        again._outbox.note("X@0", "Ann")
+        again.sink.note("X@0", "Ann")
     assert "holds no episode X@0" in capsys.readouterr().err
     assert noted(frail) == before
     assert not file.exists()

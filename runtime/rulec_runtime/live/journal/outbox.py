@@ -22,6 +22,7 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.event_records import event_of, record_of
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.moment import Now
 from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.json_file import Damaged, digest_of, read_json
 from rulec_runtime.output.write_file import written
@@ -120,12 +121,13 @@ class Sink(Protocol):
 
 
 class Outbox:
-    """The queue of one sink.
+    """The queue of one sink; a destination of a watch, which ends if it accepts no more.
 
     `say` gets lines for people, once per trouble, from another thread. `file` saves what waits
     beyond the end of the process; the rest of an earlier process is written first. If it goes
     `ahead`, events and state are in the file before the sink gets them, which does not store both
-    at once: after a kill in between they are written again. `noting` writes
+    at once: after a kill in between they are written again; and `put` waits until they are stored,
+    unless the sink fails. `noting` writes
     acknowledgements, after the events; it is also called every few seconds without any, and raises
     `JournalTrouble`. Raises `JournalRefused` if the file cannot be read.
     """
@@ -146,6 +148,8 @@ class Outbox:
         left = Pending() if file is None else waiting(file, plant)
         self.dated = left.dated or not left.events
         """Whether times are s since 1970; a source may know that only from its first rows on."""
+        self.written = 0
+        """Number of the last event that is stored already, and not taken again."""
         self._events: list[Event] = list(left.events)
         self._state = left.state
         self._notes = list(left.notes)
@@ -195,8 +199,8 @@ class Outbox:
         counts = ((len(self._events), "event"), (len(self._notes), "acknowledgement"))
         return " and ".join(counted(number, what) for number, what in counts if number)
 
-    def put(self, events: Sequence[Event], state: bytes | None = None) -> None:
-        """Add events, and the state after them; returns at once.
+    def put(self, news: Sequence[Event], state: bytes | None = None, *, dated: bool = True) -> None:
+        """Add events, and the state after them.
 
         Raises `JournalRefused` if the sink has refused for good, `JournalTrouble` if the queue is
         full.
@@ -204,6 +208,8 @@ class Outbox:
         with self._changed:
             if self._refused is not None:
                 raise JournalRefused(self._refused)
+            self.dated = dated
+            events = [event for event in news if event.number > self.written]
             if events and len(self._events) + len(events) > limits.MOST_PENDING:
                 raise JournalTrouble(
                     f"{self.place}: {len(self._events)} events wait to be written, no more "
@@ -213,6 +219,14 @@ class Outbox:
             self._state = state if state is not None or events else self._state
             self._changes += 1
             self._changed.notify_all()
+            if self._ahead:
+                self._changed.wait_for(
+                    lambda: self._idle() or self._trouble is not None or self._refused is not None,
+                    limits.BUSY,
+                )
+
+    def show(self, now: Now) -> None:
+        """Only what has changed is stored."""
 
     def note(self, episode: str, by: str) -> None:
         """Acknowledge an episode; returns at once."""
@@ -221,14 +235,6 @@ class Outbox:
                 self._notes.append(Note(episode, by, time.time()))
                 self._changes += 1
                 self._changed.notify_all()
-
-    def settle(self) -> None:
-        """Wait until everything is written, or the sink fails."""
-        with self._changed:
-            self._changed.wait_for(
-                lambda: self._idle() or self._trouble is not None or self._refused is not None,
-                limits.BUSY,
-            )
 
     def start(self) -> None:
         """Start the thread that writes."""

@@ -30,26 +30,6 @@ class WatchSink(Protocol):
         """Show the present state of the plant; called several times a second, returns soon."""
 
 
-class KeptSink:
-    """Stores events and state through an outbox; the watch ends if that accepts no more.
-
-    Events up to number `written` are already stored. If it `waits`, events are on the disk before
-    the next row is judged, unless the sink fails.
-    """
-
-    def __init__(self, outbox: Outbox, written: int = 0, *, waits: bool = False) -> None:
-        self._outbox, self._written, self._waits = outbox, written, waits
-
-    def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
-        self._outbox.dated = dated
-        self._outbox.put([event for event in news if event.number > self._written], state)
-        if self._waits:
-            self._outbox.settle()
-
-    def show(self, now: Now) -> None:
-        pass
-
-
 class MqttSink:
     """A broker: events through an outbox, the status after each change and periodically.
 
@@ -63,11 +43,11 @@ class MqttSink:
         self._due = 0.0
 
     def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
-        self._outbox.dated = self._dated = dated
+        self._dated = dated
         if not news:
             return
         try:
-            self._outbox.put(news)
+            self._outbox.put(news, dated=dated)
             self._deaf = False
         except (JournalRefused, JournalTrouble) as error:
             if not self._deaf:
