@@ -40,45 +40,6 @@ BATCH = 1000
 """Rows read at a time: cells become numbers while they are still in the cache."""
 
 
-@dataclass(kw_only=True)
-class _Taken:
-    """The rows read so far: numbers of `columns`, texts, and the `places` of texts and numbers in
-    a row."""
-
-    path: Path
-    columns: tuple[Column, ...]
-    texts: tuple[GrowingCells | GrowingTimes, ...]
-    places: tuple[tuple[int, ...], tuple[int, ...]]
-    width: int
-    comma: bool
-    count: int = 0
-    whole: int = 0
-    first_left_out: int = 0
-
-    def take(self, part: list[list[str]]) -> None:
-        """Append rows."""
-        kept, numbers = self.places
-        rows = self._whole_of(part)
-        if not self.whole and rows and numbers:
-            refuse_words(self.path, rows[0], (*kept, *numbers))
-        for column, index in zip(self.columns, numbers, strict=True):
-            read_cells(column, [row[index] for row in rows], self.whole, self.comma)
-        for text, index in zip(self.texts, kept, strict=True):
-            text.add([row[index] for row in rows])
-        self.whole += len(rows)
-
-    def _whole_of(self, part: list[list[str]]) -> list[list[str]]:
-        """The rows with all cells; the others are counted."""
-        rows = part
-        if {*map(len, part)} != {self.width}:
-            flags = [is_whole(row, self.width) for row in part]
-            rows = [row for row, good in zip(part, flags, strict=True) if good]
-            if len(rows) < len(part):
-                self.first_left_out = self.first_left_out or self.count + flags.index(False) + 1
-        self.count += len(part)
-        return rows
-
-
 @dataclass(frozen=True)
 class TextTable:
     """Titles of a table, and a function that gives the rows below them, each call anew."""
@@ -98,32 +59,38 @@ class TextTable:
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))
         notes = list[str]()
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
-        taken = _Taken(
-            path=self.path,
-            columns=tuple(
-                Column(
-                    self.titles[i].strip(),
-                    Growing(self.most, beside),
-                    written=one,
-                    placed={} if form.words_are_placed else None,
-                )
-                for i, one in zip(numbers, written, strict=True)
-            ),
-            texts=tuple(self._growing(index, beside, form, notes) for index in kept),
-            places=(tuple(kept), tuple(numbers)),
-            width=len(self.titles),
-            comma=self.separator != ",",
+        columns = tuple(
+            Column(
+                self.titles[i].strip(),
+                Growing(self.most, beside),
+                written=one,
+                placed={} if form.words_are_placed else None,
+            )
+            for i, one in zip(numbers, written, strict=True)
         )
-        rows = self._below()
-        while part := list(islice(rows, BATCH)):
-            taken.take(part)
-        self._check(taken)
+        texts = tuple(self._growing(index, beside, form, notes) for index in kept)
+        width, below = len(self.titles), self._below()
+        count = whole = first_left_out = 0
+        while part := list(islice(below, BATCH)):
+            even = {*map(len, part)} == {width}
+            rows = part if even else [row for row in part if is_whole(row, width)]
+            if len(rows) < len(part) and not first_left_out:
+                odd = next(k for k, row in enumerate(part) if not is_whole(row, width))
+                first_left_out = count + odd + 1
+            if not whole and rows and numbers:
+                refuse_words(self.path, rows[0], (*kept, *numbers))
+            for column, index in zip(columns, numbers, strict=True):
+                read_cells(column, [row[index] for row in rows], whole, self.separator != ",")
+            for text, index in zip(texts, kept, strict=True):
+                text.add([row[index] for row in rows])
+            count, whole = count + len(part), whole + len(rows)
+        self._check(count, whole, columns)
         return Table(
-            kept=tuple(text.joined() for text in taken.texts),
-            columns=taken.columns,
-            remarks=(*_thousands(taken.columns, form), *notes),
-            left_out=taken.count - taken.whole,
-            first_left_out=taken.first_left_out,
+            kept=tuple(text.joined() for text in texts),
+            columns=columns,
+            remarks=(*_thousands(columns, form), *notes),
+            left_out=count - whole,
+            first_left_out=first_left_out,
         )
 
     def lines(self) -> Iterator[list[str]]:
@@ -144,15 +111,15 @@ class TextTable:
     def _below(self) -> Iterator[list[str]]:
         return islice(self.rows(), int(self.has_units), None)
 
-    def _check(self, taken: _Taken) -> None:
-        if not taken.count:
+    def _check(self, count: int, whole: int, columns: Sequence[Column]) -> None:
+        if not count:
             raise RecordingRefused(f"{self.path}: the file has a header but no rows below it")
-        if not taken.whole:
+        if not whole:
             raise RecordingRefused(
                 f"{self.path}: no row below the header has as many cells as it; is the decimal "
                 "sign also the separator?"
             )
-        for column in taken.columns:
+        for column in columns:
             if len(column.decimals) > 1:
                 raise RecordingRefused(
                     f"{self.path}: column '{column.title}' mixes decimal comma and decimal point; "
