@@ -120,7 +120,6 @@ def _evaluation_after(
             found=found,
             settled=settled,
             due=due_after(whole, count),
-            followed=len(whole),
         )
         for part, found in zip(parts_of(ruleset), judged.found, strict=True)
     )

@@ -24,14 +24,12 @@ class PartEvaluation:
     found : its findings.
     settled : time of its last settled row, s.
     due : number of the row with which it is updated again even if its readings do not move.
-    followed : number of operating points when courses of degrees were last computed.
     """
 
     part: Part
     found: Found
     settled: float
     due: float
-    followed: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,10 +17,6 @@ LOOKED_AGAIN = 3
 """Factor by which rows must increase for another full update: noise is known better then. Origin:
 assumed."""
 
-FOLLOWED_AGAIN = 1.02
-"""Factor by which operating points must increase before courses of degrees are recomputed. Origin:
-assumed; a course that has lasted for a day is updated every half hour."""
-
 ROWS_AT_A_GLANCE = 60
 """Most rows of a block that gets a partial update. Origin: assumed; a stretch of full length."""
 

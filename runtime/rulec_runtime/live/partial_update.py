@@ -14,8 +14,7 @@ from rulec_runtime.diagnosis.diagnose import assembled, joined
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Found
-from rulec_runtime.diagnosis.steady.growing_faults import found_again, found_of
-from rulec_runtime.live import limits
+from rulec_runtime.diagnosis.steady.growing_faults import found_of
 from rulec_runtime.live.full_update import unsettled
 from rulec_runtime.live.history import History, history_of, only
 from rulec_runtime.live.history import joined as joined_history
@@ -79,21 +78,13 @@ def _judged(
         found = Found([], [], [])
         return replace(one, found=found, due=due_after(whole, count)), whole, None
     evaluated = evaluate_points(own, whole.points, whole.halves, "default")
-    enough = len(whole) > limits.FOLLOWED_AGAIN * one.followed
-    each = (
-        found_of(whole.timeline, own, part)
-        if enough
-        else found_again(whole.timeline, own, part, one.found)
-        for part in evaluated
-    )
-    found = joined(each, None)
+    found = joined((found_of(whole.timeline, own, part) for part in evaluated), None)
     found.not_judged.extend(unsettled(rows, whole))
     again = replace(
         one,
         found=found,
         settled=float(whole.timeline.until[-1]),
         due=due_after(whole, count),
-        followed=len(whole) if enough else one.followed,
     )
     return again, whole, latest_of(own, whole.timeline, evaluated)
 

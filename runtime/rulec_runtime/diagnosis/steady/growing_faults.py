@@ -82,22 +82,6 @@ def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
     return replace(found, findings=findings)
 
 
-def found_again(
-    timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints, before: Found
-) -> Found:
-    """The same after a few more rows, with the courses found `before`."""
-    found = findings_of(timeline, ruleset, evaluated)
-    for old in before.findings:
-        if old.growth is None or not old.active:
-            continue
-        if old.growth.grows:
-            until = float(timeline.until[-1])
-            found = _in_place(found, replace(old, until=until), old.since)
-        else:
-            found = _with_growth(found, old.fault.id, old.growth)
-    return found
-
-
 def _in_place(found: Found, one: Finding, since: float) -> Found:
     """A finding in place of all that was reported during it."""
     return replace(
