@@ -18,7 +18,6 @@ from rulec_runtime.diagnosis.steady.baseline import (
     Baseline,
     Baselines,
     nothing_learned,
-    remembered,
     times_of,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed
@@ -34,28 +33,18 @@ class Learner:
         self._kept: list[Baseline] = []
         self._at: list[np.ndarray] = []
         self._counts = packed("q", [0])
-        self._at_once = 1
 
     def take(self, observed: Observed, first: int) -> Baselines:
         """Learn from a batch that begins with point `first`; the baselines that apply to it."""
         states = [self._last or nothing_learned(observed)]
         at = np.zeros(len(observed), dtype=int)
-        every, done = [*_groups_by(self._ruleset, observed)], 0
-        while done < len(observed):
-            # Where points add nothing new, many are skipped together.
-            until = min(done + self._at_once, len(observed))
-            worth = [group.worth_learning(states[-1], done, until) for group in every]
-            found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
-            last = until if found is None else found[0] + 1
-            for group in every:
-                at[group.between(done, last)] = len(states) - 1
-            taken = None if found is None else every[found[1]].taken_up(states[-1], found[0])
+        groups = {int(p): g for g in _groups_by(self._ruleset, observed) for p in g.points}
+        for point, group in ((p, groups[p]) for p in sorted(groups)):
+            at[point] = len(states) - 1
+            taken = group.taken_up(states[-1], point)
             if taken is not None:
                 states.append(taken)
-                taken.points.append(first + last - 1)
-            more = min(2 * self._at_once, limits.LEARNED_AT_ONCE)
-            self._at_once = more if taken is None else 1
-            done = last
+                taken.points.append(first + point)
         at = np.maximum.accumulate(at)
         if self._keep:
             self._kept += states[bool(self._kept) :]
@@ -87,37 +76,11 @@ class _Group:
     log_determinant: Array
     sound: np.ndarray
 
-    def between(self, first: int, last: int) -> np.ndarray:
-        """Those of the points ``first : last`` of the recording."""
-        low, high = np.searchsorted(self.points, [first, last])
-        return np.asarray(self.points[low:high])
-
-    def worth_learning(self, before: Baseline, first: int, last: int) -> np.ndarray:
-        """Those among points that may be learned from, given the baseline before them."""
-        low, high = np.searchsorted(self.points, [first, last])
-        here = np.arange(low, high)[self.sound[low:high]]
-        if len(here) <= 1:  # `taken_up` decides as fast
-            return np.asarray(self.points[here])
-        kept = remembered(self.time[here] - before.time)[:, None, None]
-        shared, rank = self.shared[here], self.residuals.shape[1]
-        across = shared.transpose(0, 2, 1)
-        lasting = kept**2 * (shared @ before.covariance @ across)
-        total = self.noise[here] + lasting + (1.0 - kept**2) * (shared @ across)
-        off = self.residuals[here] - kept[:, 0] * (shared @ before.mean)
-        try:
-            distance = np.einsum("nr,nr->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])
-        except np.linalg.LinAlgError:  # at least one is singular: `taken_up` tries each
-            return np.asarray(self.points[here])
-        gain = np.linalg.slogdet(total)[1] - self.log_determinant[here]
-        calm = distance <= limits.ROUNDED_OTHERWISE * chi_square_limit(rank, common.CALM)
-        found: np.ndarray = self.points[
-            here[calm & (limits.ROUNDED_OTHERWISE * gain >= limits.WORTH_LEARNING * rank)]
-        ]
-        return found
-
     def taken_up(self, before: Baseline, point: int) -> Baseline | None:
-        """Condition on a point; None if it deviates, or adds next to nothing."""
+        """Condition on a point; None if it is unsound, deviates, or adds next to nothing."""
         place = int(np.searchsorted(self.points, point))
+        if not self.sound[place]:
+            return None
         before = before.later(float(self.time[place]))
         residuals, shared = self.residuals[place], self.shared[place]
         crossed = before.covariance @ shared.T
