@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,10 +29,6 @@ class ChiSquare:
     value: Array
     slope: Array
     curvature: Array
-
-    def of(self, flows: Sequence[int]) -> ChiSquare:
-        """The same if no other flows are moved."""
-        return ChiSquare(self.value, self.slope[flows], self.curvature[np.ix_(flows, flows)])
 
     def problems(self, chosen: np.ndarray) -> ChiSquare:
         """Some of the problems."""
@@ -144,7 +139,7 @@ class Metric:
         """Chi-square where some flows move: their `places` per problem, shape (touched, n), or -1;
         the flows of a problem are the touched ones of one point after the other."""
         if self.is_large:
-            return self._moving_some(places)
+            return self.moving_by_all(places)
         n, rows = len(self.which), self.weighing.residuals.shape[1]
         rank = len(self.weighing.basis)
         points, touched = rows // rank, len(places)
@@ -163,8 +158,8 @@ class Metric:
         own: Array = np.where(places >= 0, self.weighing.basis[:, places], 0.0).transpose(2, 0, 1)
         return own
 
-    def _moving_some(self, places: np.ndarray) -> ChiSquare:
-        """The same by the derivatives by all flows."""
+    def moving_by_all(self, places: np.ndarray) -> ChiSquare:
+        """The same by the derivatives by all flows, which are worked out once for all problems."""
         rank, flows = self.weighing.basis.shape
         slope, whole = self.weighing.of_flows
         points = self.weighing.residuals.shape[1] // rank

@@ -187,9 +187,7 @@ class HypothesisTest:
         seen = self.basis.T @ self.basis
         for chosen, places in alike({i: places for i, (places, _) in every.items()}):
             touched, points = len(places), len(self.members)
-            slope = np.zeros((len(chosen), touched, points, len(self)))
-            for row, i in zip(slope, chosen, strict=True):
-                row[: len(every[i][1])] = every[i][1]
+            slope = np.array([every[i][1] for i in chosen])
             largest = np.abs(slope).max(axis=(1, 2)).ravel()
             columns = np.moveaxis(slope * self.present, 0, 2).reshape(touched, points, -1)
             own = np.repeat(places, len(self), axis=1)
@@ -273,16 +271,13 @@ def in_a_row(table: Array) -> Array:
 
 
 def alike(places: Mapping[int, Sequence[int]]) -> Iterator[tuple[list[int], np.ndarray]]:
-    """Keys with about as many flows, and a table of these, by place: shape (touched, keys), -1
-    after the last of a key.
+    """Keys with as many flows, and a table of these, by place: shape (touched, keys).
 
-    >>> [(keys, table.tolist()) for keys, table in alike({4: [7], 5: [1, 2, 3], 6: [0, 1, 2, 3]})]
-    [([4], [[7]]), ([5, 6], [[1, 0], [2, 1], [3, 2], [-1, 3]])]
+    >>> [(keys, table.tolist()) for keys, table in alike({4: [7, 8], 5: [1], 6: [0, 1]})]
+    [([5], [[1]]), ([4, 6], [[7, 0], [8, 1]])]
     """
-    sizes = {key: 1 << max(len(own) - 1, 0).bit_length() for key, own in places.items()}
-    for size in sorted(set(sizes.values())):
-        keys = [key for key, own in sizes.items() if own == size]
-        table = np.full((size, len(keys)), -1)
-        for column, key in enumerate(keys):
-            table[: len(places[key]), column] = places[key]
-        yield keys, table
+    groups: dict[int, list[int]] = {}
+    for key, own in places.items():
+        groups.setdefault(len(own), []).append(key)
+    for _, keys in sorted(groups.items()):
+        yield keys, np.array([places[key] for key in keys]).T

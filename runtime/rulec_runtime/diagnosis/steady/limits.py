@@ -88,13 +88,9 @@ WORTH_LEARNING = 0.02
 """Information (nat) per residual below which a further stretch is not worth learning. Origin:
 assumed."""
 
-LEARNED_AT_ONCE = 256
-"""Points at most that are looked at together for what they add to the baseline. Origin:
-numerical."""
-
 ROUNDED_OTHERWISE = 1.0 + 1e-9
-"""Factor by which what points add, looked at together, may differ from what they add on their own,
-which decides. Origin: numerical."""
+"""Factor by which the least that a fault may leave may differ from what its fit leaves. Origin:
+numerical."""
 
 LASTING = 6.0 * 3600.0
 """Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily

@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, gain_of, in_a_row
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, gain_of
 
 
 def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None) -> np.ndarray:
@@ -17,32 +17,14 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     tried, flags of the same shape."""
     shape = (len(test.ruleset.faults), len(test))
     found = np.ones(shape, dtype=bool) if tried is None else tried.copy()
+    found &= least_left(test, found) <= limits.ROUNDED_OTHERWISE * limit
     if test.metric.is_large:
-        return found & (least_left(test, found) <= limits.ROUNDED_OTHERWISE * limit)
-    for part in test.portions():
-        for i, left in _least_left(test.at(part), found[:, part]):
-            found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
+        return found
     # The bound excludes no fault that moves the flows of all modules: its direction decides.
     wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
     if wide:
         gain = gain_of(*test.towards(wide))
         found[wide] &= gain >= limits.LIQUID_AT_FIRST * (test.metric.value - limit)
-    return found
-
-
-def _least_left(test: HypothesisTest, tried: np.ndarray) -> list[tuple[int, Array]]:
-    """Least chi-square left, shape (n,), per fault that is tried somewhere."""
-    found, (points, n) = [], test.members.shape
-    flows = np.arange(len(test.flows))[:, None] + np.zeros(n, dtype=int)
-    # At one point all flows are few enough to be worked out once for all faults.
-    every = test.metric.moving(flows) if points == 1 else None
-    for i in np.flatnonzero(tried.any(axis=1)):
-        places = [test.places[name] for name in test.touched((test.ruleset.faults[i],))]
-        if not places:
-            continue
-        chi = test.metric.moving(flows[places]) if every is None else every.of(places)
-        there = np.repeat(test.present, len(places), axis=0)
-        found.append((int(i), _without(chi, there)))
     return found
 
 
@@ -60,8 +42,8 @@ def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
         size = max(limits.TABLE // (len(table) * len(test.members)) ** 2, 1)
         for low in range(0, len(which), size):
             own, at = table[:, which[low : low + size]], problem[low : low + size]
-            chi = test.metric.problems(at).moving(own)
-            free = in_a_row(test.present[None, :, at] * (own >= 0)[:, None])
+            chi = test.metric.problems(at).moving_by_all(own)
+            free = np.repeat(test.present[:, at], len(own), axis=0)
             least[np.array(chosen)[which[low : low + size]], at] = _without(chi, free)
     return least
 
