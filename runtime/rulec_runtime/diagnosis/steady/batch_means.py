@@ -11,6 +11,7 @@ noise, the positive part of its moment estimate (DerSimonian and Laird 1986).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -46,15 +47,16 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
     before, after = (means_of_stretches(recording, ruleset, part) for part in (early, late))
     excess = stretches.lengths**2 / (early.lengths * late.lengths)
 
-    def of_batch(part: slice) -> Halves:
+    def of_batch(part: slice) -> list[Halves]:
         one, other = (
             flows_at(ruleset, {name: mean[part] for name, mean in means.items()})
             for means in (before, after)
         )
         let_go(*before.values(), *after.values())
-        return Halves(other - one, excess[part])
+        return [Halves(other - one, excess[part])]
 
-    return in_batches(len(stretches), {"apart": 1, "excess": 0}, of_batch)
+    (found,) = in_batches(len(stretches), [{"apart": 1, "excess": 0}], of_batch)
+    return cast(Halves, found)
 
 
 def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:

@@ -1,6 +1,6 @@
 """Points of long recordings, judged in batches: tables of all of them may lie in a file."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeVar, cast
 
@@ -21,35 +21,44 @@ def points_along(kind: type) -> dict[str, int]:
     return {f.name: f.metadata["along"] for f in fields(kind) if "along" in f.metadata}
 
 
-def batches(count: int) -> Iterator[slice]:
-    """Slices of so many points, a batch each; one empty batch of none."""
-    for low in range(0, max(count, 1), limits.POINTS_AT_ONCE):
-        yield slice(low, min(low + limits.POINTS_AT_ONCE, count))
+def batches(count: int, most: int = limits.POINTS_AT_ONCE) -> Iterator[slice]:
+    """Slices of so many points, at most `most` each; one empty batch of none."""
+    for low in range(0, max(count, 1), most):
+        yield slice(low, min(low + most, count))
 
 
-def in_batches(count: int, axis: Mapping[str, int], of_batch: Callable[[slice], Tables]) -> Tables:
-    """The results for all points, joined from those of each batch.
+def in_batches(
+    count: int,
+    axes: Sequence[Mapping[str, int]],
+    of_batch: Callable[[slice], Sequence[Any]],
+    most: int = limits.POINTS_AT_ONCE,
+) -> Sequence[Any]:
+    """Frozen dataclasses of tables for all points, joined from those of each batch.
 
-    `axis` gives the axis of the points per table; other fields are those of the first batch.
+    `axes` give, for each of them, the axis of the points per table; other fields are those of the
+    first batch.
     """
-    if count <= limits.POINTS_AT_ONCE:
+    if count <= most:
         return of_batch(slice(0, count))
-    tables: dict[str, np.ndarray] = {}
-    first = None
-    for part in batches(count):
+    first: Sequence[Any] = ()
+    room: list[np.ndarray] = []
+    for part in batches(count, most):
         here = of_batch(part)
-        if first is None:
-            first = here
-            names = [f.name for f in fields(cast(Any, here)) if f.name in axis]
-            samples = (np.moveaxis(getattr(here, name), axis[name], 0) for name in names)
-            room = arrays([((count, *one.shape[1:]), one.dtype) for one in samples])
-            tables = dict(zip(names, room, strict=True))
-        for name, table in tables.items():
-            table[part] = np.moveaxis(getattr(here, name), axis[name], 0)
-        let_go(*tables.values())
-    assert first is not None
-    changed: dict[str, Any] = {n: np.moveaxis(table, 0, axis[n]) for n, table in tables.items()}
-    return cast(Tables, replace(cast(Any, first), **changed))
+        own = [
+            np.moveaxis(getattr(one, name), at, 0)
+            for one, axis in zip(here, axes, strict=True)
+            for name, at in axis.items()
+        ]
+        if not room:
+            first, room = here, arrays([((count, *one.shape[1:]), one.dtype) for one in own])
+        for table, one in zip(room, own, strict=True):
+            table[part] = one
+        let_go(*room)
+    left = iter(room)
+    return [
+        replace(one, **{name: np.moveaxis(next(left), 0, at) for name, at in axis.items()})
+        for one, axis in zip(first, axes, strict=True)
+    ]
 
 
 def part_of(tables: Tables, axis: Mapping[str, int], part: slice, count: int) -> Tables:

@@ -8,6 +8,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits as own_limits
 from rulec_runtime.diagnosis.steady.baseline import SHIFTED, Baselines, against, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.batches import in_batches
@@ -16,7 +17,7 @@ from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALO
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.lasting_fault import throughout
 from rulec_runtime.diagnosis.steady.learn_baseline import Learner
-from rulec_runtime.diagnosis.steady.many_estimates import has_many, see_many
+from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many, without_tables
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
@@ -104,78 +105,25 @@ def evaluate_part(
     keep: bool = False,
 ) -> EvaluatedPoints:
     """Learn the baseline of one part of a plant, and isolate."""
-    own = points if part.ruleset is whole else points.of(part.ruleset.observed)
-    alike = own, extrapolated(whole, points)
-    if mode != PAPER and not keep and has_many(part.ruleset):
-        return _evaluate_many(part, points, alike, halves)
+    ruleset = part.ruleset
+    own = points if ruleset is whole else points.of(ruleset.observed)
+    outside = extrapolated(whole, points)
+    if mode != PAPER and not keep and has_many(ruleset):
+        every = estimate(ruleset, own)
+        directions = every.at(thinned(np.arange(len(own)))).directions()
+
+        def of_many(chosen: slice) -> Observed:
+            here = {name: flags[chosen] for name, flags in outside.items()}
+            return replace(every.at(chosen).observed(directions), extrapolated=here)
+
+        return _evaluate(part, of_many, points, (own, outside), mode, halves, many=True)
 
     def of_batch(chosen: slice) -> Observed:
         found = observe_part(whole, part, points.at(chosen))
         let_go(*points.values.values(), *points.lag.values())
         return found
 
-    return _evaluate(part, of_batch, points, alike, mode, halves, keep=keep)
-
-
-def _evaluate_many(
-    part: Part,
-    points: Points,
-    alike: tuple[Points, Mapping[str, np.ndarray]],
-    halves: Halves | None,
-) -> EvaluatedPoints:
-    """The same for a part with so many estimates that tables of all of them cost too much."""
-    ruleset, (own, outside) = part.ruleset, alike
-    every = estimate(ruleset, own)
-    directions = every.at(thinned(np.arange(len(own)))).directions()
-
-    def of_batch(chosen: slice) -> Observed:
-        here = {name: flags[chosen] for name, flags in outside.items()}
-        plain = replace(every.at(chosen).observed(directions), extrapolated=here)
-        return _wandering(ruleset, plain, halves, part.observers, chosen)
-
-    found = see_many(ruleset, len(points), of_batch)
-    give_back()
-    plain, compared = (
-        replace(one, points=own, extrapolated=outside) for one in (found.plain, found.compared)
-    )
-    return _evaluated(part, points, plain, compared, found.baselines, found.isolation)
-
-
-def _evaluated(
-    part: Part,
-    points: Points,
-    plain: Observed,
-    compared: Observed,
-    baselines: Baselines,
-    isolation: Isolation,
-) -> EvaluatedPoints:
-    """Evaluated points; if one fault throughout explains them better, their baseline is that
-    fault."""
-    give_back()
-    lasting = throughout(part.ruleset, plain, isolation)
-    if lasting is not None:
-        compared, baselines, isolation = plain, nothing_known(plain), lasting
-    give_back()
-    return EvaluatedPoints(
-        part=part,
-        points=points,
-        plain=plain,
-        observed=compared,
-        baselines=baselines,
-        isolation=isolation,
-        combined=True,
-    )
-
-
-def _wandering(
-    ruleset: Ruleset, plain: Observed, halves: Halves | None, observers: np.ndarray, chosen: slice
-) -> Observed:
-    """Estimates with their variation within a stretch, if its halves are known."""
-    if halves is None:
-        return plain
-    found = wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
-    let_go(halves.apart, halves.excess)
-    return found
+    return _evaluate(part, of_batch, points, (own, outside), mode, halves, keep=keep)
 
 
 def evaluate_observed(
@@ -195,60 +143,48 @@ def _evaluate(
     halves: Halves | None,
     *,
     keep: bool = False,
+    many: bool = False,
 ) -> EvaluatedPoints:
     """The same if `of_batch` gives the estimates of a batch; `alike` are the points as the
     part reads them, and flags of readings outside the calibrated range."""
-    ruleset, count = part.ruleset, len(points)
+    ruleset, count, learner = part.ruleset, len(points), Learner(part.ruleset, keep=keep)
 
-    def observed(chosen: slice) -> Observed:
-        plain = of_batch(chosen)
+    def judged(chosen: slice) -> tuple[Observed, Observed, Isolation]:
+        plain = found = of_batch(chosen)
+        if mode != PAPER:
+            if halves is not None:
+                own = halves.part(part.observers, chosen)
+                plain = wandering(plain, wander_of(ruleset, plain, own))
+                let_go(halves.apart, halves.excess)
+            found = against(ruleset, plain, learner.take(plain, chosen.start))
+        isolation = isolate(ruleset, found, count)
         if mode == PAPER:
-            return plain
-        return _wandering(ruleset, plain, halves, part.observers, chosen)
+            isolation = _by_paper(ruleset, plain, isolation)
+        if many:
+            plain, found = without_tables(plain), without_tables(found)
+        return plain, found, isolation
 
-    plain = in_batches(count, POINTS_ALONG, observed)
+    along = {**POINTS_ALONG, "u": 1} if many else POINTS_ALONG
+    shifted = {name: axis for name, axis in along.items() if name in (*SHIFTED, "u")}
+    size = at_once(ruleset) if many else own_limits.POINTS_AT_ONCE
+    plain, found, isolation = in_batches(count, (along, shifted, EXPLAINED_ALONG), judged, size)
     give_back()
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
-    if mode == PAPER:
-        return EvaluatedPoints(
-            part=part,
-            points=points,
-            plain=plain,
-            observed=plain,
-            baselines=nothing_known(plain),
-            isolation=_isolated(ruleset, plain, mode),
-            combined=False,
-        )
-    learner = Learner(ruleset, keep=keep)
-    compared = _compared(ruleset, plain, learner)
-    isolation = _isolated(ruleset, compared, mode)
-    return _evaluated(part, points, plain, compared, learner.baselines(), isolation)
-
-
-def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:
-    """Estimates relative to the baselines that are learned on the way."""
-
-    def of_batch(part: slice) -> Observed:
-        some = plain.part(part)
-        found = against(ruleset, some, learner.take(some, part.start))
-        let_go(plain.flows)
-        return found
-
-    along = {name: POINTS_ALONG[name] for name in SHIFTED}
-    found = in_batches(len(plain), along, of_batch)
-    return replace(plain, **{name: getattr(found, name) for name in SHIFTED})
-
-
-def _isolated(ruleset: Ruleset, observed: Observed, mode: str) -> Isolation:
-    count = len(observed)
-
-    def of_batch(part: slice) -> Isolation:
-        some = observed.part(part)
-        found = isolate(ruleset, some, count)
-        let_go(observed.flows, observed.covariance)
-        return _by_paper(ruleset, some, found) if mode == PAPER else found
-
-    return in_batches(count, EXPLAINED_ALONG, of_batch)
+    compared = replace(plain, **{name: getattr(found, name) for name in shifted})
+    baselines = nothing_known(plain) if mode == PAPER else learner.baselines()
+    if mode != PAPER and throughout(ruleset, plain, isolation):
+        # That fault is the baseline of all points.
+        compared, baselines = plain, nothing_known(plain)
+    give_back()
+    return EvaluatedPoints(
+        part=part,
+        points=points,
+        plain=plain,
+        observed=compared,
+        baselines=baselines,
+        isolation=isolation,
+        combined=mode != PAPER,
+    )
 
 
 def nothing_known(observed: Observed) -> Baselines:

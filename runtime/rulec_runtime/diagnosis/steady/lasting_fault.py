@@ -10,19 +10,17 @@ covariance of all stretches.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.batches import batches, in_batches, part_of
+from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import (
-    POINTS_ALONG,
     Isolation,
     accepted,
     quantile,
@@ -35,27 +33,28 @@ from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stac
 from rulec_runtime.recordings.larger_than_memory import let_go
 
 
-def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation | None:
-    """The verdict of all stretches together, if one fault in all of them explains them best.
+def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bool:
+    """Whether one fault in all stretches explains them best; then all get the verdict of all
+    together.
 
-    None if they do not contradict a sound plant, if no known fault explains them (the error of a
+    Not if they do not contradict a sound plant, if no known fault explains them (the error of a
     law's form may look like anything), or if a fault that begins or ends in between explains them
     better.
     """
     judged = np.flatnonzero(isolation.judged)
     if len(judged) < 2:
-        return None
+        return False
     points, valid = spread_evenly(observed, judged)
     whole = stacked_test(ruleset, observed, valid, points[:, None], np.ones((len(points), 1)))
     # Only stretches with the same usable estimates.
     judged = judged[(observed.valid[:, judged] == valid[:, None]).all(axis=0)]
     if len(judged) < 2:
-        return None
+        return False
     chance = isolation.chance
     test, own, every = _telling_most(whole, _named(isolation, judged))
     scores = np.where(ruleset.is_listed, every, 0.0)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
-        return None
+        return False
     limit = accepted(test.freedom, 1, chance)
     tried = may_fit(test, limit, (every[:, None] > 0.0) & own[:, None])
     fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
@@ -64,31 +63,22 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
         # Two faults at once explained some stretch better than a change of the liquid.
         evidence[[not fault.module for fault in ruleset.faults]] = -np.inf
     if not np.isfinite(evidence).any():
-        return None
+        return False
     deviating = isolation.deviating[test.members[:, 0]]
     best = float((evidence + ruleset.doubted).max())
     if not best + limits.FAULT_FROM_START > _best_change(test, limit, own, deviating):
-        return None
-    lasting = np.zeros(len(observed), dtype=bool)
-    lasting[judged] = True
+        return False
     found = shares(evidence[:, None])
     fitting = np.flatnonzero(np.isfinite(evidence))
-
-    def of_batch(part: slice) -> Isolation:
-        own, here = part_of(isolation, POINTS_ALONG, part, len(observed)), lasting[part]
-        degree, u = own.degree.copy(), own.u.copy()
-        for i in fitting:
-            degree[i, here], u[i, here] = fits.degree[0, i, 0], fits.u[0, i, 0]
-        return replace(
-            own,
-            deviating=own.deviating | here,
-            degree=degree,
-            u=u,
-            probability=np.where(here, found, own.probability),
-            pair=np.where(here[:, None], -1, own.pair),
-        )
-
-    return in_batches(len(observed), POINTS_ALONG, of_batch)
+    for part in batches(len(judged)):
+        here = judged[part]
+        isolation.deviating[here] = True
+        isolation.degree[np.ix_(fitting, here)] = fits.degree[0, fitting, :1]
+        isolation.u[np.ix_(fitting, here)] = fits.u[0, fitting, :1]
+        isolation.probability[:, here] = found
+        isolation.pair[here] = -1
+        let_go(isolation.probability)
+    return True
 
 
 def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
