@@ -1,13 +1,12 @@
 """Undo faults: how far the flows that they bias move."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady import limits
 
 Faults = tuple[FaultSpec, ...]
 """The simultaneous faults of one hypothesis."""
@@ -28,7 +27,7 @@ class Part:
 class Undoing:
     """Hypotheses undone side by side: each in its own columns, at the points of each column.
 
-    `parts` are the hypotheses of `every` that have columns. `readings` per signal have the shape
+    `parts` are the hypotheses. `readings` per signal have the shape
     (points, columns), SI. `measured` are the flows of the observers that the hypothesis of a column
     touches, `kept` the share of each that the baseline leaves (its correction scales with an
     estimate), both of shape (touched, points, columns), SI; 0 where a hypothesis touches fewer
@@ -36,7 +35,6 @@ class Undoing:
     """
 
     ruleset: Ruleset
-    every: Sequence[Part]
     parts: Sequence[Part]
     readings: Mapping[str, Array]
     measured: Array
@@ -71,42 +69,16 @@ class Undoing:
             ]
 
     def _undone(self, degree: Array, *, slopes: bool) -> Iterator[tuple[Part, Outputs]]:
-        """Each hypothesis with the outputs of the plan in its columns, shape (..., points,
-        columns): by one plan for all if columns are so few that a call costs more than they do."""
-        if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) > 1:
-            # The same plan for any remaining hypotheses: laying one out takes time.
-            plan = self._plan(self.every, slopes=slopes)
-            if len(plan.operations) <= limits.OPERATIONS_OF_A_CALL * len(self.parts):
-                out = self._run(plan, self.every, self.parts, degree)
-                for part in self.parts:
-                    yield part, {name: values[..., part.columns] for name, values in out.items()}
-                return
+        """Each hypothesis with the outputs of its plan, shape (..., points, its columns)."""
         for part in self.parts:
-            own = replace(part, columns=slice(None))
-            readings = {name: table[:, part.columns] for name, table in self.readings.items()}
-            alone = replace(self, readings=readings)
-            plan = self._plan([own], slopes=slopes)
-            yield part, alone._run(plan, [own], [own], degree[..., part.columns])
-
-    def _plan(self, known: Sequence[Part], *, slopes: bool) -> Plan:
-        observers = tuple(dict.fromkeys(o for part in known for o in part.touched))
-        faults = tuple(dict.fromkeys(f.id for part in known for f in part.faults))
-        return self.ruleset.undone(observers, faults if slopes else ())
-
-    def _run(
-        self, plan: Plan, known: Sequence[Part], tried: Sequence[Part], degree: Array
-    ) -> dict[str, Array]:
-        """Outputs of the plan of all known hypotheses, of which some are tried."""
-        shape = degree.shape[1:]
-        degrees = {f.id: np.zeros(shape) for part in known for f in part.faults}
-        for part in tried:
-            for fault, own in zip(part.faults, degree[..., part.columns], strict=True):
-                degrees[fault.id][..., part.columns] = own
-        inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
-        inputs |= {f"x:{name}": table.ravel() for name, table in degrees.items()}
-        for name in plan.used_inputs & self.readings.keys():
-            table = self.readings[name]
-            inputs[name] = (
-                table if table.shape == shape else np.broadcast_to(table, shape)
-            ).ravel()
-        return {name: values.reshape(shape) for name, values in plan.run(inputs).items()}
+            faults = tuple(fault.id for fault in part.faults)
+            plan = self.ruleset.undone(tuple(part.touched), faults if slopes else ())
+            own = degree[..., part.columns]
+            shape = own.shape[1:]
+            unused = (name for name in plan.used_inputs if name.startswith("x:"))
+            inputs: dict[str, Array | float] = dict.fromkeys(unused, 0.0)
+            inputs |= {f"x:{f}": own[i].ravel() for i, f in enumerate(faults)}
+            for name in plan.used_inputs & self.readings.keys():
+                table = self.readings[name][:, part.columns]
+                inputs[name] = np.broadcast_to(table, shape).ravel()
+            yield part, {name: out.reshape(shape) for name, out in plan.run(inputs).items()}

@@ -96,13 +96,13 @@ class Columns:
         shape = (self.most, *test.members.shape)
         measured, kept = np.zeros(shape), np.zeros(shape)
         edges = np.searchsorted(self.which, np.arange(len(self.hypotheses) + 1))
-        every = [
+        parts = [
             Part(faults, names, slice(first, last))
             for faults, names, first, last in zip(
                 self.hypotheses, self.touched, edges, edges[1:], strict=False
             )
+            if last > first
         ]
-        parts = [part for part in every if part.columns.stop > part.columns.start]
         for part in parts:
             own, count = test.at(part.columns), len(part.touched)
             places = [test.places[name] for name in part.touched]
@@ -110,7 +110,6 @@ class Columns:
             kept[:count, :, part.columns] = own.kept(part.faults, part.touched)
         return Undoing(
             ruleset=test.ruleset,
-            every=every,
             parts=parts,
             readings=test.readings(test.ruleset.undo.used_inputs),
             measured=measured,

@@ -224,14 +224,6 @@ CHANGED_ALONE = 0.25
 """Share of the residuals of a problem up to which a change of so many flows is worked out alone.
 Origin: numerical; with more of them a new inverse costs less."""
 
-FEW_COLUMNS = 2048
-"""Points of all hypotheses together up to which one plan undoes all of them: a call costs as much
-as that. Origin: numerical."""
-
-OPERATIONS_OF_A_CALL = 200
-"""Operations of a plan on a few numbers that cost as much as another call of a plan. Origin:
-numerical."""
-
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
 
