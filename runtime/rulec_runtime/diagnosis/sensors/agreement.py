@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from typing import TypeVar
@@ -124,15 +124,12 @@ class Bench:
 
     def with_readings(self, values: Mapping[str, Array], noise: Mapping[str, float]) -> Points:
         """The points with other means of some signals, and other noise of these."""
-        changed = dict(self.points.values)
-        u, systematic, bad = dict(self.points.u), dict(self.points.systematic), {**self.points.bad}
+        points = self.points
         for name, column in values.items():
-            signal = self.ruleset.signal_by_id[name]
-            changed[name] = column
-            systematic[name] = systematic_u(signal, column) + np.zeros(len(column))
-            u[name] = np.hypot(systematic[name], noise[name] / np.sqrt(self.stretches.lengths))
-            bad[name] = ~np.isfinite(column)
-        return replace(self.points, values=changed, u=u, systematic=systematic, bad=bad)
+            systematic = systematic_u(self.ruleset.signal_by_id[name], column)
+            u = np.hypot(systematic, noise[name] / np.sqrt(self.stretches.lengths))
+            points = points.put(name, column, u, systematic)
+        return points
 
     def agreement(self, points: Points) -> Agreement:
         """How well the estimates agree at points."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from rulec_runtime.recordings.larger_than_memory import arrays, let_go, mapped, 
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
+
+EVERY = slice(None)
 
 NO_READING = "no reading"
 """Why a reading is missing that nobody removed."""
@@ -72,6 +75,26 @@ class Points:
     @property
     def _tables(self) -> tuple[Mapping[str, Array], ...]:
         return self.values, self.u, self.systematic, self.bad, self.lag, self.stood_in
+
+    def put(
+        self,
+        signal: str,
+        value: Array,
+        u: Array | float,
+        systematic: Array | float = 0.0,
+        *,
+        at: np.ndarray | slice = EVERY,
+    ) -> Points:
+        """The same with other values of a signal, SI, at some points, and their uncertainties."""
+        tables = {"values": value, "u": u, "systematic": systematic, "bad": ~np.isfinite(value)}
+        changed: dict[str, Any] = {}
+        for name, new in tables.items():
+            columns = getattr(self, name)
+            blank = np.zeros(len(self), dtype=bool if name == "bad" else float)
+            column = np.array(columns.get(signal, blank))
+            column[at] = new
+            changed[name] = {**columns, signal: column}
+        return replace(self, **changed)
 
     def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
         """Standard uncertainties including lags, shape (n,) each, SI."""

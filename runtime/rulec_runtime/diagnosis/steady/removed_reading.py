@@ -9,7 +9,6 @@ Source: own derivation; a nuisance parameter, eliminated by a wide prior (genera
 squares).
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -97,15 +96,8 @@ def ends_tried(signal: SignalSpec) -> tuple[float, float]:
 
 def _tried(points: Points, signal: SignalSpec, value: Array, u: float) -> Points:
     """Points with independent values of a reading, shape (n,)."""
-    name = signal.id
-    return replace(
-        points,
-        values={**points.values, name: value},
-        u={**points.u, name: np.full(len(value), u)},
-        systematic={**points.systematic, name: np.zeros(len(value))},
-        bad={**points.bad, name: ~np.isfinite(value)},
-        stood_in={**points.stood_in, name: np.ones(len(value), dtype=bool)},
-    )
+    there = {**points.stood_in, signal.id: np.ones(len(value), dtype=bool)}
+    return replace(points.put(signal.id, value, u), stood_in=there)
 
 
 def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array) -> Points:
@@ -114,37 +106,18 @@ def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array
     if not found.any():
         return points
     name, (low, high) = signal.id, ends_tried(signal)
-    places, spread = chosen[found], limits.STAND_IN_SPREAD * (high - low)
-    none = np.zeros(len(points), dtype=bool)
-    return replace(
-        points,
-        values=_with(points.values, name, places, value[found]),
-        u=_with(points.u, name, places, spread),
-        systematic=_with(points.systematic, name, places, 0.0),
-        bad=_with(points.bad, name, places, False),
-        stood_in=_with({name: none, **points.stood_in}, name, places, True),
-    )
-
-
-def _with(
-    table: Mapping[str, Array], name: str, places: np.ndarray, new: Array | float
-) -> dict[str, Array]:
-    """A table with other numbers at some places of one column."""
-    column = table[name].copy()
-    column[places] = new
-    return {**table, name: column}
+    there = points.stood_in.get(name, np.zeros(len(points), dtype=bool)).copy()
+    there[chosen[found]] = True
+    spread = limits.STAND_IN_SPREAD * (high - low)
+    points = points.put(name, value[found], spread, at=chosen[found])
+    return replace(points, stood_in={**points.stood_in, name: there})
 
 
 def of_samples(points: Points, stretches: Points, place: np.ndarray) -> Points:
     """Points of samples with the stand-ins of their stretches, by their places."""
     for name, flags in stretches.stood_in.items():
         lost = np.flatnonzero(flags[place] & ~np.isfinite(points.values[name]))
-        own = place[lost]
-        points = replace(
-            points,
-            values=_with(points.values, name, lost, stretches.values[name][own]),
-            u=_with(points.u, name, lost, stretches.u[name][own]),
-            systematic=_with(points.systematic, name, lost, 0.0),
-            stood_in={**points.stood_in, name: flags[place]},
-        )
+        value, u = (table[name][place[lost]] for table in (stretches.values, stretches.u))
+        points = points.put(name, value, u, at=lost)
+        points = replace(points, stood_in={**points.stood_in, name: flags[place]})
     return points
