@@ -8,8 +8,7 @@ from pathlib import Path
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
-from rulec_runtime.diagnosis.verdict_per_sample import trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace, trace
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.page import report
 from rulec_runtime.report.page_origin import Made

@@ -1,10 +1,12 @@
 """A verdict for every sample, where a diagnosis judges whole stretches."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
@@ -13,9 +15,32 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     evaluate_stretches,
     judgeable,
 )
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
 from rulec_runtime.diagnosis.steady.verdict import verdict_at
 from rulec_runtime.recordings.recording import Recording
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Per sample: verdict, and per fault degree and bounds, shape (faults, n).
+
+    `faults` are the ids of those faults: all listed ones, and others if they are named.
+    """
+
+    time: Array
+    verdict: tuple[str, ...]
+    degree: Array
+    lower: Array
+    upper: Array
+    faults: tuple[str, ...]
+
+    def of(self, fault: str) -> tuple[Array, Array, Array]:
+        """Degree and bounds of one fault, shape (n,) each; 0 if no sample names it."""
+        if fault not in self.faults:
+            none = np.zeros(len(self.time))
+            return none, none, none
+        row = self.faults.index(fault)
+        return self.degree[row], self.lower[row], self.upper[row]
+
 
 QUIET = ("ok", "cannot judge")
 """Words that give way to those of other blocks of estimates."""

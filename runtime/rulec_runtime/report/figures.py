@@ -7,7 +7,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.report.captions import excess, say_degrees, say_estimates, say_residuals
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.compare import draw_cases, draw_shares

@@ -9,7 +9,7 @@ from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.wording import actions, why_first

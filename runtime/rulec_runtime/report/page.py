@@ -9,8 +9,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
-from rulec_runtime.diagnosis.verdict_per_sample import trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace, trace
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording

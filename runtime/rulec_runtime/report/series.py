@@ -21,7 +21,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     usable_at,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.chart import runs_of

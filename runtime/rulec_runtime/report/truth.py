@@ -8,7 +8,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.columns import nearest
 from rulec_runtime.recordings.csv_table import RecordingRefused

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.sample_verdicts import Trace
-from rulec_runtime.diagnosis.verdict_per_sample import trace
+from rulec_runtime.diagnosis.verdict_per_sample import Trace, trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form
 

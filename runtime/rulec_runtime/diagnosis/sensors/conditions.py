@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
+from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.recordings.columns import median_of
 from rulec_runtime.recordings.plant_calendar import ENDED
+from rulec_runtime.recordings.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -87,3 +90,30 @@ class SensorFinding:
     def module(self) -> str:
         """Module of the sensor."""
         return self.signal.partition(".")[0]
+
+
+Found = tuple[SensorFinding, slice]
+"""A finding with its samples."""
+
+
+def found_in(
+    recording: Recording, rows: slice, condition: Condition, signal: str, text: str
+) -> Found:
+    """A reading that is invalid in some rows."""
+    since, until = (float(recording.time[i]) for i in (rows.start, rows.stop - 1))
+    finding = SensorFinding(condition=condition, signal=signal, since=since, until=until, text=text)
+    return finding, rows
+
+
+def stuck_in(recording: Recording, rows: slice, signal: SignalSpec, because: str) -> Found:
+    """A reading that does not move."""
+    shown = signal.shown(float(recording.values[signal.id][rows.start]))
+    text = f"{signal.id} is stuck at {shown:.6g} {signal.unit}: {because}"
+    return found_in(recording, rows, STUCK, signal.id, text)
+
+
+def dead_in(recording: Recording, rows: slice, signal: SignalSpec, because: str) -> Found:
+    """A reading at zero."""
+    shown = signal.shown(median_of(recording.values[signal.id][rows]))
+    text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} although {because}"
+    return found_in(recording, rows, DEAD, signal.id, text)

@@ -16,17 +16,14 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Bench
-from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
+from rulec_runtime.diagnosis.sensors.conditions import Found, dead_in
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
-from rulec_runtime.recordings.columns import median_of
 from rulec_runtime.recordings.larger_than_memory import mapped
 from rulec_runtime.recordings.recording import Recording
 
 
-def dead_readings(
-    recording: Recording, ruleset: Ruleset, bench: Bench
-) -> Iterator[tuple[SensorFinding, slice]]:
-    """Dead readings, each as a finding with its samples."""
+def dead_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Iterator[Found]:
+    """Dead readings."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not bench.readers(signal.id).any():
@@ -39,8 +36,7 @@ def dead_readings(
         if len(runs) > limits.DIES:
             continue  # a reading that comes back again and again works: the plant causes it
         for first, last in runs:
-            part = slice(first, last)
-            yield dead_finding(signal, recording, part, "other readings show flow"), part
+            yield dead_in(recording, slice(first, last), signal, "other readings show flow")
 
 
 def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
@@ -55,23 +51,6 @@ def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
         size = usual if 0.0 < usual <= limits.AT_ZERO * span else span
     with np.errstate(invalid="ignore"):
         return np.asarray(values <= low + limits.AT_ZERO * size)
-
-
-def dead_finding(
-    signal: SignalSpec, recording: Recording, part: slice, because: str
-) -> SensorFinding:
-    """A dead reading, as a finding."""
-    usual = median_of(recording.values[signal.id][part])
-    shown = signal.shown(usual)
-    text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} although {because}"
-    time = recording.time
-    return SensorFinding(
-        condition=DEAD,
-        signal=signal.id,
-        since=float(time[part.start]),
-        until=float(time[part.stop - 1]),
-        text=text,
-    )
 
 
 def _run_around(zero: np.ndarray, sample: int) -> tuple[int, int]:

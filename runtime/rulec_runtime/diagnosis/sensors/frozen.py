@@ -18,6 +18,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Bench
+from rulec_runtime.diagnosis.sensors.conditions import Found, stuck_in
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.removed_reading import ends_tried
@@ -34,8 +35,8 @@ class Freed:
     excess: Array
 
 
-def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Iterator[SignalSpec]:
-    """Signals whose readings are frozen from the first sample to the last."""
+def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Iterator[Found]:
+    """Readings that are frozen from the first sample to the last."""
     recorded = (s for s in ruleset.signals if s.id in recording.values)
     never = [s for s in recorded if never_moves(recording.values[s.id])]
     used = ruleset.observed
@@ -49,7 +50,8 @@ def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Ite
         if _has_noise_elsewhere(recording, ruleset, bench, signal) or (
             here.any() and _should_move(bench, signal, here)
         ):
-            yield signal
+            because = "it never moves, while the others say that it should"
+            yield stuck_in(recording, slice(0, len(recording)), signal, because)
 
 
 def _has_noise_elsewhere(

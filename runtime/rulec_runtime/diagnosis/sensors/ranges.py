@@ -13,20 +13,21 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
+from rulec_runtime.diagnosis.sensors.conditions import RANGE, Found, found_in
 from rulec_runtime.recordings.columns import median_of, runs_where
 from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording import Recording
 
 
-def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[SensorFinding, slice]]:
-    """Runs of such readings, each as a finding with its samples."""
+def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[Found]:
+    """Runs of such readings."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None:
             continue
         for a, b in runs_where(_failed(signal, values), common.PERSISTENCE):
-            yield _finding(signal, recording, a, b), slice(a, b)
+            text = _words(signal, median_of(values[a:b]))
+            yield found_in(recording, slice(a, b), RANGE, signal.id, text)
 
 
 def _failed(signal: SignalSpec, values: Array) -> np.ndarray:
@@ -41,20 +42,11 @@ def _failed(signal: SignalSpec, values: Array) -> np.ndarray:
     return failed
 
 
-def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) -> SensorFinding:
+def _words(signal: SignalSpec, usual: float) -> str:
     ends = signal.ends
-    usual = median_of(recording.values[signal.id][first:last])
     shown, low, high = (signal.shown(v) for v in (usual, *ends))
     side = "below its live zero" if usual < ends[0] else "above its range"
-    text = (
+    return (
         f"{signal.id} reads {shown:.4g} {signal.unit}, {side} "
         f"({low:.4g} to {high:.4g} {signal.unit}), so it is not a valid reading"
-    )
-    time = recording.time
-    return SensorFinding(
-        condition=RANGE,
-        signal=signal.id,
-        since=float(time[first]),
-        until=float(time[last - 1]),
-        text=text,
     )

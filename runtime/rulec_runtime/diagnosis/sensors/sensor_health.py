@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.agreement import bench_of
-from rulec_runtime.diagnosis.sensors.conditions import CLOCK, STUCK, SensorFinding
+from rulec_runtime.diagnosis.sensors.conditions import CLOCK, Found, SensorFinding, stuck_in
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
@@ -26,9 +26,6 @@ from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END, duration
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
 from rulec_runtime.recordings.stationary import systematic_u
-
-Found = tuple[SensorFinding, slice]
-"""A finding with its samples."""
 
 WHY = {"dead": "dead at zero", "stuck": "stuck at one value", "range": "outside the sensor's range"}
 """By name of a condition: why a reading is not used, in a few words."""
@@ -128,17 +125,7 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
         for a, b in standing_still(values, u, (low, signal.highest)):
             if at_zero(signal, values[a : a + 1])[0]:
                 continue  # a clipped zero; the others decide whether it is dead
-            yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
-
-
-def stuck_finding(
-    signal: SignalSpec, recording: Recording, first: int, last: int, because: str
-) -> SensorFinding:
-    """A reading that does not move, as a finding."""
-    shown = signal.shown(float(recording.values[signal.id][first]))
-    text = f"{signal.id} is stuck at {shown:.6g} {signal.unit}: {because}"
-    since, until = float(recording.time[first]), float(recording.time[last - 1])
-    return SensorFinding(condition=STUCK, signal=signal.id, since=since, until=until, text=text)
+            yield stuck_in(recording, slice(a, b), signal, "even its noise is gone")
 
 
 def without(recording: Recording, found: Iterable[Found]) -> Recording:
@@ -183,24 +170,13 @@ def frozen_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
     """Readings that never move though the others show that they should."""
     if not any(map(never_moves, recording.values.values())):
         return []
-    n = len(recording)
     if ruleset.dynamics is not None:
         # The integrator takes a second to load, and only plants that store need it.
         from rulec_runtime.diagnosis.sensors.stores import silent_readings
 
-        because = "it never moves, while the balances say that it should"
-        return [
-            (dead or stuck_finding(signal, recording, 0, n, because), slice(0, n))
-            for signal, dead in silent_readings(recording, ruleset)
-        ]
+        return [*silent_readings(recording, ruleset)]
     bench = bench_of(recording, ruleset)
-    if bench is None:
-        return []
-    because = "it never moves, while the others say that it should"
-    return [
-        (stuck_finding(signal, recording, 0, n, because), slice(0, n))
-        for signal in frozen_readings(recording, ruleset, bench)
-    ]
+    return [] if bench is None else [*frozen_readings(recording, ruleset, bench)]
 
 
 def misread_of(

@@ -11,8 +11,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
+from rulec_runtime.diagnosis.sensors.conditions import Found, dead_in, stuck_in
+from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, start_of, with_free_states
 from rulec_runtime.recordings.columns import filled
 from rulec_runtime.recordings.recording import Recording
@@ -20,10 +20,8 @@ from rulec_runtime.recordings.standing_still import last_digit, never_moves
 from rulec_runtime.recordings.stationary import systematic_u
 
 
-def silent_readings(
-    recording: Recording, ruleset: Ruleset
-) -> Iterator[tuple[SignalSpec, SensorFinding | None]]:
-    """Readings that never move: dead ones with their finding, frozen ones without."""
+def silent_readings(recording: Recording, ruleset: Ruleset) -> Iterator[Found]:
+    """Readings that never move: dead or frozen."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
     names = [n for n in dynamics.outputs if n in recording.values]
@@ -32,7 +30,7 @@ def silent_readings(
         return
     if not any(np.nanstd(recording.values[n]) > 0 for n in dynamics.inputs):
         return
-    predicted = _predicted(recording, ruleset, dynamics)
+    predicted, every = _predicted(recording, ruleset, dynamics), slice(0, len(recording))
     for name in silent:
         signal, course = ruleset.signal_by_id[name], predicted.get(name)
         if course is None:
@@ -44,12 +42,12 @@ def silent_readings(
             end = signal.offset if low is None else low
             if np.median(course) > end + limits.LEVEL_THERE * span:
                 because = "the balances show that it is not empty"
-                every = slice(0, len(recording))
-                yield signal, dead_finding(signal, recording, every, because)
+                yield dead_in(recording, every, signal, because)
             continue
         shown = float(values[np.isfinite(values)][0])
         if (high is None or shown < high) and _should_move(signal, shown, course):
-            yield signal, None
+            because = "it never moves, while the balances say that it should"
+            yield stuck_in(recording, every, signal, because)
 
 
 def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
