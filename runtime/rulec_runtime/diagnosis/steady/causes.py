@@ -9,7 +9,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, hypotheses_of
+from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits, hypotheses_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
@@ -47,7 +47,7 @@ def causes_of(
     return [_cause(ruleset, hypotheses, best, fault, fitting) for fault in best.faults]
 
 
-def _named(ruleset: Ruleset, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+def _named(ruleset: Ruleset, hypotheses: Sequence[Fit]) -> Fit:
     """The most probable hypothesis; of indistinguishable ones, the most frequent."""
     first = hypotheses[0]
     groups = {frozenset(_twins(ruleset, f)) for f in first.faults}
@@ -63,8 +63,8 @@ def _named(ruleset: Ruleset, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
 
 def _cause(
     ruleset: Ruleset,
-    hypotheses: Sequence[Hypothesis],
-    best: Hypothesis,
+    hypotheses: Sequence[Fit],
+    best: Fit,
     fault: int,
     fitting: np.ndarray,
 ) -> Cause:
@@ -110,10 +110,10 @@ def _shared(chance: dict[int, float], group: Sequence[int], odds: np.ndarray) ->
 
 
 def _others(
-    hypotheses: Sequence[Hypothesis],
-    best: Hypothesis,
+    hypotheses: Sequence[Fit],
+    best: Fit,
     fault: int,
-    probability: Callable[[Hypothesis], float],
+    probability: Callable[[Fit], float],
 ) -> dict[int, float]:
     """Faults that replace a fault in the other hypotheses, with their probabilities."""
     chance: dict[int, float] = {}
@@ -139,7 +139,7 @@ def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
     return found
 
 
-def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Hypothesis:
+def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Fit:
     """Where no degree fits all stretches: the mean of those of each, with their scatter."""
     pair = tuple(int(i) for i in isolation.pair[members[0]])
     mean = isolation.probability[:, members].mean(axis=1)
@@ -155,4 +155,6 @@ def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Hypot
         # Lasting errors do not average out over a run, so the uncertainty is that of one stretch.
         spreads.append(float(np.hypot(np.min(u), np.sqrt(np.average((each - degree) ** 2)))))
     probability, unprejudiced = (float(p[list(faults)].min()) for p in (weighed, mean))
-    return Hypothesis(faults, tuple(degrees), tuple(spreads), probability, unprejudiced, ONSET)
+    nothing = np.nan, np.nan
+    of_each = tuple(degrees), tuple(spreads)
+    return Fit(faults, ONSET, *of_each, *nothing, probability, unprejudiced)

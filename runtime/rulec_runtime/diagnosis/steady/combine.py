@@ -7,7 +7,7 @@ the stretches behind the baseline: they may turn out to hold the fault too, or o
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -32,30 +32,12 @@ ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 
 
 @dataclass(frozen=True)
-class Hypothesis:
-    """Faults (indexes) with degree, standard uncertainty, probability, and when they are present.
-
-    `unprejudiced` is the probability if all faults were equally frequent.
-    """
-
-    faults: tuple[int, ...]
-    degrees: tuple[float, ...]
-    u: tuple[float, ...]
-    probability: float
-    unprejudiced: float
-    when: str
-
-    def bounds(self, fault: int) -> tuple[float, float]:
-        """95 % bounds of the degree of one of the faults."""
-        place = self.faults.index(fault)
-        half = common.COVERAGE * self.u[place]
-        return self.degrees[place] - half, self.degrees[place] + half
-
-
-@dataclass(frozen=True)
 class Fit:
-    """Best fit of faults (indexes) to one run: degrees and uncertainties, chi-square left,
-    log-likelihood, and when they are present."""
+    """Best fit of faults (indexes) to one run: when they are present, degrees and standard
+    uncertainties, chi-square left, and log-likelihood.
+
+    Among others it has a probability, and one if all faults were equally frequent (`unprejudiced`).
+    """
 
     faults: tuple[int, ...]
     when: str
@@ -63,6 +45,14 @@ class Fit:
     u: tuple[float, ...]
     distance: float
     evidence: float
+    probability: float = 0.0
+    unprejudiced: float = 0.0
+
+    def bounds(self, fault: int) -> tuple[float, float]:
+        """95 % bounds of the degree of one of the faults."""
+        place = self.faults.index(fault)
+        half = common.COVERAGE * self.u[place]
+        return self.degrees[place] - half, self.degrees[place] + half
 
 
 @dataclass(frozen=True)
@@ -119,7 +109,7 @@ def fits_of(
 
 def hypotheses_of(
     fits: Fits, chance: float, odds: Array, known: frozenset[int] = frozenset()
-) -> list[Hypothesis]:
+) -> list[Fit]:
     """Hypotheses that fit all stretches of a run, the most probable first; none if none does.
 
     `odds` are the prior odds of the faults, shape (faults,); `known` are faults found just before
@@ -135,19 +125,18 @@ def hypotheses_of(
     prior = np.array([np.log(odds[list(f.faults)]).sum() for f in sound])
     both = np.column_stack([shares(e[:, None])[:, 0] for e in (evidence + prior, evidence)])
     order = np.argsort(-both[:, 0], kind="stable")
-    return [_hypothesis(sound[k], both[k], rank) for k in order.tolist() if both[k].all()]
+    return [_weighed(sound[k], both[k], rank) for k in order.tolist() if both[k].all()]
 
 
-def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
-    """Degrees with bounds, widened if stretches scatter more than they should."""
+def _weighed(fit: Fit, probability: Array, rank: int) -> Fit:
+    """A fit with its probabilities, and wider bounds if stretches scatter more than they should."""
     freedom = rank - len(fit.faults)
     wide = 1.0
     if freedom > 0 and fit.distance > chi_square_limit(freedom, limits.DISAGREE):
         wide = float(np.sqrt(fit.distance / freedom))
-    posterior, unprejudiced = probability.tolist()
-    return Hypothesis(
-        fit.faults, fit.degrees, tuple(wide * u for u in fit.u), posterior, unprejudiced, fit.when
-    )
+    chance, alone = probability.tolist()
+    u = tuple(wide * own for own in fit.u)
+    return replace(fit, u=u, probability=chance, unprejudiced=alone)
 
 
 def _fits_alike(

@@ -10,7 +10,7 @@ Source: own derivation, see docs/method.md; generalised least squares as in any 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
@@ -23,7 +23,7 @@ from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
 from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, gain_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
+from rulec_runtime.diagnosis.steady.pairs import fit_pairs
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
 from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
 
@@ -235,12 +235,12 @@ def _explain(
     own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
     unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
     if pairs and unexplained.any() and rank > 2:
-        found = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
+        tried, found = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
         least = np.max(evidence[:, unexplained], axis=0, initial=-np.inf) + limits.SECOND_FAULT
         better = np.max(found.evidence, axis=0, initial=-np.inf) > least
-        points = chosen[unexplained][better]
-        result.probability[:, points] = 0.0
-        _take_pairs(found.at(better), points, test.ruleset.odds, result)
+        result.probability[:, chosen[unexplained][better]] = 0.0
+        if tried:
+            _take_pairs(tried, found, better, chosen[unexplained], test.ruleset.odds, result)
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
@@ -284,15 +284,21 @@ def _within_range(test: HypothesisTest) -> np.ndarray:
     return within
 
 
-def _take_pairs(fits: PairFits, members: np.ndarray, odds: Array, result: Isolation) -> None:
-    """Enter the results of pairs: per fault the sum over its pairs, and the best pair's degree.
+def _take_pairs(
+    pairs: Sequence[tuple[int, int]],
+    fits: Outcomes,
+    better: np.ndarray,
+    members: np.ndarray,
+    odds: Array,
+    result: Isolation,
+) -> None:
+    """Enter the results of pairs at `better` points: per fault the sum over its pairs, and the best
+    pair's degree.
 
     `odds` are the prior odds of the faults, shape (faults,).
     """
-    if not fits.pairs:
-        return
-    probability = shares(fits.evidence)
-    places = np.array(fits.pairs)
+    places = np.array(pairs)
+    probability = np.where(better, shares(fits.evidence), 0.0)
     found = np.flatnonzero(probability.max(axis=0) > 0)
     points = members[found]
     posterior = shares(fits.evidence + np.log(odds[places]).sum(axis=1)[:, None])

@@ -6,35 +6,20 @@ are then fitted in full. Two is the maximum: each further degree reduces the evi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import Metric
-from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 
 
-@dataclass(frozen=True)
-class PairFits:
-    """Fitted pairs: indexes of faults, and per pair and point degrees and uncertainties, shape (2,
-    pairs, n), and log-likelihood, shape (pairs, n), -inf where the pair does not fit."""
-
-    pairs: tuple[tuple[int, int], ...]
-    degree: Array
-    u: Array
-    evidence: Array
-
-    def at(self, chosen: np.ndarray) -> PairFits:
-        """Some of the points."""
-        degree, u = self.degree[..., chosen], self.u[..., chosen]
-        return PairFits(self.pairs, degree, u, self.evidence[..., chosen])
-
-
-def fit_pairs(test: HypothesisTest, limit: float) -> PairFits:
-    """Fit the pairs that pass the screening; `limit` is the distance up to which one fits."""
+def fit_pairs(test: HypothesisTest, limit: float) -> tuple[list[tuple[int, int]], Outcomes]:
+    """Pairs that pass the screening, indexes of faults, and their fits; `limit` is the distance up
+    to which one fits, beyond it its log-likelihood is -inf."""
     # At each point, the pairs whose linear effects come closest to the residuals.
     found: set[tuple[int, int]] = set()
     for part in test.portions():
@@ -44,7 +29,7 @@ def fit_pairs(test: HypothesisTest, limit: float) -> PairFits:
     pairs, faults = sorted(found), test.ruleset.faults
     fits = fit(test, [(faults[i], faults[j]) for i, j in pairs])
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
-    return PairFits(tuple(pairs), fits.degree, fits.u, evidence)
+    return pairs, replace(fits, evidence=evidence)
 
 
 def _linear(test: HypothesisTest, metric: Metric) -> tuple[list[tuple[int, int]], Array]:
