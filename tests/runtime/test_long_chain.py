@@ -11,11 +11,8 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.sensors.sensor_health import dead_of
-from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.many_estimates import has_many
-from rulec_runtime.diagnosis.steady.observe import estimate
-from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.passes.pipeline import compile_plant
@@ -81,18 +78,3 @@ def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
     finding = found(rules, leaking(rules, fault, first, last), fault)
     assert finding.since == pytest.approx(first, abs=5.0)
     assert finding.until == pytest.approx(last, abs=5.0)
-
-
-def test_directions_keep_the_variance_of_errors() -> None:
-    """Directions and what is left of errors have together the covariance that all errors have."""
-    rules = rules_of(LONG)
-    recording = leaking(rules, LEAK, ROWS // 3, ROWS)
-    stretches, noise = judgeable(recording, rules, "default")
-    points = points_of_stretches(recording, rules, stretches, noise).at(slice(0, 2))
-    every = estimate(rules, points)
-    plain, few = every.observed(), every.observed(every.directions())
-    assert few.shared.shape[1] < 0.5 * plain.shared.shape[1]
-    np.testing.assert_allclose(few.covariance, plain.covariance, rtol=1e-9, atol=1e-30)
-    left = few.noise - plain.noise
-    lasting = plain.covariance - plain.noise
-    assert np.abs(left).max() < 1e-3 * np.abs(lasting).max()

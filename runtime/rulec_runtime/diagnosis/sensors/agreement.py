@@ -15,9 +15,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.least_disagreement import LeftOut, left_out
+from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, isolate, quantile
 from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many
-from rulec_runtime.diagnosis.steady.observe import Observed, estimate
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import Points, one_after_the_other, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
@@ -133,23 +134,19 @@ class Bench:
 
     def agreement(self, points: Points) -> Agreement:
         """How well the estimates agree at points."""
-        estimates, n = estimate(self.ruleset, points), len(points)
+        n = len(points)
         if not has_many(self.ruleset):
-            observed = estimates.observed()
+            observed = observe(self.ruleset, points)
             return Agreement(*self._agreement(observed), observed.part, points, slice(0, n))
+
         # Tables of so many estimates are not kept, but made again on demand.
-        size = at_once(self.ruleset)
-        parts = [
-            self._agreement(estimates.at(slice(low, low + size)).observed())
-            for low in range(0, n, size)
-        ]
-        excess, limit, freedom, valid = (
-            np.concatenate(tables, axis=-1) for tables in zip(*parts, strict=True)
-        )
-
         def some(chosen: slice) -> Observed:
-            return estimates.at(chosen).observed()
+            return observe(self.ruleset, points.at(chosen))
 
+        parts = [self._agreement(some(part)) for part in batches(n, at_once(self.ruleset))]
+        excess, limit, freedom, valid = (
+            np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)
+        )
         return Agreement(excess, limit, freedom, valid, some, points, slice(0, n))
 
     def _agreement(self, observed: Observed) -> tuple[Array, Array, np.ndarray, np.ndarray]:

@@ -21,14 +21,12 @@ from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many, wit
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
-    estimate,
     extrapolated,
     observe_part,
 )
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
 from rulec_runtime.diagnosis.steady.removed_reading import of_samples, with_stand_ins
-from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
 from rulec_runtime.recordings.larger_than_memory import give_back, let_go
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
@@ -108,22 +106,14 @@ def evaluate_part(
     ruleset = part.ruleset
     own = points if ruleset is whole else points.of(ruleset.observed)
     outside = extrapolated(whole, points)
-    if mode != PAPER and not keep and has_many(ruleset):
-        every = estimate(ruleset, own)
-        directions = every.at(thinned(np.arange(len(own)))).directions()
-
-        def of_many(chosen: slice) -> Observed:
-            here = {name: flags[chosen] for name, flags in outside.items()}
-            return replace(every.at(chosen).observed(directions), extrapolated=here)
-
-        return _evaluate(part, of_many, points, (own, outside), mode, halves, many=True)
 
     def of_batch(chosen: slice) -> Observed:
         found = observe_part(whole, part, points.at(chosen))
         let_go(*points.values.values(), *points.lag.values())
         return found
 
-    return _evaluate(part, of_batch, points, (own, outside), mode, halves, keep=keep)
+    many = mode != PAPER and not keep and has_many(ruleset)
+    return _evaluate(part, of_batch, points, (own, outside), mode, halves, keep=keep, many=many)
 
 
 def evaluate_observed(

@@ -212,10 +212,6 @@ together, in such a plant. Origin: numerical; alternatives are mentioned from `M
 SAME_ROWS = 1e-6
 """Relative size below which a combination of estimates says nothing new. Origin: numerical."""
 
-LEFT_OF_ERRORS = 1e-6
-"""Share of the variance by errors that last which counts as new at every point in such a plant.
-Origin: numerical."""
-
 ESTIMATES_AT_ONCE = 1_000_000
 """Numbers in the covariances of estimates of points that are worked on together, in such a plant.
 Origin: numerical, what is found is the same."""

@@ -11,7 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, part_of, points_along
-from rulec_runtime.diagnosis.steady.errors import Directions, directions_of, errors_of, gradients_of
+from rulec_runtime.diagnosis.steady.errors import errors_of
 from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.larger_than_memory import let_go
@@ -103,58 +103,6 @@ def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[st
 
 def observe(ruleset: Ruleset, points: Points) -> Observed:
     """Run the plan on points and decide which estimates are usable."""
-    return estimate(ruleset, points).observed()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimates:
-    """Results of the plan at points, before their errors are combined.
-
-    `flows`, `valid`, `slopes` and `residuals` are as in `with_errors`.
-    """
-
-    ruleset: Ruleset
-    points: Points
-    flows: Array
-    valid: np.ndarray
-    slopes: Mapping[str, Array]
-    residuals: tuple[Array, Array, Array]
-
-    def at(self, chosen: slice | np.ndarray) -> Estimates:
-        """Some of the points."""
-        whole, lasting, shared = self.residuals
-        return replace(
-            self,
-            points=self.points.at(chosen),
-            flows=self.flows[:, chosen],
-            valid=self.valid[:, chosen],
-            slopes={name: slope[chosen] for name, slope in self.slopes.items()},
-            residuals=(whole[:, chosen], lasting[:, chosen], shared[:, chosen]),
-        )
-
-    def directions(self) -> Directions:
-        """Directions that represent the lasting errors at these points."""
-        n = self.flows.shape[1]
-        return directions_of(
-            self.ruleset, gradients_of(self.ruleset, self.points, self.slopes, n)[2]
-        )
-
-    def observed(self, directions: Directions | None = None) -> Observed:
-        """Estimates with their errors; `directions` represent the lasting ones, if given."""
-        observed = with_errors(
-            self.ruleset,
-            self.points,
-            self.flows,
-            self.valid,
-            self.slopes,
-            self.residuals,
-            directions,
-        )
-        return replace(observed, extrapolated=extrapolated(self.ruleset, self.points))
-
-
-def estimate(ruleset: Ruleset, points: Points) -> Estimates:
-    """Run the plan on points and decide which estimates are usable."""
     names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
     results = ruleset.plan.select(names).run(plan_inputs(points))
@@ -175,9 +123,8 @@ def estimate(ruleset: Ruleset, points: Points) -> Estimates:
         np.array([out[name] for name in of_residuals]).reshape(-1, n),
         np.array(lasting).reshape(-1, n),
     )
-    return Estimates(
-        ruleset=ruleset, points=points, flows=flows, valid=valid, slopes=slopes, residuals=residuals
-    )
+    observed = with_errors(ruleset, points, flows, valid, slopes, residuals)
+    return replace(observed, extrapolated=extrapolated(ruleset, points))
 
 
 def observe_part(whole: Ruleset, part: Part, points: Points) -> Observed:
@@ -200,7 +147,6 @@ def with_errors(
     valid: np.ndarray,
     slopes: Mapping[str, Array],
     residuals: tuple[Array, Array, Array] | None = None,
-    directions: Directions | None = None,
 ) -> Observed:
     """Estimates with their errors, and no reading marked as extrapolated.
 
@@ -212,7 +158,7 @@ def with_errors(
     residuals : residuals, their uncertainties and the parts of these that do not average out, each
         of shape (residuals, n), m3/s; by default from the estimates.
     """
-    scatter, noise, lasting, shared, late = errors_of(ruleset, points, slopes, flows, directions)
+    scatter, noise, lasting, shared, late = errors_of(ruleset, points, slopes, flows.shape)
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting

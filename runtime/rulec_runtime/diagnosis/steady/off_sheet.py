@@ -56,8 +56,6 @@ def _explains(evaluated: EvaluatedPoints, judged: np.ndarray) -> bool:
     ruleset, plain = evaluated.part.ruleset, evaluated.plain
     lags = [f"lag:{name}" for name in plain.points.lag]
     errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
-    if len(errors) != plain.shared.shape[1]:
-        return True  # directions represent the errors, as these are many
     known = {*plain.points.u, *lags, *ruleset.misfits}
     reach = np.array([1.0 if name in known else limits.SHEET_REACH for name in errors])
     points, valid = spread_evenly(plain, judged)
