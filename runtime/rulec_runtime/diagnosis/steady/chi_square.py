@@ -169,52 +169,6 @@ class Metric:
         curvature = whole[self.which, own[:, None], own] * (there[:, None] & there)
         return ChiSquare(self.value, every, curvature)
 
-    def rescaled(self, places: np.ndarray, change: Array) -> ChiSquare:
-        """Chi-square where the same flows move and their errors change.
-
-        `change` is that of the covariance of those flows with all flows, shape (n, points *
-        touched, points * flows), (m3/s)^2.
-
-        Source: matrix inversion lemma (Woodbury 1950).
-        """
-        basis, inverse = self.weighing.basis, self.weighing.inverse
-        rank, flows = basis.shape
-        n, rows = len(self.which), self.weighing.residuals.shape[1]
-        points, touched = rows // rank, len(places)
-        size = points * touched
-        # The change is U K U^T, with U the flows and their changed covariances.
-        own = np.zeros((n, points, rank, points, touched))
-        every = range(points)
-        own[:, every, :, every] = self._combined(places)
-        across = change.reshape(n, size, points, flows) @ basis.T
-        both = np.concatenate(
-            [own.reshape(n, rows, size), across.reshape(n, size, rows).transpose(0, 2, 1)], axis=2
-        )
-        among = np.take_along_axis(
-            change.reshape(n, size, points, flows),
-            np.maximum(places, 0).T[:, None, None, :],
-            axis=3,
-        ).reshape(n, size, size)
-        weighted = np.empty_like(both)
-        for known in np.unique(self.which):
-            weighted[self.which == known] = inverse[known] @ both[self.which == known]
-        inner = both.transpose(0, 2, 1) @ weighted
-        slope = (both.transpose(0, 2, 1) @ self.weighted[:, :, None])[:, :, 0]
-        middle = inner.copy()
-        identity = np.eye(size)
-        middle[:, :size, size:] += identity
-        middle[:, size:, :size] += identity
-        middle[:, size:, size:] += among * np.tile(places >= 0, (points, 1)).T[:, None, :]
-        right = np.concatenate([slope[:, :, None], inner[:, :, :size]], axis=2)
-        taken = solved(middle.transpose(1, 2, 0), right.transpose(1, 2, 0))
-        inner, slope = inner.transpose(1, 2, 0), slope.T
-        left = _product(inner[:size], taken)
-        return ChiSquare(
-            self.value - np.einsum("in,in->n", slope, taken[:, 0]),
-            slope[:size] - left[:, 0],
-            inner[:size, :size] - left[:, 1:],
-        )
-
 
 def inverse_of(covariance: Array) -> Array:
     """Inverse of each covariance, shape (n, rank, rank).

@@ -35,10 +35,6 @@ class Spread(Protocol):
         """Covariance of the residuals, as measured or with scaled errors: shape (n, points * rank,
         points * rank), (m3/s)^2."""
 
-    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        """Change, by scaling, of the covariance of some usable flows, shape (touched, n), or -1,
-        with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
-
     def seen_by(self, basis: Array) -> Spread:
         """The same of other residuals."""
 
@@ -97,9 +93,6 @@ class HypothesisTest:
     def rescaled(self, scales: Scales, places: np.ndarray) -> ChiSquare:
         """Chi-square with the errors of some flows scaled, where the same flows move: `places` of
         them per problem, shape (touched, n), or -1."""
-        changed = places.shape[0] * len(self.members)
-        if self.metric.is_large and changed <= limits.CHANGED_ALONE * self.freedom:
-            return self.metric.rescaled(places, self.spread.change(self.members, scales, places))
         return self._metric_of(scales).moving(places)
 
     @cached_property
@@ -168,8 +161,6 @@ class HypothesisTest:
         """Decrease of half of chi-square per small degree of each fault, or of some by their
         places, and information on the degree, both (faults, n); 0 where no usable observer shows
         it."""
-        if chosen is None and self.metric.is_large:
-            return self._towards_by_flows()
         asked = len(self.ruleset.faults) if chosen is None else len(chosen)
         pull, information = np.zeros((2, asked, len(self)))
         for part in self.portions():
@@ -178,28 +169,6 @@ class HypothesisTest:
             weighted = metric.inverse @ slope
             information[:, part] = np.einsum("nrf,nrf->fn", slope, weighted)
             pull[:, part] = -np.einsum("nrf,nr->fn", slope, metric.weighted)
-        return pull, information
-
-    def _towards_by_flows(self) -> tuple[Array, Array]:
-        """The same by the few flows that each fault moves."""
-        pull, information = np.zeros((2, len(self.ruleset.faults), len(self)))
-        every = self.each
-        seen = self.basis.T @ self.basis
-        for chosen, places in alike({i: places for i, (places, _) in every.items()}):
-            touched, points = len(places), len(self.members)
-            slope = np.array([every[i][1] for i in chosen])
-            largest = np.abs(slope).max(axis=(1, 2)).ravel()
-            columns = np.moveaxis(slope * self.present, 0, 2).reshape(touched, points, -1)
-            own = np.repeat(places, len(self), axis=1)
-            both = seen[own[:, None], own]
-            size = np.einsum("tpc,upc,tuc->c", columns, columns, both, optimize=True)
-            visible = np.sqrt(np.maximum(size, 0.0)) > common.UNTOUCHED * largest
-            effect = in_a_row(np.where(visible, columns, 0.0))
-            again = np.tile(np.arange(len(self)), len(chosen))
-            chi = self.metric.problems(again).moving(own)
-            weighted = np.einsum("ijc,jc->ic", chi.curvature, effect)
-            information[chosen] = np.einsum("ic,ic->c", effect, weighted).reshape(len(chosen), -1)
-            pull[chosen] = -np.einsum("ic,ic->c", effect, chi.slope).reshape(len(chosen), -1)
         return pull, information
 
     def portions(self) -> Iterator[slice]:

@@ -167,25 +167,8 @@ class _Alone:
         own = _scaled(noise, scales.noise[:, 0]) + _scaled(lasting, scales.lasting[:, 0])
         return np.asarray(self.basis @ own @ self.basis.T)
 
-    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        (points,) = members
-        usable = np.flatnonzero(self.valid)
-        rows = (points[:, None], usable[places.T])
-        noise = self.observed.noise[rows][:, :, usable]
-        lasting = self.observed.covariance[rows][:, :, usable] - noise
-        changed = noise * (_factors(scales.noise[:, 0], places) - 1.0)
-        changed += lasting * (_factors(scales.lasting[:, 0], places) - 1.0)
-        return np.asarray(changed * (places >= 0).T[:, :, None])
-
     def seen_by(self, basis: Array) -> _Alone:
         return replace(self, basis=basis)
-
-
-def _factors(scale: Array, places: np.ndarray) -> Array:
-    """Factors on the covariance of some flows with all, (n, touched, flows), by scales (flows,
-    n)."""
-    own: Array = np.take_along_axis(scale, np.maximum(places, 0), axis=0)
-    return own.T[:, :, None] * scale.T[:, None, :]
 
 
 def _scaled(covariance: Array, factors: Array) -> Array:

@@ -216,10 +216,6 @@ ESTIMATES_AT_ONCE = 1_000_000
 """Numbers in the covariances of estimates of points that are worked on together, in such a plant.
 Origin: numerical, what is found is the same."""
 
-CHANGED_ALONE = 0.25
-"""Share of the residuals of a problem up to which a change of so many flows is worked out alone.
-Origin: numerical; with more of them a new inverse costs less."""
-
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
 

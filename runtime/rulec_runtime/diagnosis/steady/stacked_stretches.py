@@ -89,29 +89,6 @@ class _Stacked:
             whole[:, point, :, point] += own[:, point]
         return whole.reshape(n, points * rank, points * rank)
 
-    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        (points, n), touched, flows = members.shape, len(places), int(self.valid.sum())
-        changed = np.zeros((n, points, touched, points, flows))
-        lasts = self._lasts(members)
-        for i in range(n):
-            # Problems may share points, and a table of all errors for each would be large.
-            shared, noise = self._errors(members[:, i : i + 1])
-            lasting, new = scales.lasting[:, :, i], scales.noise[:, :, i]
-            own, rows = places[:, i], shared[places[:, i], :, :, 0].transpose(2, 0, 1)
-            table = np.ascontiguousarray(shared[..., 0].transpose(1, 2, 0)).reshape(
-                shared.shape[1], -1
-            )
-            every = (rows.reshape(-1, len(table)) @ table).reshape(points, touched, points, flows)
-            factors = lasting[own].T[:, :, None, None] * lasting.T
-            changed[i] = every * (factors - 1.0) * lasts[i][:, None, :, None]
-            for point in range(points):
-                factor = new[own, point][:, None] * new[:, point]
-                changed[i, point, :, point] += noise[own, :, point, 0] * (factor - 1.0)
-        there = np.tile(places >= 0, (points, 1)).T
-        whole = changed.reshape(n, points * touched, points * flows)
-        whole *= there[:, :, None]
-        return whole
-
     def seen_by(self, basis: Array) -> _Stacked:
         return replace(self, basis=basis)
 
