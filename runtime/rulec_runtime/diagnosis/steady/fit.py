@@ -6,7 +6,7 @@ call of numpy serves all of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -67,8 +67,11 @@ def fit(
     ).reshape(shape)
     which, problem = np.nonzero(wanted if tried is None else wanted & tried)
     begin = starts if starts is not None else usual_starts(hypotheses)
-    for chosen, most in _portions(test, counts, which):
-        own, at = which[chosen], problem[chosen]
+    # Only of those tried: a change of the liquid touches hundreds of flows.
+    most = max(int(counts[which].max(initial=0)), 1)
+    size = max(limits.TABLE // max(test.freedom**2, 1), 1)
+    for low in range(0, len(which), size):
+        own, at = which[low : low + size], problem[low : low + size]
         every = np.unique(own).tolist()
         columns = Columns(
             test=test.at(at),
@@ -88,27 +91,6 @@ def fit(
 def _unread(test: HypothesisTest, fault: FaultSpec) -> np.ndarray:
     """Problems in which a fault would affect a reading that was removed, shape (n,)."""
     return np.asarray(np.any(test.unread(fault) & (test.present > 0.0), axis=0))
-
-
-def _portions(
-    test: HypothesisTest, touched: np.ndarray, which: np.ndarray
-) -> Iterator[tuple[np.ndarray, int]]:
-    """Columns in portions whose matrices fit into memory, and the most flows that a column of each
-    touches; `touched` of each hypothesis, `which` of them in each column."""
-    # Only of those tried: a change of the liquid touches hundreds of flows.
-    most = max(int(touched[which].max(initial=0)), 1)
-    if not (len(which) and test.metric.is_large):
-        size = max(limits.TABLE // max(test.freedom**2, 1), 1)
-        for low in range(0, len(which), size):
-            yield np.arange(len(which))[low : low + size], most
-        return
-    # The effort for a column grows with the flows that it touches.
-    groups = np.ceil(np.log2(np.maximum(touched[which], 1))).astype(int)
-    for group in np.unique(groups):
-        chosen, own = np.flatnonzero(groups == group), min(1 << int(group), most)
-        size = max(limits.TABLE // (2 * own * len(test.members) * test.freedom), 1)
-        for low in range(0, len(chosen), size):
-            yield chosen[low : low + size], own
 
 
 def usual_starts(hypotheses: Sequence[Faults]) -> Array:
