@@ -71,7 +71,8 @@ figures: $(VENV)/dev ## measure all printed figures again (hours); ONLY='zema is
 	$(BIN)/python -m tests.figures measure $(if $(ONLY),--only $(ONLY))
 
 golden: $(VENV)/dev ## re-make golden files; review them as a diff
-	RULEC_REMAKE=1 $(BIN)/python -m pytest tests/test_golden.py tests/test_errors.py
+	RULEC_REMAKE=1 $(BIN)/python -m pytest tests/test_golden.py tests/test_errors.py \
+		tests/runtime/test_words.py
 
 $(VENV)/docs: $(BIN)/rulec
 	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[docs]'

@@ -37,6 +37,8 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
     os.environ["RULEC_CACHE"] = tempfile.mkdtemp(prefix="rulec-tests-")
     atexit.register(shutil.rmtree, os.environ["RULEC_CACHE"], ignore_errors=True)
 
+Capsys = pytest.CaptureFixture[str]
+
 Things = tuple[tuple[object, ...], list[Diagnostic]]
 """What something is read from, and the mistakes found so far."""
 Parse = Callable[[str, str], tuple[Document | None, list[Diagnostic]]]

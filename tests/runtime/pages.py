@@ -23,8 +23,7 @@ from rulec.study.points import Points
 from rulec.study.summary import verdict as study_verdict
 from tests.conftest import compiled
 from tests.prove.made import run
-from tests.runtime.mismatch.experiments import made_by_hand
-from tests.runtime.mismatches import ALL
+from tests.runtime.mismatches import ALL, made_by_hand
 from tests.runtime.reports import EXAMPLES, Judged, judge
 from tests.test_study import TYPES, counted
 

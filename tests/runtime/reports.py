@@ -2,13 +2,17 @@
 
 import dataclasses
 import functools
+import io
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import Trace, trace
+from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.page import report
 from rulec_runtime.report.page_origin import Made
@@ -51,6 +55,13 @@ def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
     recording = read_recording(path, ruleset)
     known = read_truth(truth, ruleset, recording) if truth else None
     return Judged(recording, diagnose(recording, ruleset), trace(recording, ruleset), known)
+
+
+def told(tell: Callable[[Terminal, Any], None], what: object, width: int = 120) -> str:
+    """What a terminal of some width shows."""
+    out = io.StringIO()
+    tell(Terminal(file=out, width=width, color_system=None), what)
+    return out.getvalue().replace("\xa0", " ")
 
 
 def tree(page: str) -> ET.Element:

@@ -13,7 +13,7 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.cli import main
-from tests.conftest import compiled
+from tests.conftest import Capsys, compiled
 from tests.runtime.sheets import Sheet, example, write
 
 SHEET = example()
@@ -182,18 +182,6 @@ def test_a_leakage_in_json_and_trace(
     check_form(data, abc)
     faults = {f.id for f in abc.faults}
     assert "A.leakage" in {f["fault"] for f in data["findings"]} <= faults
-    for finding in data["findings"]:
-        assert finding["module"] == finding["fault"].split(".")[0]
-        assert finding["lower"] <= finding["degree"] <= finding["upper"]
-        assert 0.0 <= finding["probability"] <= 1.0
-        assert {a["fault"] for a in finding["alternatives"]} <= faults - {finding["fault"]}
-        assert finding["text"]
-        assert finding["evidence"]
-        for row in finding["evidence"]:
-            assert {"residual", "value", "u", "threshold", "verdict", "expected"} <= set(row)
-            assert row["residual"] in {r.id for r in abc.residuals}
-            assert row["verdict"] in ("+", "-", "0", "invalid")
-            assert row["expected"] in ("+", "-", "0")
     with target.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     of_faults = [c for f in abc.faults for c in (f.id, f"{f.id} lower", f"{f.id} upper")]
@@ -208,9 +196,7 @@ def test_a_leakage_in_json_and_trace(
     assert (numbers[:, ::3] <= numbers[:, 2::3]).all()
 
 
-def test_wrong_calls_give_a_message(
-    tmp_path: Path, ruleset_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_calls_give_a_message(tmp_path: Path, ruleset_file: Path, capsys: Capsys) -> None:
     texts = {"healthy": SHEET.text(), "empty": "", "other": "time [s],PS1 [bar]\n0,160\n"}
     healthy, empty, other = (write(tmp_path, t, f"{name}.csv") for name, t in texts.items())
     for arguments, code, message in (
@@ -233,9 +219,7 @@ def test_wrong_calls_give_a_message(
         assert (code, True) == (found, message in capsys.readouterr().err), arguments
 
 
-def test_json_alone_on_standard_output(
-    tmp_path: Path, ruleset_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_alone_on_standard_output(tmp_path: Path, ruleset_file: Path, capsys: Capsys) -> None:
     """The story goes to standard error; of a file that is none there is no JSON."""
     told = {}
     for content in (LEAKING, bytes(range(256)) * 9):

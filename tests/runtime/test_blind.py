@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,11 +18,10 @@ from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.blindness import blindness, brought_back, unseen
 
-from rulec.cli import main
 from rulec.study.sensors_needed import without_each
-from tests.conftest import ROOT, compiled
+from tests.conftest import compiled
 from tests.dosing import RIGS, TABLE_1, operating_points, record, visiting_run
-from tests.runtime.sheets import example, sampled, write
+from tests.runtime.sheets import sampled
 from tests.runtime.test_sensor_health import of_columns, put
 
 GONE_WITH_DP = {
@@ -49,22 +47,6 @@ def gone(recording: Recording, name: str, rows: slice | Array) -> Recording:
     values = recording.values[name].copy()
     values[rows] = np.nan
     return put(recording, name, values)
-
-
-def test_exit_code_json_and_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The command ends with 3, and each face says which reading brings back what."""
-    file = write(tmp_path, example("leakage_A").without("A.dp").text())
-    form, page, plant = tmp_path / "few.json", tmp_path / "few.html", str(ROOT / "plants/abc")
-    asked = ["diagnose", plant, str(file), "--json", str(form), "--report", str(page)]
-    assert limits.NOT_ALL_SEEN == main(asked)
-    (blind,) = json.loads(form.read_text())["blind"]
-    assert (GONE_WITH_DP, ["A.dp"]) == (set(blind["faults"]), blind["readings"])
-    assert "A.dp: not in the recording" == blind["because"]
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "Partly blind 9 of 18 faults could not be detected" in shown
-    assert "cannot detect any fault of A, C.clogging and C.widening since 0 s" in shown
-    assert "A.dp is needed to detect them" in shown
-    assert "Partly blind: 9 of 18 faults" in page.read_text()
 
 
 def test_readings_that_bring_faults_back() -> None:

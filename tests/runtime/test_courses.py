@@ -13,8 +13,7 @@ from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
-from rulec_runtime.report.growth import draw_growth, grown, sparkline
-from rulec_runtime.report.json_form import diagnosis_form
+from rulec_runtime.report.growth import grown
 
 from tests.dosing import (
     INSIDE,
@@ -63,31 +62,6 @@ def test_the_degree_is_that_of_the_end(fault: str, degree: np.ndarray) -> None:
     assert growth.rate[1] <= float(np.diff(degree)[-1]) / 5.0 <= growth.rate[2]
 
 
-def test_where_it_is_going_in_words_as_json_and_as_a_picture() -> None:
-    """A leakage that grew to 0.4 in an hour reaches 0.5 a quarter later."""
-    diagnosis = said("A.leakage", 0.4 * SHARE, 8401)
-    (finding,) = diagnosis.findings
-    reaches = finding.growth.reaches
-    end = 5.0 * (len(SHARE) - 1)
-    assert 0.5 == reaches.degree
-    assert reaches.earliest <= 1.25 * end <= reaches.latest
-    assert reaches.latest - reaches.earliest < 0.2 * end
-    (form,) = diagnosis_form(diagnosis)["findings"]
-    assert {"degree", "lower", "upper"} == form["now"].keys()
-    assert form["degree"] == form["now"]["degree"]
-    assert "1/h" == form["rate"]["unit"]
-    assert 0.4 == pytest.approx(form["rate"]["value"], rel=0.05)
-    assert {"degree", "earliest", "latest"} == form["reaches"].keys()
-    words = grown(finding)
-    assert "grows by" in words
-    assert "reaches 50 % in" in words
-    line = sparkline(finding.growth)
-    assert list(line) == sorted(line)
-    picture = draw_growth(diagnosis, finding)
-    assert words in picture.caption
-    assert "<svg" in picture.body
-
-
 def test_a_meter_that_drifts_teaches_no_baseline() -> None:
     """A power meter with a bound of 10 W that goes off by 15 W within two hours."""
     (finding,) = said("A.P_el.high", 0.15 * SHARE, 8402, interval=10.0).findings
@@ -130,20 +104,19 @@ def read(run: Run, seed: int) -> Recording:
     return recording(ruleset("abc"), record(run, INSIDE, seed).readings)
 
 
+def coming_and_going(points: int, hold: int) -> Diagnosis:
+    return diagnose(read(coming(points, hold, DEGREE), 1), ruleset("abc"))
+
+
 @pytest.mark.parametrize(("points", "hold", "fewest"), [(1, 200, 17), (6, 60, 27)])
 def test_a_leakage_that_comes_and_goes(points: int, hold: int, fewest: int) -> None:
-    found = diagnose(read(coming(points, hold, DEGREE), 1), ruleset("abc"))
+    found = coming_and_going(points, hold)
     (finding,) = found.findings
     assert finding.fault.id == "A.leakage"
     assert finding.degree == pytest.approx(DEGREE, abs=0.02)
     assert fewest <= finding.events.count <= points * hold // PERIOD
     assert finding.events.duration == pytest.approx(ON, abs=0.3)
-    assert finding.text.endswith(f"; comes and goes: {finding.events.count} times, about 2 s each")
     assert found.status == "M"
-    (form,) = diagnosis_form(found)["findings"]
-    assert form["events"]["count"] == finding.events.count
-    assert form["events"]["share"] == pytest.approx(ON / PERIOD, abs=0.07)
-    assert {"A.n", "B.n"} == set(form["events"]["set_point"])
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,7 +1,5 @@
 """Diagnosis of plants that store, on recordings made with their own balances."""
 
-import dataclasses
-import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +8,10 @@ import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
-from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.report.json_form import diagnosis_form, trace_csv
+from rulec_runtime.report.json_form import trace_csv
 from rulec_runtime.report.page import report
-from rulec_runtime.report.terminal_findings import explain
 
-from rulec.commands.matrix import json_form
-from rulec.simulation.signature import signature_of
 from tests.runtime.tanks import made, plant
 
 HALF_WINDOW = 256.0
@@ -115,9 +109,6 @@ def test_evidence_and_frequencies() -> None:
     assert ("tank1.l", "-", "-") == (first.residual, first.verdict, first.expected)
     assert ("tank2.l", "0", "0") == (second.residual, second.verdict, second.expected)
     assert first.value < -first.threshold < 0.0
-    out = Terminal(record=True, width=200, file=io.StringIO())
-    explain(out, said)
-    assert " mm" in out.export_text()
 
 
 def test_what_is_missing_is_not_judged() -> None:
@@ -151,24 +142,19 @@ def test_a_bad_model_is_measured_by_itself_and_does_not_alarm() -> None:
     assert any("usually miss" in note for note in said.notes)
 
 
-def test_every_form_tells_the_finding(tmp_path: Path) -> None:
+def blocked() -> Diagnosis:
+    recording = made("cascaded-tanks", 0, ("lower.blockage", 0.2, 0.5), SHORT)
+    return diagnose(recording, plant("cascaded-tanks"))
+
+
+def test_trace_and_page_tell_the_finding_by_a_ruleset_of_a_file(tmp_path: Path) -> None:
     file = tmp_path / "ruleset.json"
     file.write_text(plant("cascaded-tanks").to_json(), encoding="utf-8")
     ruleset, fault = read_ruleset(file), "lower.blockage"
     recording = made("cascaded-tanks", 0, (fault, 0.2, 0.5), SHORT)
     said, result = diagnose(recording, ruleset), trace(recording, ruleset)
-    assert [fault] == [f["fault"] for f in diagnosis_form(said)["findings"]]
     assert {"ok", fault} == set(result.verdict)
     row = [f.id for f in ruleset.faults].index(fault)
     assert result.degree[row, -1] == pytest.approx(0.2, abs=0.02)
     assert len(trace_csv(result).splitlines()) == len(recording) + 1
     assert "lower: 20" in report(recording, said, result, "made", None)
-
-
-def test_matrix_says_what_acts_alike() -> None:
-    ruleset = plant("wastewater-lab")
-    found = signature_of(ruleset)
-    form = json_form(ruleset, dataclasses.asdict(found))["stores"]
-    signs = dict(zip(form["faults"], form["signs"], strict=True))
-    assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])
-    assert ("supply.Q.high", "tank1.lost-inflow") in form["alike"]

@@ -20,11 +20,8 @@ from rulec_runtime.live.memory import nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.report.html_findings import told as story
-from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import actions, headline, why_first
 
-from rulec.commands.matrix import json_form
 from rulec.export.play_on_recording import played, results_csv
 from rulec.export.value_names import listed_undo
 from rulec.passes.pipeline import compile_plant
@@ -32,7 +29,7 @@ from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.campaign import campaign
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, compiled, plain_yaml
 from tests.dosing import TABLE_1, operating_points, record
 from tests.export.plants import codes
 from tests.method.readings import built, recording
@@ -72,6 +69,11 @@ def leaking() -> Recording:
     return recorded(listed(compiled(RIG)), LEAK, "step")
 
 
+def usual_and_common() -> Diagnosis:
+    rules = said_of(listed(compiled(RIG)), {LOW: "common"})
+    return diagnose(recorded(rules, LEAK, "step"), rules)
+
+
 def only(recording: Recording, ruleset: Ruleset) -> Finding:
     (finding,) = diagnose(recording, ruleset).findings
     return finding
@@ -92,27 +94,6 @@ def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> No
         assert {named} == set(again.verdict) - {"ok", "moving", "unknown"}
         bounds = [(f.degree, f.lower, f.upper) for f in (before, finding)]
         assert named == LOW or bounds[0] == bounds[1]
-
-
-def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
-    rules = said_of(listed(compiled(RIG)), {LOW: "common"})
-    diagnosis = diagnose(leaking, rules)
-    (finding,) = diagnosis.findings
-    leak, low = rules.fault_by_id[LEAK], rules.fault_by_id[LOW]
-    (why,) = why_first(rules, finding)
-    assert why == (
-        "both fit the readings; main.Q.low comes first because it occurs more often "
-        "(main.Q.low: common, main.leakage: usual)"
-    )
-    assert actions(rules, finding) == (
-        f"{low.action} (main.Q); or {leak.action} (internal leakage in main)"
-    )
-    assert "or" not in headline(rules, finding).split()
-    (form,) = diagnosis_form(diagnosis)["findings"]
-    assert form["why_first"] == [why]
-    assert form["action"] == actions(rules, finding)
-    assert [leak.action] == [one["action"] for one in form["alternatives"]]
-    assert all(words in story(diagnosis) for words in (why, leak.action))
 
 
 @pytest.mark.parametrize(("true", "course"), [(LEAK, "ramp"), (LOW, "step")])
@@ -141,14 +122,10 @@ def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) 
     shutil.copytree(ROOT / "kb", tmp_path / "kb", ignore=shutil.ignore_patterns("effects"))
     plant = shutil.copytree(ROOT / "plants" / RIG, tmp_path / "plants" / RIG)
     high = "excess of the reading over the true value}"
+    usual = f"{high}, frequency: usual, frequency_source: a bench"
     for name, old, new, more in (
-        ("faults/slope", high, f"{high}, frequency: usual, frequency_source: a bench", SURVEY),
-        (
-            "modules/pump-set-warm",
-            "slope(Q)",
-            RECORD,
-            "",
-        ),
+        ("faults/slope", high, usual, SURVEY),
+        ("modules/pump-set-warm", "slope(Q)", RECORD, ""),
     ):
         file = tmp_path / "kb" / f"{name}.yaml"
         text = file.read_text(encoding="utf-8")
@@ -167,7 +144,7 @@ def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) 
     with pytest.raises(RulesetRefused, match="no frequency 'often'"):
         parse_ruleset(data)
     fault, module = (
-        json.loads((ROOT / "kb/schema" / f"{kind}.schema.json").read_text("utf-8"))["properties"]
+        plain_yaml(ROOT / "kb/schema" / f"{kind}.schema.json")["properties"]
         for kind in ("fault", "module")
     )
     for part in (fault, module["faults"]["items"]["properties"]):
@@ -257,15 +234,6 @@ def test_what_a_ruleset_lists() -> None:
     data = json.loads(rules.to_json())
     del data["unlisted"], data["unlisted_cells"], data["digest"]
     assert parse_ruleset(data).unlisted == ()
-
-
-def test_the_matrix_folds_them_into_a_row_for_each_reading() -> None:
-    rules = compiled("abc")
-    readings = ("A.n", "A.dp", "A.P_el", "B.n", "B.dp", "B.P_el", "C.dp")
-    assert readings == tuple(rules.moved_by_reading)
-    form = json_form(rules)["unlisted"]
-    assert [f.id for f in rules.unlisted] == form["faults"]
-    assert all(any(row) for row in form["signs"])
 
 
 def test_controllers_undo_listed_faults_alone() -> None:

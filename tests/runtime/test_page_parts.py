@@ -1,7 +1,8 @@
-"""Parts of pages and reports: axes, thinned curves, the sketch of a plant, truth, courses."""
+"""Pages: axes, thinned curves, the sketch of a plant, truth, courses; all in a real browser."""
 
 import dataclasses
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,13 @@ from rulec_runtime.report.page_origin import EPOCH
 from rulec_runtime.report.sketch import MOST, sketch, topology_of
 from rulec_runtime.report.thin_curves import COLUMNS, thin_series
 from rulec_runtime.report.time_axis import Dated, time_axis
-from rulec_runtime.report.truth import Cases, cases_of, read_truth, shares
+from rulec_runtime.report.truth import cases_of, read_truth
 
 from rulec.cli import main
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, Capsys, compiled
+from tests.live.view.browser import CHROMIUM, Browser, browser
+from tests.live.view.test_browser import CONTRAST
+from tests.runtime.pages import every_page
 from tests.runtime.reports import Judged
 from tests.runtime.sheets import Sheet, example, write
 
@@ -112,7 +116,7 @@ def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
 
 
 def test_a_matrix_has_a_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The time can be given, for those who want the same bytes again."""
     monkeypatch.setenv(EPOCH, "1790078400")
@@ -121,11 +125,8 @@ def test_a_matrix_has_a_page(
     assert "matrix.html" in capsys.readouterr().out.replace("\n", "")
     text = file.read_text(encoding="utf-8")
     assert "2026-09-22 12:00 UTC" in text
-    page, abc = ET.fromstring(text), compiled("abc")
-    rows = page.findall(".//table[@class='matrix']/tbody/tr")
-    names = [*(f.id for f in abc.faults), *abc.moved_by_reading]
-    assert names == [row.findtext("th") for row in rows]
-    assert len(abc.ambiguous) == len(page.findall(".//dt/b[@class='alike']"))
+    groups = ET.fromstring(text).findall(".//dt/b[@class='alike']")
+    assert len(compiled("abc").ambiguous) == len(groups)
 
 
 LEAK = example("leakage_A")
@@ -157,18 +158,6 @@ def test_what_follows_a_fault_is_said(
     text = course(None, last.since, last.until, last.behind)
     assert ("still active" in text) == last.active
     assert ("not settled" in text) == (behind == "not settled")
-
-
-def test_shares_by_hand() -> None:
-    """Four cases: right, a little low, far too high, a false alarm."""
-    true, degree = np.array([0.2, 0.4, 0.9, 0.0]), np.array([0.21, 0.3, 1.9, 0.12])
-    named = np.array([True, True, True, False])
-    fault = np.array([0, 0, 0, -1])
-    degrees = dict.fromkeys(("degree", "lower", "upper"), degree)
-    cases = Cases(names=("x",), fault=fault, true=true, **degrees, named=named)
-    expected = np.zeros((9, 5))
-    expected[4, 1] = expected[3, 2] = expected[8, 4] = expected[5, 0] = 0.25
-    np.testing.assert_array_equal(expected, shares(cases))
 
 
 @pytest.mark.parametrize(
@@ -229,3 +218,94 @@ def test_truth_of_other_times_is_matched(healthy: Judged, tmp_path: Path) -> Non
         "did you mean 'A.leakage'?",
         "t.csv: 39 of 60 samples have no truth",
     ) == truth.notes
+
+
+CUT = """(() => {
+  const cut = [];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const part = walk.currentNode.parentElement;
+    if (!walk.currentNode.data.trim() || !part.checkVisibility()) continue;
+    if (part.closest('.scroll, title, thead, .symbols')) continue;
+    const range = document.createRange();
+    range.selectNodeContents(walk.currentNode);
+    const box = range.getBoundingClientRect();
+    if (box.width && (box.left < 0 || box.right > innerWidth)) cut.push(walk.currentNode.data);
+  }
+  return cut;
+})()"""
+"""Texts that stick out of the window, and are in no frame that scrolls."""
+
+WIDE = """[...document.querySelectorAll('.fold')].filter(
+  (table) => table.scrollWidth > table.parentElement.clientWidth + 1).length"""
+"""Tables that should have become cards, and did not."""
+
+OVER_THE_EDGE = """[...document.querySelectorAll('.scroll')].filter(
+  (frame) => frame.scrollWidth > frame.clientWidth + 1
+    || frame.getBoundingClientRect().right > innerWidth).length"""
+"""Frames that scroll on a screen, and would have to on paper."""
+
+UNSPOKEN = """[...document.querySelectorAll('svg:not([aria-hidden])')].filter(
+  (svg) => !svg.closest('[role=img]')?.getAttribute('aria-label')).length"""
+"""Pictures without words for those who cannot see them."""
+
+HEADINGS = "[...document.querySelectorAll('h1')].map((heading) => heading.textContent)"
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+SHUT = """(() => [...document.querySelectorAll('details > :not(summary)')].filter(
+  (part) => !part.checkVisibility({contentVisibilityAuto: true})
+    || part.getBoundingClientRect().height === 0).length)()"""
+"""What nobody can open on paper."""
+
+PAPER = 680
+"""Pixels across the text of a sheet of A4, upright."""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
+def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    pages = every_page()
+    wrong: list[tuple[str, str, object]] = []
+    for name, (page, verdict) in pages.items():
+        file = tmp_path / f"{name.replace(' ', '-')}.html"
+        file.write_text(page, encoding="utf-8")
+        chromium.look(390)
+        chromium.open(file.as_uri())
+        found: dict[str, object] = {}
+        for width, scheme in ((w, s) for w in (390, 1280) for s in ("light", "dark")):
+            chromium.look(width, scheme)
+            found[f"weak at {width}, {scheme}"] = chromium.run(CONTRAST)
+            if scheme == "light":
+                found |= _misfits(chromium, width)
+        chromium.look(PAPER, "dark")
+        chromium.print(True)
+        found |= _misfits(chromium, PAPER)
+        found["shut on paper"] = chromium.run(SHUT)
+        found["cut on paper"] = chromium.run(OVER_THE_EDGE)
+        found["weak on paper"] = chromium.run(CONTRAST)
+        chromium.print(False)
+        if [verdict] != chromium.run(HEADINGS):
+            wrong.append((name, "heading", verdict))
+        wrong += [(name, what, value) for what, value in found.items() if value]
+    assert [] == wrong
+    assert [] == chromium.complaints()
+    assert {f"{n.replace(' ', '-')}.html" for n in pages} == {
+        url.rsplit("/")[-1] for url in chromium.asked_for()
+    }
+
+
+def _misfits(chromium: Browser, width: int) -> dict[str, object]:
+    """What does not fit a window or a sheet so wide; wide tables may scroll but on a telephone."""
+    return {
+        f"sideways at {width}": chromium.run(f"document.documentElement.scrollWidth > {width}"),
+        f"cut at {width}": chromium.run(CUT),
+        f"no cards at {width}": width == 390 and chromium.run(WIDE),
+        f"unspoken at {width}": chromium.run(UNSPOKEN),
+    }

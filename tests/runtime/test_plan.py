@@ -1,9 +1,7 @@
-"""The interpreter of plans, the graph that makes them, and rulesets as files."""
+"""The interpreter of plans, the graph that makes them, exact derivatives, rulesets as files."""
 
-import itertools
 import json
 import os
-import random
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -15,16 +13,17 @@ import numpy as np
 import pytest
 import sympy
 import yaml
-from rulec_runtime.contract import plan as plan_module
 from rulec_runtime.contract.plan import CHUNK, OPERATIONS, UNARY, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset, read_ruleset
 
+from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
-from rulec.language.functions import Absolute, Larger, Signum, Smaller
+from rulec.algebra.tangent import run_with_slopes
+from rulec.language.functions import FUNCTIONS, Absolute, Function, Larger, Signum, Smaller
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT, SOURCES
+from tests.conftest import ROOT, SOURCES, compiled
 
 NUMPY: Mapping[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
@@ -85,20 +84,6 @@ def test_chunk_borders_leave_no_trace(n: int) -> None:
         np.testing.assert_array_equal(values, out[name])
     found["a"][:] = 0.0
     np.testing.assert_array_equal(np.linspace(1.0, 5.0, n), a)
-
-
-def test_a_real_plan_in_chunks_and_parts(abc: Ruleset, monkeypatch: pytest.MonkeyPatch) -> None:
-    inputs, names = readings_of(abc, 40), list(abc.plan.outputs)
-    expected = abc.plan.run(inputs)
-    random.Random(3).shuffle(names)
-    chosen = [names, *([name] for name in names[::20])]
-    for chunk, parts in ((CHUNK, chosen), (1, [names]), (7, [names]), (39, [names])):
-        monkeypatch.setattr(plan_module, "CHUNK", chunk)
-        for part in parts:
-            found = abc.plan.select(part).run(inputs)
-            assert part == list(found)
-            for name in part:
-                np.testing.assert_array_equal(expected[name], found[name], err_msg=name)
 
 
 def readings_of(ruleset: Ruleset, n: int) -> dict[str, Any]:
@@ -286,24 +271,86 @@ def test_lowered_expressions_evaluate_like_sympy(outer: Callable[[Any, Any], Any
         assert slope == pytest.approx(found, rel=1e-8, abs=1e-8), expression
 
 
-def test_folding_and_signs_keep_values() -> None:
-    """With constants 0, 1 and -1 and negations among the operands."""
-    at, constants = (1.25, -0.75, 1.75), (0.0, 1.0, -1.0, 2.5)
-    graph = Graph(["a", "b", "c"])
-    nodes = [*map(graph.input, "abc"), *map(graph.constant, constants)]
-    nodes += [graph.apply("neg", node) for node in nodes[:2]]
-    plain = [np.float64(v) for v in (*at, *constants, -at[0], -at[1])]
-    names = [name for name in NUMPY if name not in ("pow", "exp", "log", "tanh")]
-    with np.errstate(all="ignore"):
-        for step in (1, 13):
-            operands = range(0, len(nodes), step)
-            for name, i, j in itertools.product(names, operands, range(9)):
-                for left, right in ((i, j), (j, i)):
-                    value = np.float64(NUMPY[name](plain[left], plain[right]))
-                    if np.isfinite(value):
-                        other = 0 if name in UNARY else nodes[right]
-                        nodes.append(graph.apply(name, nodes[left], other))
-                        plain.append(value)
-    graph.outputs = {str(i): node for i, node in enumerate(nodes)}
-    found = graph.plan().run(dict(zip("abc", at, strict=True)))
-    assert plain == pytest.approx([float(found[str(i)][0]) for i in range(len(plain))], rel=1e-12)
+PLANTS = ("abc", "esp-pump", "zema-hydraulic")
+BINARY = ("add", "sub", "mul", "div", "pow", "min", "max")
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
+    rules, draw = compiled(plant), np.random.default_rng(4)
+    at = {s.id: s.reference * (1.0 + 0.02 * draw.uniform(-1, 1, 5)) for s in rules.signals}
+    at |= {name: np.ones(5) for name in rules.plan.inputs if name.startswith("u:")}
+    derived = rules.plan.run(at)
+    seeds = [s.id for s in rules.signals]
+    for observer in rules.observers:
+        key = f"q:{observer.id}"
+        _, slopes = run_with_slopes(rules.plan.select([key]), at, seeds)
+        expected = {s for s in seeds if f"s:{observer.id}:{s}" in rules.plan.outputs}
+        assert expected == set(slopes[key])
+        for name, slope in slopes[key].items():
+            expected_slope = derived[f"s:{observer.id}:{name}"]
+            assert expected_slope == pytest.approx(np.broadcast_to(slope, 5), rel=1e-9)
+
+
+def one(name: str) -> Plan:
+    return Plan(("x", "y"), (), ((name, 0, 0 if name in UNARY else 1),), {"out": 2})
+
+
+@pytest.mark.parametrize("name", [*sorted(UNARY), *BINARY])
+def test_every_operation(name: str) -> None:
+    plan = one(name)
+    for x, y in ((0.7, 1.9), (1.9, 0.7)):
+        _, slopes = run_with_slopes(plan, {"x": x, "y": y}, ("x", "y"))
+        for seed in plan.used_inputs:
+            at = {"x": x, "y": y}
+            up, down = (
+                float(plan.run({**at, seed: at[seed] + h})["out"][0]) for h in (1e-6, -1e-6)
+            )
+            expected = (up - down) / 2e-6
+            assert expected == pytest.approx(float(slopes["out"].get(seed, 0.0)), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "y", "by_x", "by_y"),
+    [
+        ("abs", 0.0, 0.0, 0.0, None),
+        ("sign", 0.0, 0.0, 0.0, None),
+        ("sign", -2.0, 0.0, 0.0, None),
+        ("min", 1.0, 1.0, 0.5, 0.5),
+        ("max", 1.0, 1.0, 0.5, 0.5),
+        ("sqrt", 0.0, 0.0, np.inf, None),
+        ("pow", 0.0, 2.0, 0.0, np.nan),
+    ],
+)
+def test_corners(name: str, x: float, y: float, by_x: float, by_y: float | None) -> None:
+    """Where a slope jumps, the convention of the compiler holds; where there is none, no number."""
+    _, slopes = run_with_slopes(one(name), {"x": x, "y": y}, ("x", "y"))
+    found = slopes["out"]
+    assert by_x == pytest.approx(float(found["x"]), nan_ok=True)
+    assert (by_y is None) == ("y" not in found)
+    if by_y is not None:
+        assert by_y == pytest.approx(float(found["y"]), nan_ok=True)
+
+
+def test_what_has_a_slope() -> None:
+    """(-2)**2 has the slope -4: only a searched exponent needs a positive base."""
+    _, slopes = run_with_slopes(one("pow"), {"x": -2.0, "y": 2.0}, ("x",))
+    assert {"x": -4.0} == {k: float(v) for k, v in slopes["out"].items()}
+    plan = Plan(("x", "y"), (3.0,), (("mul", 0, 2),), {"three x": 3, "y": 1})
+    values, slopes = run_with_slopes(plan, {"x": 2.0, "y": 5.0}, ("x", "y", "z"))
+    assert {"three x": 6.0, "y": 5.0} == {k: float(v) for k, v in values.items()}
+    assert {"x": 3.0} == {k: float(v) for k, v in slopes["three x"].items()}
+    assert {"y": 1.0} == {k: float(v) for k, v in slopes["y"].items()}
+    values, _ = run_with_slopes(one("add"), {"x": 1.0}, ("x",))
+    assert np.isnan(values["out"])
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_the_compiler_derives_as_sympy_does(function: Function) -> None:
+    x, y, z = sympy.symbols("x y z", positive=True)
+    inner = function.symbolic(*(x * y**x / (x + 2), x - y)[: function.arity])
+    for expression in (inner, x * inner / y - inner**2, inner ** (x / y), y**3 / inner):
+        for symbol in (x, y, z):
+            first = derivative(expression, symbol)
+            assert first == sympy.diff(expression, symbol)
+            assert derivative(first, x) == sympy.diff(first, x)

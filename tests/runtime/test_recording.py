@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
-from rulec_runtime.recordings import text_table
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_of
@@ -95,13 +94,21 @@ DATES = {
 }
 
 
-def test_dates_count_from_the_first(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
+def test_dates_count_from_the_first_and_keep_their_zone(
+    tmp_path: Path, abc: Ruleset, expected: Recording
+) -> None:
     for date in DATES.values():
         sheet = SHEET.mapped("time", lambda k, _, date=date: date(k)).renamed("time", "Zeit")  # type: ignore[misc]
         found = read(sheet.text(";"), tmp_path, abc)
         same(expected, found)
         (note,) = found.notes
         assert note.startswith("time 0 s is 2025-03-")
+    # Wall-clock time as it stood in the file, whatever its zone; without one as it stood.
+    for zone, shown in (("+02:00", "2025-03-31T23:59:50+02:00"), ("", "2025-03-31T23:59:50")):
+        stamped = SHEET.mapped("time", lambda k, _, z=zone: f"2025-03-31T23:59:{k:02d}{z}")  # type: ignore[misc]
+        found = read(stamped.text(), tmp_path, abc)
+        assert shown == found.calendar.iso(50.0)
+        assert "23:59:50" == found.calendar.clock(50.0, 0.0)
 
 
 def test_no_hour_is_lost_when_clocks_change(
@@ -277,15 +284,6 @@ def test_no_file_and_folders_that_are_refused(tmp_path: Path, abc: Ruleset) -> N
         read_recording(tmp_path, abc)
 
 
-def test_batches_leave_no_trace(
-    tmp_path: Path, abc: Ruleset, expected: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(text_table, "BATCH", 7)
-    same(expected, read(SHEET.text(), tmp_path, abc))
-    found = read(SHEET.filled("A.dp", "Bad", 30, 32).text(), tmp_path, abc)
-    assert "2 cells of A.dp are words (the first, in data row 31: 'Bad')" in found.notes[0]
-
-
 def test_compound_units(abc: Ruleset) -> None:
     for text, factor in {
         "bar/(l/h)": 1e5 * 3.6e6,
@@ -341,12 +339,3 @@ def test_what_ends_a_stretch(name: str, tmp_path: Path, abc: Ruleset) -> None:
     noise = {name: noise_of(values) for name, values in recording.values.items()}
     found = find_stretches(recording, abc, noise)
     assert expected == list(zip(found.first.tolist(), found.last.tolist(), strict=True))
-
-
-def test_dates_keep_their_zone(tmp_path: Path, abc: Ruleset) -> None:
-    """Wall-clock time as it stood in the file, whatever its zone; without one as it stood."""
-    for zone, shown in (("+02:00", "2025-03-31T23:59:50+02:00"), ("", "2025-03-31T23:59:50")):
-        stamped = SHEET.mapped("time", lambda k, _, z=zone: f"2025-03-31T23:59:{k:02d}{z}")  # type: ignore[misc]
-        found = read(stamped.text(), tmp_path, abc)
-        assert shown == found.calendar.iso(50.0)
-        assert "23:59:50" == found.calendar.clock(50.0, 0.0)

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rulec_runtime.contract.plan import Array
 
 from rulec.cli import main
-from tests.conftest import ROOT, compiled, recordings_folder
+from tests.conftest import ROOT, Capsys, compiled, recordings_folder
 from tests.rig.zema import read_cycles, write_cycles
+from tests.states.plants import plant_in
+from tests.written import read_columns
 
 ABC = ROOT / "plants" / "abc"
 HEALTHY = ABC / "examples" / "healthy.csv"
@@ -25,19 +26,12 @@ def table(path: Path) -> list[list[str]]:
         return list(csv.reader(file, delimiter=";" if "semicolon" in path.name else ","))
 
 
-def columns(path: Path) -> dict[str, Array]:
-    header, *rows = table(path)
-    return dict(
-        zip(header, np.array([[float(c or "nan") for c in r] for r in rows]).T, strict=True)
-    )
-
-
 def simulated(inputs: Path, target: Path, *options: str, plant: Path = ABC) -> Path:
     assert 0 == main(["simulate", str(plant), str(inputs), "-o", str(target), *options])
     return target
 
 
-def refused(capsys: pytest.CaptureFixture[str], code: int, *arguments: object) -> str:
+def refused(capsys: Capsys, code: int, *arguments: object) -> str:
     assert code == main(["simulate", *map(str, arguments)])
     return capsys.readouterr().err
 
@@ -85,9 +79,9 @@ def test_a_folder_becomes_a_folder(tmp_path: Path) -> None:
         assert (out / name).read_bytes() == (again / name).read_bytes()
         assert (out / name).read_bytes() != (other / name).read_bytes()
     assert ["a.csv", "b.csv.gz"] == sorted(f.name for f in out.iterdir())
-    plain = columns(simulated(HEALTHY, tmp_path / "plain.csv", "--fault", "B.clogging=0.3"))
+    plain = read_columns(simulated(HEALTHY, tmp_path / "plain.csv", "--fault", "B.clogging=0.3"))
     first, second = (
-        np.mean(columns(out / name)["A.dp [bar]"] / plain["A.dp [bar]"] - 1.0)
+        np.mean(read_columns(out / name)["A.dp [bar]"] / plain["A.dp [bar]"] - 1.0)
         for name in ("a.csv", "b.csv.gz")
     )
     assert first == pytest.approx(second, abs=2e-4)
@@ -109,19 +103,19 @@ def test_what_was_put_in_is_found(fault: str, tmp_path: Path) -> None:
 
 def test_a_fault_is_there_in_its_period(tmp_path: Path) -> None:
     plain, found = (
-        columns(simulated(HEALTHY, tmp_path / f"{len(options)}.csv", *options))["A.dp [bar]"]
+        read_columns(simulated(HEALTHY, tmp_path / f"{len(options)}.csv", *options))["A.dp [bar]"]
         for options in ((), ("--fault", "A.dp.high=0.25@20:40"))
     )
     there = (np.arange(60) >= 20) & (np.arange(60) <= 40)
     assert found / plain == pytest.approx(np.where(there, 1.25, 1.0), rel=1e-6)
 
 
-def test_rows_without_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_without_prediction(tmp_path: Path, capsys: Capsys) -> None:
     plant = ROOT / "tests" / "method" / "plants" / "abc-centrifugal"
     rows = ["time [s],A.n [rpm],B.n [rpm]", "0,2650,900", "1,0,900", "2,,900", "3,795,900", ""]
     (tmp_path / "in.csv").write_text("\n".join(rows))
     made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
-    assert [True, False, False, False] == np.isfinite(columns(made)["C.dp [bar]"]).tolist()
+    assert [True, False, False, False] == np.isfinite(read_columns(made)["C.dp [bar]"]).tolist()
     captured = capsys.readouterr()
     assert "4 rows, 1 of them predicted in full" in captured.out
     assert "1 of 4 rows (the first is data row 2): A.n is below " in captured.err
@@ -129,7 +123,7 @@ def test_rows_without_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "1 of 4 rows (the first is data row 4) have no solution: no operating" in captured.err
 
 
-def test_against_a_closed_valve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_against_a_closed_valve(tmp_path: Path, capsys: Capsys) -> None:
     """A meter may show a little less than nothing where nothing flows."""
     knowledge = shutil.copytree(ROOT / "kb", tmp_path / "kb")
     plant = shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "pump")
@@ -141,7 +135,7 @@ def test_against_a_closed_valve(tmp_path: Path, capsys: pytest.CaptureFixture[st
     rows = [f"{i},3000,{flow},998" for i, flow in enumerate(flows)]
     head = "time [s],pump.n [rpm],pump.Q [m3/h],pump.rho [kg/m3]"
     inputs.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-    found = columns(simulated(inputs, tmp_path / "out.csv", plant=plant / "p37.yaml"))
+    found = read_columns(simulated(inputs, tmp_path / "out.csv", plant=plant / "p37.yaml"))
     pressure = found["pump.dp [bar]"]
     assert np.isfinite(pressure).tolist() == [True, True, True, True, False]
     assert pressure[0] == pytest.approx(2.0 * pressure[2] - pressure[3], rel=1e-4)
@@ -172,53 +166,50 @@ faults: [slope(dp)]
 
 def test_solution_that_follows_from_the_reference_point_is_predicted(tmp_path: Path) -> None:
     """There are three."""
-    shutil.copytree(ROOT / "kb", tmp_path / "kb")
-    (tmp_path / "kb" / "modules" / "humped.yaml").write_text(HUMPED)
-    text = "plant: humped\ntitle: three points\nkb: kb\nmodules: {A: {type: humped}}\n"
-    (tmp_path / "plant.yaml").write_text(text)
+    plant = plant_in(tmp_path, {"A": "humped"}, humped=HUMPED)
     (tmp_path / "in.csv").write_text("time [s],A.n [rpm]\n0,900\n1,910\n")
-    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=tmp_path)
-    assert [1.0, 1.0] == pytest.approx(columns(made)["A.dp [bar]"].tolist())
+    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
+    assert [1.0, 1.0] == pytest.approx(read_columns(made)["A.dp [bar]"].tolist())
+
+
+HELP = "write <module>.<fault>=<degree>"
+OUT = "-o out.csv"
 
 
 @pytest.mark.parametrize(
-    ("fault", "code", "message"),
+    ("words", "code", "message"),
     [
-        ("A.leakage", 2, "write <module>.<fault>=<degree>"),
-        ("A.leakage=nan", 2, "write <module>.<fault>=<degree>"),
-        ("A.leakage=0.2@9:3", 2, "the period ends before it begins"),
-        ("A.leakage=0.2@900:", 1, "the recording runs from 0 s to 59 s"),
-        ("A.leakage=-0.2", 1, "A.leakage: give a degree from 0 to 1, where 0.2 is 20 %"),
-        ("A.leek=0.2", 1, "abc has no fault 'A.leek'; did you mean 'A.leakage'?"),
+        (f"abc in.csv {OUT} --fault A.leakage", 2, HELP),
+        (f"abc in.csv {OUT} --fault A.leakage=nan", 2, HELP),
+        (f"abc in.csv {OUT} --fault A.leakage=0.2@9:3", 2, "the period ends before it begins"),
+        (f"abc in.csv {OUT} --fault A.leakage=0.2@900:", 1, "the recording runs from 0 s to 59 s"),
+        (f"abc in.csv {OUT} --fault A.leakage=-0.2", 1, "give a degree from 0 to 1, where 0.2 is"),
+        (f"abc in.csv {OUT} --fault A.leek=0.2", 1, "no fault 'A.leek'; did you mean 'A.leakage'?"),
+        ("abc in.csv -o in.csv", 2, "would overwrite the inputs"),
+        ("abc in.csv -o .", 2, "give the name of a file"),
+        ("abc . -o in.csv", 2, "give the name of a folder"),
+        ("abc in.csv -o none/out.csv", 1, "make it first"),
+        (f"abc in.csv {OUT} --noise -1", 2, "--noise -1"),
+        (f"abc speed.csv {OUT}", 1, "of abc, it needs the column 'B.n [rpm]'"),
+        (f"zema-hydraulic flow.csv {OUT}", 1, "it needs the columns 'PS1 [bar]', 'TS1 [degC]'"),
     ],
 )
-def test_bad_faults(
-    fault: str, code: int, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_simulated_is_refused(
+    words: str,
+    code: int,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capsys,
 ) -> None:
-    target = tmp_path / "out.csv"
-    assert message in refused(capsys, code, ABC, HEALTHY, "-o", target, "--fault", fault)
-    assert [] == list(tmp_path.iterdir())
-
-
-def test_missing_inputs_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source, target = tmp_path / "in.csv", tmp_path / "out.csv"
-    source.write_text("time [s],A.n [rpm]\n0,900\n")
-    message = refused(capsys, 1, ABC, source, "-o", target)
-    assert "to predict the other readings of abc, it needs the column 'B.n [rpm]'" in message
-    source.write_text("time [s],FS1 [l/min]\n0,7\n")
-    message = refused(capsys, 1, ROOT / "plants" / "zema-hydraulic", source, "-o", target)
-    assert "it needs the columns 'PS1 [bar]', 'TS1 [degC]'" in message
-
-
-def test_bad_targets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source = shutil.copy(HEALTHY, tmp_path / "in.csv")
-    assert "would overwrite the inputs" in refused(capsys, 2, ABC, source, "-o", source)
-    assert "give the name of a file" in refused(capsys, 2, ABC, source, "-o", tmp_path)
-    assert "give the name of a folder" in refused(capsys, 2, ABC, tmp_path, "-o", source)
-    nowhere = tmp_path / "none" / "out.csv"
-    assert "make it first" in refused(capsys, 1, ABC, source, "-o", nowhere)
-    assert "--noise -1" in refused(capsys, 2, ABC, source, "-o", "x.csv", "--noise", "-1")
-    assert HEALTHY.read_bytes() == Path(source).read_bytes()
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(HEALTHY, "in.csv")
+    Path("speed.csv").write_text("time [s],A.n [rpm]\n0,900\n")
+    Path("flow.csv").write_text("time [s],FS1 [l/min]\n0,7\n")
+    plant, *rest = words.split()
+    assert message in refused(capsys, code, ROOT / "plants" / plant, *rest)
+    assert {"in.csv", "speed.csv", "flow.csv"} == {f.name for f in tmp_path.iterdir()}
+    assert HEALTHY.read_bytes() == Path("in.csv").read_bytes()
 
 
 def test_a_real_pump_set(tmp_path: Path) -> None:
@@ -230,8 +221,8 @@ def test_a_real_pump_set(tmp_path: Path) -> None:
     unseen = [c.number for c in cycles if c.block not in commissioning and not c.off_profile]
     write_cycles(folder, unseen, tmp_path / "in.csv")
     plant = ROOT / "plants" / "zema-hydraulic"
-    measured = columns(tmp_path / "in.csv")
-    found = columns(simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant))
+    measured = read_columns(tmp_path / "in.csv")
+    found = read_columns(simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant))
     assert list(measured) == list(found)
     second = measured["time [s]"] % 60.0
     plateaus = ((15, 18), (24, 28), (34, 38), (44, 48), (55, 59))
@@ -242,24 +233,23 @@ def test_a_real_pump_set(tmp_path: Path) -> None:
         assert expected == pytest.approx(np.sqrt(np.mean(off**2)), abs=5e-5)
 
 
-def test_readings_without_states_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+METER = """\
+module: meter
+version: 1
+title: Meter
+signals:
+  y: {quantity: reading, unit: V, sensor: level-transmitter, range: [0, 10]}
+parameters:
+  g: {value: 100, unit: V/(m3/s), u: 2, title: gain, source: test}
+readings:
+  y: {is: g*inflow, source: linear}
+faults: [slope(y)]
+"""
+
+
+def test_readings_without_states_are_refused(tmp_path: Path, capsys: Capsys) -> None:
     """A plant that has a meter and stores nothing: nothing follows from anything, which is said."""
-    knowledge = shutil.copytree(ROOT / "kb", tmp_path / "kb")
-    (knowledge / "modules" / "meter.yaml").write_text(
-        "module: meter\nversion: 1\ntitle: Meter\nsignals:\n"
-        "  y: {quantity: reading, unit: V, sensor: level-transmitter, range: [0, 10]}\n"
-        "parameters:\n  g: {value: 100, unit: V/(m3/s), u: 2, title: gain, source: test}\n"
-        "readings:\n  y: {is: g*inflow, source: linear}\nfaults: [slope(y)]\n",
-        encoding="utf-8",
-    )
-    plant = tmp_path / "plant.yaml"
-    plant.write_text(
-        "plant: metered\ntitle: Meter behind a pump\nmodules:\n  p: {type: voltage-pump}\n"
-        "  m: {type: meter}\nconnections: [p -> m]\n",
-        encoding="utf-8",
-    )
+    plant = plant_in(tmp_path, {"p": "voltage-pump", "m": "meter"}, "p -> m", meter=METER)
     inputs = tmp_path / "inputs.csv"
     inputs.write_text("time [s],p.u [V],m.y [V]\n0,4,0.001\n1,5,0.001\n", encoding="utf-8")
     said = " ".join(refused(capsys, 1, plant, inputs, "-o", tmp_path / "out.csv").split())

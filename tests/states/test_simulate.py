@@ -6,23 +6,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.recordings.recording_file import read_file
 
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.first_readings import starts_of
-from tests.conftest import compiled
+from tests.conftest import Capsys, compiled
 from tests.states.plants import FEED, STORE, TANKS, plant_in, random_inputs, two_tanks, write_inputs
-from tests.written import write_columns
+from tests.written import read_columns, write_columns
 
 CHAIN = {"P": "feed", "T": "store"}
-
-
-def column(path: Path, title: str) -> Array:
-    """Numbers of a column; NaN where a cell is empty."""
-    return pd.read_csv(path)[title].to_numpy()
 
 
 def simulated(inputs: Path, target: Path, *options: str, plant: Path = TANKS) -> Path:
@@ -42,20 +36,18 @@ def test_a_test_record_needs_time_and_input_alone(tmp_path: Path) -> None:
     made = simulated(inputs, tmp_path / "out.csv")
     assert ["time [s]", "u [V]", "y [V]"] == list(pd.read_csv(made))
     expected = np.clip(two_tanks(time, u), 0.0, 10.0)
-    np.testing.assert_allclose(column(made, "y [V]"), expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(read_columns(made)["y [V]"], expected, rtol=0, atol=1e-5)
 
 
-def test_sensors_show_the_ends_of_their_range(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sensors_show_the_ends_of_their_range(tmp_path: Path, capsys: Capsys) -> None:
     """Also with sensor errors, and a note says in how many rows."""
     inputs = write_inputs(tmp_path / "in.csv", 4.0 * np.arange(300), np.full(300, 8.0))
-    plain = column(simulated(inputs, tmp_path / "a.csv"), "y [V]")
+    plain = read_columns(simulated(inputs, tmp_path / "a.csv"))["y [V]"]
     assert 10.0 == plain.max()
     assert "lower.y would be above its sensor's range, which then shows 10 V" in (
         capsys.readouterr().err
     )
-    noisy = column(simulated(inputs, tmp_path / "b.csv", "--noise", "3"), "y [V]")
+    noisy = read_columns(simulated(inputs, tmp_path / "b.csv", "--noise", "3"))["y [V]"]
     assert 10.0 == noisy.max()
     inside = plain < 9.0
     assert 1e-3 < np.std((noisy - plain)[inside]) < 0.05
@@ -63,7 +55,7 @@ def test_sensors_show_the_ends_of_their_range(
     assert (tmp_path / "b.csv").read_bytes() == again.read_bytes()
 
 
-def test_odd_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_odd_rows(tmp_path: Path, capsys: Capsys) -> None:
     """Out of order, without a time, without an input, twice at a time, and after a gap."""
     file = tmp_path / "in.csv"
     rows = ["time [s],P.u [V]", "0,", "8,4", "4,2", "12,", ",2", "16,6", "16,0", "116,2", "120,2"]
@@ -71,7 +63,7 @@ def test_odd_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = simulated(file, tmp_path / "out.csv", plant=chain(tmp_path))
     # 0.5 mm for each V and second; the first reading, 2 V, counts from the beginning on.
     expected = 0.5 + 1e-3 * np.array([0.0, 8.0, 4.0, 16.0, np.nan, 24.0, 24.0, 24.0, 28.0])
-    np.testing.assert_allclose(column(made, "T.y [m]"), expected, rtol=1e-9)
+    np.testing.assert_allclose(read_columns(made)["T.y [m]"], expected, rtol=1e-9)
     told = capsys.readouterr().err
     for note in (
         "2 of 9 rows (the first is data row 1): P.u has no reading; the last one counts on",
@@ -90,14 +82,14 @@ def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
     inputs = write_columns(tmp_path / "in.csv", {"time [s]": time, "P.u [V]": time / 10})
     made = simulated(inputs, tmp_path / "out.csv", plant=plant)
     expected = 0.5 + 0.5e-3 * time**2 / 20
-    np.testing.assert_allclose(column(made, "T.y [m]"), expected, rtol=1e-9)
+    np.testing.assert_allclose(read_columns(made)["T.y [m]"], expected, rtol=1e-9)
     rules = compile_plant(plant)
     assert ["line", "hold"] == [s.between for s in rules.signals]
     (tmp_path / "rules.json").write_text(rules.to_json())
     assert read_ruleset(tmp_path / "rules.json") == rules
 
 
-def refused(plant: Path, folder: Path, rows: str, capsys: pytest.CaptureFixture[str]) -> str:
+def refused(plant: Path, folder: Path, rows: str, capsys: Capsys) -> str:
     """What is told; nothing is written."""
     source, target = folder / "in.csv", folder / "none.csv"
     source.write_text(rows)
@@ -134,9 +126,7 @@ readings:
 """
 
 
-def test_balances_and_what_follows_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_balances_and_what_follows_at_once(tmp_path: Path, capsys: Capsys) -> None:
     """A pressure over a level: the predicted level counts, not the recorded one. A balance that
     feeds on itself, and a flow by a pressure that follows from the level, are told."""
     plant = plant_in(tmp_path, {"T": "pressed-store"}, pressed=PRESSED)
@@ -144,9 +134,9 @@ def test_balances_and_what_follows_at_once(
     made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
     flow = 15.0 * 10e-6
     level = 0.5 - flow * np.array([0.0, 60.0, 120.0]) / 2.0
-    np.testing.assert_allclose(column(made, "T.y [m]"), level, rtol=1e-9)
+    np.testing.assert_allclose(read_columns(made)["T.y [m]"], level, rtol=1e-9)
     dp = 0.1 * level + flow * 3.6e6 / 100
-    np.testing.assert_allclose(column(made, "T.dp [bar]"), dp, rtol=1e-6)
+    np.testing.assert_allclose(read_columns(made)["T.dp [bar]"], dp, rtol=1e-6)
     store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
     store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
     plant = plant_in(tmp_path / "a", CHAIN, "P -> T", feed=FEED, store=store)

@@ -12,8 +12,7 @@ from rulec_runtime.contract.plan import Array
 
 from tests.bench.row import Row, median
 from tests.states.plants import SHIPPED, random_inputs
-from tests.states.test_integrator import lower, run, values_of
-from tests.states.test_kernel import BY_HAND
+from tests.states.test_integrator import BY_HAND, lower, run, values_of
 
 SAMPLES, RTOL, ATOL = 1024, 1e-6, 1e-9
 AGREE = 1e-4

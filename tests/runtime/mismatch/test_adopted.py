@@ -25,14 +25,13 @@ from rulec.mismatch.evidence.stores.fit import plain_end
 from rulec.mismatch.inference.prove import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capsys
 from tests.dosing import write_csv
 from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
 from tests.runtime.mismatch.made import SLIP, USUAL, alone, changed, columns, prepared, warmed
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
 Form = dict[str, Any]
-Told = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +75,7 @@ def adopt(folder: Path, *options: str) -> int:
     return main(["adopt", str(folder / "found.json"), "-o", str(folder / "new"), *options])
 
 
-def refused(folder: Path, capsys: Told, change: Callable[[Form], object] | None = None) -> str:
+def refused(folder: Path, capsys: Capsys, change: Callable[[Form], object] | None = None) -> str:
     """What is said where nothing is adopted; no half-written folder stays behind."""
     if change is not None:
         form = form_in(folder)
@@ -127,7 +126,7 @@ def test_told_is_what_the_written_plant_gives(folder: Path) -> None:
 
 
 def test_what_is_refused_is_not_written_but_recalibrated_values_are(
-    folder: Path, capsys: Told
+    folder: Path, capsys: Capsys
 ) -> None:
     said = refused(folder, capsys, lambda form: form["repair"].update(refused="worse than before"))
     assert "nothing written: worse than before" in said
@@ -141,7 +140,7 @@ def test_what_is_refused_is_not_written_but_recalibrated_values_are(
 
 
 @pytest.mark.parametrize("file", ["plant.yaml", "kb/own/pumps/pump.yaml", "run.csv"])
-def test_what_has_changed_since_is_refused(folder: Path, capsys: Told, file: str) -> None:
+def test_what_has_changed_since_is_refused(folder: Path, capsys: Capsys, file: str) -> None:
     with (folder / file).open("a", encoding="utf-8") as changed:
         changed.write("\n")
     said = refused(folder, capsys)
@@ -149,7 +148,7 @@ def test_what_has_changed_since_is_refused(folder: Path, capsys: Told, file: str
     assert "since the analysis" in said
 
 
-def test_what_cannot_be_tried_is_not_written(folder: Path, capsys: Told) -> None:
+def test_what_cannot_be_tried_is_not_written(folder: Path, capsys: Capsys) -> None:
     def spoil(form: Form) -> None:
         place = form["repair"]["parameters"].index("A.C2")
         form["repair"]["values"][place] *= 1.2

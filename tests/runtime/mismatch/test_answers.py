@@ -5,7 +5,6 @@ others are made from the plant's own equations with a candidate built in."""
 
 import functools
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,6 +39,7 @@ from tests.runtime.mismatch.made import (
     warming,
     without,
 )
+from tests.written import write_plant
 
 LITRE_PER_HOUR_AND_BAR = 1e-3 / 3600 / 1e5
 
@@ -203,23 +203,6 @@ def test_hostile_recordings_get_an_answer(name: str) -> None:
         assert ("Look at A.dp" in found.next) == (name == "no reading")
 
 
-PUMP = """\
-plant: metered
-title: A pump by its sheet, with no line behind it
-modules:
-  A:
-    type: metered-centrifugal
-    parameters:
-      h0: {value: 1.111, u: 0.01, unit: bar, source: data sheet}
-      h1: {value: 1.142e-4, u: 1.0e-5, unit: bar/(l/h), source: data sheet}
-      h2: {value: 3.04e-7, u: 1.0e-8, unit: bar/(l/h)**2, source: data sheet}
-      p0: {value: 28.245, u: 0.5, unit: W, source: data sheet}
-      p1: {value: 0.03228, u: 0.001, unit: W/(l/h), source: data sheet}
-      p2: {value: 8.453e-6, u: 5.0e-7, unit: W/(l/h)**2, source: data sheet}
-connections: []
-"""
-
-
 def shifted(there: tuple[Ruleset, ModelBuilder], signal: str, by: float) -> Mismatch:
     given = {**tour(there[0], 144), "A.T": warming(144)}
     recording = recorded(there, given)
@@ -235,9 +218,9 @@ def test_power_that_no_law_says_has_no_tick() -> None:
 
 
 def test_a_pressure_reading_with_a_zero_error_is_told_as_that(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "kb", tmp_path / "kb")
-    (tmp_path / "plant.yaml").write_text(PUMP, encoding="utf-8")
-    found = shifted(open_builder(tmp_path), "A.dp", 0.15e5)
+    """Of a pump by its sheet, with no line behind it."""
+    plant = write_plant(tmp_path, {"A": "metered-centrifugal"})
+    found = shifted(open_builder(plant), "A.dp", 0.15e5)
     assert [f.id for f in found.findings] == ["A.offset-pressure@dp"]
     assert not any("check valve" in f.title for f in found.findings)
 

@@ -1,6 +1,5 @@
 """Set points that tell explanations apart: what is predicted of them, and within which limits."""
 
-import csv
 import json
 import math
 from collections.abc import Callable
@@ -11,13 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.forecast import Forecast, Places, forecast, known_with_onsets
 from rulec.mismatch.experiment.plan import best_within, chosen, covering
 from rulec.mismatch.experiment.points import (
@@ -28,14 +24,13 @@ from rulec.mismatch.experiment.points import (
     places_in,
     surroundings,
 )
-from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.search.operating_states import explain
 from rulec.mismatch.search.posterior import Posterior
 from rulec.prove.truth.settled.plan import Planned
-from rulec.separation.allowed import Allowed, Range, allowed_of
-from tests.conftest import compiled
-from tests.runtime.mismatch.experiments import made_by_hand
+from rulec.separation.allowed import Allowed, Range
+from tests.conftest import Capsys, compiled
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
+from tests.written import read_columns
 
 HALVES = np.array([0.5, 0.5])
 
@@ -132,13 +127,10 @@ def experiment(folder: Path, *more: str) -> Any:
 
 
 def columns(file: Path) -> dict[str, np.ndarray]:
-    with file.open(encoding="utf-8", newline="") as lines:
-        head, *rows = csv.reader(lines)
-    table = np.array([[float(cell or "nan") for cell in row] for row in rows])
-    return {title.partition(" [")[0]: table[:, i] for i, title in enumerate(head)}
+    return {title.partition(" [")[0]: c for title, c in read_columns(file).items()}
 
 
-def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recipe_can_be_run(ambiguous: Path, capsys: Capsys) -> None:
     inputs, page, simulated = (ambiguous / name for name in ("in.csv", "e.html", "out.csv"))
     found = experiment(ambiguous, "-o", str(inputs), "--report", str(page))
     assert "the expected probability of the true" in capsys.readouterr().out
@@ -162,29 +154,32 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
     assert found["steps"][0]["inputs"] == first["inputs"]
 
 
-def test_limits_are_kept_and_told(
-    ambiguous: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_limits_are_kept_and_told(ambiguous: Path, tmp_path: Path, capsys: Capsys) -> None:
     limits = tmp_path / "limits.yaml"
     limits.write_text(
         "limits: concealed\n"
         "inputs:\n"
-        "  A.n: {lowest: 600, highest: 1200, unit: rpm, rate: 10, costs: product}\n"
+        "  A.n: {lowest: 600, highest: 1200, unit: rpm, rate: 10, hold: 100, costs: product}\n"
         "readings:\n"
-        "  A.dp: {highest: 1.6, unit: bar}\n",
+        "  A.dp: {lowest: 1.0, highest: 1.6, unit: bar}\n",
         encoding="utf-8",
     )
     found = experiment(ambiguous, "--limits", str(limits), "--steps", "3")
     told = " ".join(capsys.readouterr().out.split())
-    step = found["steps"][0]
-    before = columns(ambiguous / "recording.csv")["B.n"][-1]
-    assert 600 <= step["inputs"]["A.n"]["value"] <= 1200
-    assert step["inputs"]["B.n"]["value"] == pytest.approx(before)
-    assert step["costs_product"] == ["A.n"]
-    times = (step["until"] - step["from"] - step["ramp"]) / 60.0
-    assert times == pytest.approx(2.0 ** round(math.log2(times)))
-    dp = next(r for r in step["readings"] if r["signal"] == "A.dp")
-    assert all(v + u < 1.6 for v, u in zip(dp["values"], dp["u"], strict=True))
+    before = {name: values[-1] for name, values in columns(ambiguous / "recording.csv").items()}
+    held = found["steps"][0]["inputs"]["B.n"]["value"]
+    assert held == pytest.approx(before["B.n"])
+    for step in found["steps"]:
+        speed = step["inputs"]["A.n"]["value"]
+        assert 600 <= speed <= 1200
+        assert step["ramp"] == pytest.approx(abs(speed - before["A.n"]) / 10, abs=0.01)
+        before["A.n"] = speed
+        assert step["inputs"]["B.n"]["value"] == held
+        assert step["costs_product"] == ["A.n"]
+        times = (step["until"] - step["from"] - step["ramp"]) / 100.0
+        assert times == pytest.approx(2.0 ** round(math.log2(times)))
+        dp = next(r for r in step["readings"] if r["signal"] == "A.dp")
+        assert all(1.0 < v - u < v + u < 1.6 for v, u in zip(dp["values"], dp["u"], strict=True))
     assert found["limits"]["given"]
     assert "Product is lost in steps 1 to 3 (by A.n)." in told
     assert not any(step["covers"] for step in found["steps"])
@@ -208,7 +203,7 @@ def test_limits_are_kept_and_told(
 def test_what_cannot_be_planned_is_refused(
     ambiguous: Path,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capsys,
     change: Callable[[Form], object],
     more: tuple[str, ...],
     words: str,
@@ -221,7 +216,7 @@ def test_what_cannot_be_planned_is_refused(
 
 
 def test_an_explanation_that_stands_alone_is_tested(
-    ambiguous: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ambiguous: Path, tmp_path: Path, capsys: Capsys
 ) -> None:
     form = read(ambiguous / "m.json")
     alone = json.dumps({**form, "standing": form["standing"][:1]})
@@ -316,115 +311,32 @@ def test_what_nobody_sets_stays_or_follows_the_load() -> None:
     assert there["day"] == pytest.approx([30.0, 30.0], abs=1.0)
 
 
-def test_a_page_where_a_reading_is_foretold_in_some_steps_only() -> None:
-    """Its picture has those steps; a way that takes no time has no column."""
-    page = experiment_page(made_by_hand(), compiled("abc"))
-    pictures = page.split("<figure")[1:]
-    assert [picture.count('href="#up"') for picture in pictures] == [1, 2]
-    assert '<th class="num">way</th>' not in page
-
-
-LIMITS = 40
-"""Sets of limits; of each, all places that may be proposed are looked at."""
-
-ROUNDING = 1e-9
-"""Share of a value that is lost between units."""
-
-
-def _limits(random: np.random.Generator, system: System) -> Allowed:
-    """Limits of some inputs and of one reading, some of them far outside of what was recorded."""
-    inputs = {}
-    for signal in system.ruleset.signals:
-        if signal.is_input and random.random() < 0.8:
-            reference = signal.shown(signal.reference)
-            lowest, highest = np.sort(reference * random.uniform(0.3, 1.7, 2))
-            inputs[signal.id] = Range(
-                signal=signal,
-                lowest=float(lowest),
-                highest=float(highest),
-                rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
-                hold=float(random.choice([0.0, random.uniform(1.0, 1000.0)])),
-                costs=bool(random.random() < 0.3),
-            )
-    name = str(random.choice([s.id for s in system.ruleset.signals if not s.is_input]))
-    ends = np.sort(system.ruleset.signal_by_id[name].reference * random.uniform(0.2, 2.0, 2))
-    return Allowed(inputs, frozenset(), {name: (float(ends[0]), float(ends[1]))})
-
-
-def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places) -> list[Forecast]:
-    """Any readings at all by two explanations; of some places nothing is predicted."""
-    n = len(places)
-    point = np.flatnonzero(random.random(n) < 0.9)
-    names = [s.id for s in ruleset.signals if not s.is_input]
-    one = np.eye(len(point))
-    told = apart(random.normal(0.0, 2.0, len(point)), (one, one), (0.0, 0.0))
-    size = {name: ruleset.signal_by_id[name].reference for name in names}
-    readings = [{name: s * random.uniform(0.5, 1.5, n) for name, s in size.items()} for _ in told]
-    spreads = [{name: np.abs(v) * 0.02 for name, v in own.items()} for own in readings]
-    return [
-        replace(own, readings=given, point=point, spread=spread, noise=spread)
-        for own, given, spread in zip(told, readings, spreads, strict=True)
+def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
+    """On both sides, by each explanation; not where one predicts nothing, nor the present one."""
+    plant, n = compiled("abc"), 6
+    speed = np.array([10.0, 11.0, 12.0, 13.0, 14.0, 12.0])
+    ends = {"signal": plant.signal_by_id["A.n"], "lowest": 600.0, "highest": 900.0}
+    own = Range(**ends, rate=30.0, hold=100.0, costs=True)
+    given = Allowed({"A.n": own}, frozenset(), {"A.dp": (1.2e5, 1.8e5)})
+    reach = InputRanges({"A.n": (10.0, 15.0)}, 60.0, {"A.n": 12.0}, given)
+    one, none = np.eye(n - 1), np.zeros(n - 1)
+    shown = ([1.25e5, 1.5e5, 1.5e5, 1.75e5, 1.5e5, 1.5e5], [1.5e5] * n)
+    told = [
+        Forecast(
+            {"A.dp": np.array(values)},
+            np.delete(np.arange(n), 1),
+            (none, none),
+            (one, one),
+            spread={"A.dp": np.full(n, 0.05e5)},
+        )
+        for values in shown
     ]
-
-
-def _check(ruleset: Ruleset, given: Allowed, told: list[Forecast], found: Feasible) -> None:
-    """All places that may be proposed, each limit looked up anew."""
-    may = found.may_run
-    for name, values in found.places.inputs.items():
-        signal = ruleset.signal_by_id[name]
-        shown, slack = signal.shown(values), ROUNDING * np.abs(signal.shown(values))
-        if name not in found.reach.ranges:
-            assert (values[may] == found.reach.present[name]).all(), f"{name} is not to be moved"
-            continue
-        own, (low, high) = given.inputs[name], signal.ends
-        kept = (own.lowest - slack <= shown) & (shown <= own.highest + slack)
-        kept &= (low - slack <= values) & (values <= high + slack)
-        assert kept[may].all(), name
-        moved = np.flatnonzero(may & (np.abs(values - values[-1]) > slack))
-        assert not own.costs or all(name in found.costs[place] for place in moved), name
-    for name, (low, high) in given.readings.items():
-        for one in told:
-            value, far = one.readings[name], limits.COVERED * one.spread[name]
-            assert ((low <= value - far) & (value + far <= high))[may].all(), name
-
-
-def test_thousands_of_places_keep_the_limits() -> None:
-    """All that may be proposed, of any readings at all that are predicted, in any order."""
-    random = np.random.default_rng(27)
-    plant = opened("abc")
-    ruleset = plant[0]
-    recording = recorded(plant, tour(ruleset, 240))
-    system = rows_at(plant, recording).system
-    looked = steps = 0
-    for number in range(LIMITS):
-        given = _limits(random, system)
-        reach = input_ranges(system, recording, 1.0, allowed_of(ruleset, given))
-        if not reach.ranges:
-            continue
-        places = places_in(system, reach)
-        told = _any_foretold(random, ruleset, places)
-        found = feasible(ruleset, places, reach, told)
-        may = np.flatnonzero(found.may_run)
-        looked += len(may)
-        _check(ruleset, given, told, found)
-        order = random.permutation(may)[:5].tolist()
-        before = len(places) - 1
-        for place, (ramp, hold) in zip(order, found.times(order), strict=True):
-            for name in reach.ranges:
-                own, signal = given.inputs[name], ruleset.signal_by_id[name]
-                way = signal.shown(places.inputs[name][place])
-                way -= signal.shown(places.inputs[name][before])
-                assert abs(way) / own.rate <= ramp * (1.0 + ROUNDING) + ROUNDING
-                assert hold >= own.hold
-            before = place
-        if number % 16 == 0:
-            seconds = 1.5 * found.seconds(order[:1])
-            best = best_within(told, HALVES, 2, seconds, found, 0.0)
-            assert set(best.choice.places) <= set(may.tolist())
-            assert found.seconds(best.choice.places) <= seconds
-            steps += len(best.choice.places)
-    assert looked > 1000
-    assert steps
+    places = Places({"A.n": speed}, np.zeros(n, dtype=np.intp), np.zeros(n))
+    for predicted in (told, told[::-1]):
+        found = feasible(plant, places, reach, predicted)
+        assert [False, False, True, False, True, False] == found.may_run.tolist()
+        assert [("A.n",)] * 2 + [()] + [("A.n",)] * 2 + [()] == list(found.costs)
+        assert [(4.0, 100.0), (8.0, 100.0)] == found.times([4, 0])
 
 
 def _two_places(lost: tuple[str, ...], forbids: bool) -> Feasible:

@@ -14,7 +14,7 @@ from rulec.mismatch.search.grow_sets import join_columns
 from rulec.mismatch.search.operating_states import begun
 from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.simulated import begun as begun_with_stores
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capsys
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
 from tests.runtime.mismatch.made import SLIP, USUAL, Built, alone, rows_at, warmed
 
@@ -122,9 +122,7 @@ def test_what_was_found_is_concealed_at_its_size() -> None:
     assert np.isnan(unseen.size)
 
 
-def test_command_tells_it_behind_the_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_tells_it_behind_the_report(tmp_path: Path, capsys: Capsys) -> None:
     file = tmp_path / "m.json"
     assert 0 == main(["mismatch", *HEALTHY, "--power", "A.leakage", SLIP, "--json", str(file)])
     form = json.loads(file.read_text(encoding="utf-8"))
@@ -146,7 +144,7 @@ def test_command_tells_it_behind_the_report(
     assert "no reading of this recording shows it" in story
 
 
-def test_ids_that_nothing_has_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_ids_that_nothing_has_are_refused(capsys: Capsys) -> None:
     assert 1 == main(["mismatch", *HEALTHY, "--power", "A.leak"])
     said = "--power A.leak: no effect of this plant has that id; did you mean 'A.leakage'?"
     assert said in capsys.readouterr().err

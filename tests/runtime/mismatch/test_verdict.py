@@ -77,44 +77,48 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
         assert f"missing at {told} that no" in headline_of("unnamed", (UNSURE,), places, SOUND)
 
 
-def test_what_is_left_is_called_noise_only_where_it_is() -> None:
-    """Else the law's form may be wrong, or the name is not all."""
-    assert "only noise remains" in headline_of("none", (), (), SOUND, [fit_of(noise=0.3)])
-    far = headline_of("none", (), (), SOUND, [fit_of()])
-    assert "A.Q is off by 4 times its noise" in far
-    assert "only noise remains" not in far
+def rivalled(own: float, *others: tuple[str, float]) -> Finding:
+    """A finding of some probability, with titles and probabilities of others."""
+    found = tuple(Alternative(title, "x", title, p) for title, p in others)
+    return replace(WARM, title="Gap flow", probability=own, alternatives=found)
+
+
+LAWS = rivalled(0.25, ("Law 0", 0.25), ("Law 1", 0.25), ("Law 2", 0.25))
+TWINS = rivalled(0.5, ("A.dp reads high", 0.25), ("A.dp reads high", 0.25))
+NEARLY = (SENSOR, replace(SURE, probability=0.7))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "findings", "noise", "told", "never"),
+    [
+        # Else the law's form may be wrong, or the name is not all.
+        ("none", (), 0.3, "only noise remains", "off by"),
+        ("none", (), 0.1, "A.Q is off by 4 times its noise", "only noise remains"),
+        ("named", (SURE, replace(FAULT, probability=0.4)), 1, "; not sure: flow lost in A.", "has"),
+        ("ambiguous", NEARLY, 1, "Not sure enough to be named: gap flow", "law"),
+        ("ambiguous", NEARLY, 1, " Certain: reading shifted in A.", "law"),
+        ("named", (rivalled(0.75, ("Another one", 0.25)),), 1, "another one", "decided"),
+        ("named", (rivalled(0.95, ("Another one", 0.05)),), 1, "gap flow", "another one"),
+        # Four laws that say the same share the odds, and are one joint finding.
+        ("ambiguous", (LAWS,), 1, "law 0", "law 3"),
+        ("ambiguous", (LAWS,), 1, "law 2", "law 3"),
+        # Alternatives of one title are one.
+        ("ambiguous", (TWINS,), 1, "flow in A (50\u00a0%) or A.dp reads high (50\u00a0%).", ","),
+    ],
+)
+def test_what_the_headline_tells(
+    verdict: str, findings: Sequence[Finding], noise: float, told: str, never: str
+) -> None:
+    headline = headline_of(verdict, findings, (), SOUND, [fit_of(noise=noise)])
+    assert told in headline
+    assert never not in headline
+    assert verdict != "ambiguous" or verdict_of(findings, False, SOUND) == "ambiguous"
+
+
+def test_what_is_left_is_told_of_what_has_a_name() -> None:
     off = " However, A.Q is still off by 4 times its noise."
     told = (("named", 0.1), ("named", 0.2), ("named", 0.0), ("unnamed", 0.1))
     assert [off, "", "", ""] == [remainder_of(v, [fit_of(noise=noise)]) for v, noise in told]
-
-
-def test_what_is_not_sure_is_told_apart_from_what_is() -> None:
-    told = headline_of("named", (SURE, replace(FAULT, probability=0.4)), (), SOUND)
-    assert "the plant has a fault" not in told
-    assert told.endswith("; not sure: flow lost in A.")
-    told = headline_of("ambiguous", (SENSOR, replace(SURE, probability=0.7)), (), SOUND)
-    assert told.startswith("Not sure enough to be named: gap flow")
-    assert told.endswith("Certain: reading shifted in A.")
-
-
-def test_what_is_about_as_likely_stands_in_the_headline() -> None:
-    """Four laws that say the same share the odds, and are one joint finding."""
-    for probability, told in ((0.25, True), (0.05, False)):
-        other = (Alternative("x", "x", "Another one", probability),)
-        finding = replace(WARM, probability=1.0 - probability, alternatives=other)
-        assert told == ("another one" in headline_of("named", (finding,), (), SOUND))
-    others = tuple(Alternative(f"x{i}", "x", f"Law {i}", 0.25) for i in range(3))
-    finding = replace(WARM, probability=0.25, alternatives=others)
-    assert "ambiguous" == verdict_of((finding,), False, SOUND)
-    headline = headline_of("ambiguous", (finding,), (), SOUND)
-    assert all(f"law {i}" in headline for i in range(3))
-
-
-def test_alternatives_of_one_title_are_one() -> None:
-    others = tuple(Alternative(f"x{i}", "x", "A.dp reads high", 0.25) for i in range(2))
-    finding = replace(WARM, title="Gap flow", probability=0.5, alternatives=others)
-    headline = headline_of("ambiguous", (finding,), (), SOUND)
-    assert headline == "Not decided: gap flow in A (50\u00a0%) or A.dp reads high (50\u00a0%)."
 
 
 def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
