@@ -23,8 +23,7 @@ def test_liquid_runs_back_through_a_pump_that_is_off_unless_a_valve_shuts(
 ) -> None:
     time = clock(60)
     speed = {**constant("abc", time), "A": np.zeros(60)}
-    pump = physics.Idle(plant("abc").modules["A"].pump, time >= 0.0, back)
-    built = physics.with_pump(plant("abc"), "A", pump)
+    built = physics.idle(plant("abc"), "A", time >= 0.0, back)
     shown = recorded("abc", time, 1, speed=speed, built=built, backflow=True)
     flow = {name: float(shown[f"{name}.Q [l/h]"].mean()) for name in "AB"}
     assert (flow["A"] < -50.0) == runs_back
