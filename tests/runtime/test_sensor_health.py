@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -260,6 +261,19 @@ def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
     found = diagnose(times(sound, ruleset("abc"), 100.0, *ALL), ruleset("abc"))
     assert ALL == tuple(s.signal for s in found.sensors)
     assert ((), ()) == (found.findings, found.unknown)
+
+
+@pytest.mark.parametrize(("speed", "dead"), [(1000.0, ["A.dp"]), (0.0, [])])
+def test_a_pressure_without_noise_is_dead_while_its_pump_runs(
+    speed: float, dead: list[str], tmp_path: Path
+) -> None:
+    """Also where nothing else gives the flow."""
+    text = f"plant: p\ntitle: p\nkb: {ROOT / 'kb'}\nmodules: {{A: {{type: dosing-pcp}}}}\n"
+    (tmp_path / "plant.yaml").write_text(f"{text}connections: []\n", encoding="utf-8")
+    noise = np.random.default_rng(1).normal(0.0, 0.1, 80) * (speed > 0.0)
+    readings = sampled({"A.n": (speed + noise) / 60.0, "A.dp": np.zeros(80)})
+    found = diagnose(readings, compile_plant(tmp_path))
+    assert dead == [f.signal for f in found.sensors if f.condition.name == "dead"]
 
 
 @pytest.mark.parametrize(("points", "kind"), [(1, "stuck"), (6, "stuck"), (6, "range")], ids=str)
