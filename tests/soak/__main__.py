@@ -19,11 +19,11 @@ from typing import Any
 from tests.soak import disk, killed, mutated, score, sources
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
-    "kill-journal": (killed.journal_killed, 50),
-    "kill-lines": (killed.lines_killed, 50),
-    "opcua": (partial(sources.killed, "opcua"), 50),
-    "mqtt": (partial(sources.killed, "mqtt"), 50),
-    "disk-journal": (disk.full, 10),
+    "kill-journal": (killed.journal_killed, 20),
+    "kill-lines": (killed.lines_killed, 20),
+    "opcua": (partial(sources.killed, "opcua"), 20),
+    "mqtt": (partial(sources.killed, "mqtt"), 20),
+    "disk-journal": (disk.full, 5),
     "mutated-file": (mutated.growing_file, 10_000),
 }
 """Each with what it does, and how often."""
@@ -33,7 +33,7 @@ def main() -> int:
     """Run the parts one after the other; the machine form on standard output."""
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--times", type=int, metavar="N", help="default 50 of most parts")
+    parser.add_argument("--times", type=int, metavar="N", help="default 20 of most parts")
     parser.add_argument("--keep", metavar="DIR", help="leave all files there")
     parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
     options = parser.parse_args()
