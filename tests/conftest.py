@@ -19,9 +19,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.knowledge import check_knowledge, read_layers
 from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_module import ModuleReader
-from rulec.language import document, schema
+from rulec.language import read_yaml, schema
 from rulec.language.diagnostics import Diagnostic, Place
-from rulec.language.document import Document, Path_
+from rulec.language.read_yaml import Document, Path_
 from rulec.language.reader import Reader
 from rulec.passes.pipeline import compile_plant
 
@@ -96,7 +96,7 @@ def _each_text_read_once() -> Iterator[None]:
         def read_by(reader: Reader, others: Iterable[object] = ()) -> Things:
             return (reader.document, reader.units, *others), reader.found
 
-        patch.setattr(document, "parse_document", _parsed_once(document.parse_document))
+        patch.setattr(read_yaml, "parse_document", _parsed_once(read_yaml.parse_document))
         patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
         once(check_knowledge, "table_of", lambda lists, found: (tuple(lists), found))
         once(check_knowledge, "check_fault", read_by)
@@ -131,7 +131,7 @@ def _parsed_once(parse: Parse) -> Parse:
 def _renamed(of: Document, name: str) -> Document:
     """A document of the same text in another file."""
     values, keys = _Elsewhere(of.values, name), _Elsewhere(of.keys, name)
-    return Document(name, document._label(name), of.data, values, keys)
+    return Document(name, read_yaml._label(name), of.data, values, keys)
 
 
 class _Elsewhere(Mapping[Path_, Place]):

@@ -20,8 +20,8 @@ from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
 from rulec.effects.repair import AdoptRefused, read_form, repair_of
 from rulec.effects.write_plant import put_in_place, write_plant
-from rulec.language.document import parse_document, read_document
-from rulec.language.yaml_text import flow, lines
+from rulec.language.read_yaml import parse_document, read_document
+from rulec.language.write_yaml import flow, lines
 from rulec.passes.lower import Lowering, lower_module
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation

@@ -14,8 +14,8 @@ import sympy
 from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.language.diagnostics import Diagnostic, render_all
-from rulec.language.document import parse_document
 from rulec.language.expression import Rejected, parse
+from rulec.language.read_yaml import parse_document
 from tests.conftest import ROOT
 
 CANARY = "RULEC_CANARY"

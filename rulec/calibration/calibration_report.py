@@ -12,7 +12,7 @@ from rulec.calibration.calibrate import Calibrated
 from rulec.calibration.fit import ModuleFit
 from rulec.effects.recalibrate import FLOW_FACTOR, flow_entry, range_entry
 from rulec.knowledge.plant import Module
-from rulec.language.yaml_text import rounded
+from rulec.language.write_yaml import rounded
 from rulec.passes.types import Compilation
 
 

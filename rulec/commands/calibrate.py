@@ -22,7 +22,7 @@ from rulec.passes.compile_cache import open_plant
 if TYPE_CHECKING:
     from rulec.calibration.calibrate import Calibrated
     from rulec.curves.learn import Learnt
-    from rulec.language.document import Document
+    from rulec.language.read_yaml import Document
     from rulec.language.units import Unit
 
 
@@ -272,7 +272,7 @@ def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = No
     from rulec.curves.learn import learn as learnt_of  # loads the compiler, as do these
     from rulec.knowledge.check_dimensions import dimensions_of
     from rulec.language.diagnostics import Refused
-    from rulec.language.document import read_document
+    from rulec.language.read_yaml import read_document
 
     models = opened.models
     found = learnt_of(models, read, str(name), what, over)

@@ -10,7 +10,7 @@ from rulec.knowledge.doubts import doubts_of_plant, doubts_of_redundancy, doubts
 from rulec.knowledge.read import read_all, read_files, read_plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
-from rulec.language.document import Document
+from rulec.language.read_yaml import Document
 from rulec.passes.derive_residuals import derive_residuals
 from rulec.passes.link import link, seen_through_states
 from rulec.passes.put_balances import dynamics_of

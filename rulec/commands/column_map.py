@@ -30,7 +30,7 @@ from rulec_runtime.recordings.time_column import (
 )
 
 from rulec import limits
-from rulec.language.yaml_text import flow
+from rulec.language.write_yaml import flow
 
 _WORD = re.compile(r"[A-Za-z]+|\d+")
 

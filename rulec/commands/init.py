@@ -13,7 +13,7 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.commands.schema import line, schema_near, schemas, target
 from rulec.knowledge.layers import KB, shipped
-from rulec.language.document import parse_document
+from rulec.language.read_yaml import parse_document
 from rulec.language.schema import kind_of
 
 FOLDER = Path(__file__).resolve().parent.parent / "skeletons"

@@ -12,7 +12,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_data, write_text
 
 from rulec.knowledge.layers import KB, shipped, yaml_files_in
-from rulec.language.document import read_document
+from rulec.language.read_yaml import read_document
 from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES
 

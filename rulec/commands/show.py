@@ -16,7 +16,7 @@ from rulec.passes.compile_cache import kept_of_plant
 
 if TYPE_CHECKING:
     from rulec.knowledge.layers import Layer
-    from rulec.language.document import Document
+    from rulec.language.read_yaml import Document
 
 KNOWLEDGE = "knowledge"
 

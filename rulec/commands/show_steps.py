@@ -6,7 +6,7 @@ from pathlib import Path
 from rulec.effects.equation_text import balances_text, flow_text
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
-from rulec.language.yaml_text import signed_sum
+from rulec.language.write_yaml import signed_sum
 from rulec.passes.pipeline import PASSES, run_passes
 from rulec.passes.types import Compilation
 

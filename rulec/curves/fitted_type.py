@@ -13,7 +13,7 @@ from rulec.curves.learn import Learnt
 from rulec.curves.limits import SHEET_SCATTER
 from rulec.effects.write_module import file_text, plain_number
 from rulec.knowledge.module_type import Accuracy, ModuleType
-from rulec.language.document import Document
+from rulec.language.read_yaml import Document
 from rulec.language.units import Dimension, Unit, UnitTable
 
 

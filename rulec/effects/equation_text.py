@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from rulec.knowledge.module_type import ENDS, ModuleType, State
 from rulec.knowledge.plant import Module
 from rulec.language.expression import Expression, constant, name_node, replaced, text_of
-from rulec.language.yaml_text import signed_sum
+from rulec.language.write_yaml import signed_sum
 from rulec.passes.amend import Amended
 from rulec.passes.link import Network
 

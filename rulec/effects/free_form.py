@@ -15,7 +15,7 @@ from rulec.language.diagnostics import Origin
 from rulec.language.expression import Expression, parse
 from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.language.units import UNKNOWN, Unit
-from rulec.language.yaml_text import rounded
+from rulec.language.write_yaml import rounded
 from rulec.passes.amend import Change
 
 BAND = "~"

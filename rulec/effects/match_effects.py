@@ -23,7 +23,7 @@ from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Origin
 from rulec.language.expression import Rejected
 from rulec.language.units import SECOND
-from rulec.language.yaml_text import filled
+from rulec.language.write_yaml import filled
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import TypeFault
 from rulec.passes.put_balances import Places, StoreFault, fault_change, store_faults, undoing

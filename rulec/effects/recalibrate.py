@@ -11,7 +11,7 @@ from rulec.effects.adopt import Adopted, Adoption
 from rulec.effects.repair import Repair
 from rulec.knowledge.module_type import Parameter
 from rulec.language.units import Unit
-from rulec.language.yaml_text import rounded
+from rulec.language.write_yaml import rounded
 from rulec.passes.lower import parameter_id
 
 FLOW_FACTOR = 3.6e6  # l/h per m3/s

@@ -9,9 +9,9 @@ from typing import Any
 from rulec_runtime.output.open_file import text_of
 
 from rulec.knowledge.module_type import Accuracy, Definition, ModuleType, Parameter, State
-from rulec.language.document import Document
 from rulec.language.expression import Expression, constant
-from rulec.language.yaml_text import lines, rounded
+from rulec.language.read_yaml import Document
+from rulec.language.write_yaml import lines, rounded
 from rulec.limits import ASSUMED_ACCURACY, MAX_FILE_BYTES
 
 HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"

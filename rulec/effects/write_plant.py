@@ -26,9 +26,9 @@ from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.layers import KB, Layer, shipped
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
-from rulec.language.document import Document, read_document
+from rulec.language.read_yaml import Document, read_document
 from rulec.language.schema import kind_of
-from rulec.language.yaml_text import lines, rounded
+from rulec.language.write_yaml import lines, rounded
 from rulec.limits import MAX_FILE_BYTES
 from rulec.passes.pipeline import compile_plant
 

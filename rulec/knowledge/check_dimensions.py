@@ -9,9 +9,9 @@ from rulec_runtime.output.nearest import did_you_mean
 from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place
 from rulec.language.dimension import dimension
-from rulec.language.document import Document
 from rulec.language.expression import Rejected, constant
 from rulec.language.functions import FUNCTIONS
+from rulec.language.read_yaml import Document
 from rulec.language.reader import Reader
 from rulec.language.symbolic import to_sympy
 from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable

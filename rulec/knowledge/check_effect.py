@@ -21,8 +21,8 @@ from rulec.knowledge.effect import (
     usual_of,
 )
 from rulec.knowledge.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
-from rulec.language.document import Path_
 from rulec.language.expression import Rejected, constant
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import NONE, SECOND, UNKNOWN, Dimension, Unit
 

@@ -10,8 +10,8 @@ from rulec.knowledge.effect import USUAL_HINT, Usual, usual_of
 from rulec.knowledge.knowledge import UNIT, FaultType, Variant
 from rulec.knowledge.liquid import read_liquid
 from rulec.knowledge.module_type import Frequency
-from rulec.language.document import Path_
 from rulec.language.expression import Expression
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.symbolic import invert, to_sympy
 

@@ -9,8 +9,8 @@ import numpy as np
 from rulec.knowledge.check_length import check_lengths
 from rulec.knowledge.limits import FLUID_POINTS
 from rulec.knowledge.module_type import Fluid, Property
-from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimension
 

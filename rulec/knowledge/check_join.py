@@ -7,8 +7,8 @@ from typing import Any
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.effect import PLAIN, Columns, Driver, EffectLaw, EffectState, Join, parse_law
-from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND, UNKNOWN, VOLUME_FLOW, Dimension
 

@@ -15,7 +15,7 @@ from rulec.knowledge.effect import Effect
 from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
 from rulec.knowledge.sources import Sources, table_of
 from rulec.language.diagnostics import Diagnostic, Refused
-from rulec.language.document import Document
+from rulec.language.read_yaml import Document
 from rulec.language.reader import Reader
 from rulec.language.units import NONE, UnitTable
 from rulec.limits import KEPT_DOCUMENTS

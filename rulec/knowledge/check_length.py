@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rulec.knowledge.limits import MAX_COUNTED_TERMS, MAX_LAW_WORK, MAX_WORK, MAX_WRITTEN_DEPTH
-from rulec.language.document import Path_
 from rulec.language.expression import Expression
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 
 

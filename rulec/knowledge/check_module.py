@@ -24,8 +24,8 @@ from rulec.knowledge.module_type import (
     Signal,
 )
 from rulec.language.diagnostics import Place
-from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import Unit
 

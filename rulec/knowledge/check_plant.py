@@ -22,10 +22,10 @@ from rulec.knowledge.module_type import ModuleType, Parameter
 from rulec.knowledge.plant import Block, Column, Module, Plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused
-from rulec.language.document import Document, Path_
+from rulec.language.read_yaml import Document, Path_
 from rulec.language.reader import Reader
 from rulec.language.units import VOLUME_FLOW, Unit
-from rulec.language.yaml_text import rounded
+from rulec.language.write_yaml import rounded
 
 
 def check(sources: Sources) -> Plant:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.module_type import ENDS, Comparison, ModuleType, Reading, Regime, Signal, State
-from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND, Unit
 

@@ -13,8 +13,8 @@ from rulec.knowledge.limits import ALIKE_ESTIMATES, FAR_ESTIMATES, MISREAD_FACTO
 from rulec.knowledge.module_type import ENDS, ModuleType, Observer, Parameter, Signal
 from rulec.knowledge.plant import Plant
 from rulec.language.diagnostics import Diagnostic
-from rulec.language.document import Document, Path_
 from rulec.language.expression import Rejected, constant
+from rulec.language.read_yaml import Document, Path_
 from rulec.language.units import VOLUME_FLOW
 from rulec.limits import ASSUMED_ACCURACY
 

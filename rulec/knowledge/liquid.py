@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from rulec.knowledge.effect import PLAIN, EffectLaw, parse_law
 from rulec.language.diagnostics import Origin
-from rulec.language.document import Path_
 from rulec.language.expression import Rejected
+from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import PROPERTIES, Dimension
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from rulec.language.diagnostics import Origin, Place
-from rulec.language.document import Path_
 from rulec.language.expression import Expression
+from rulec.language.read_yaml import Path_
 from rulec.language.units import Unit
 
 INFLOW, OUTFLOW = "inflow", "outflow"

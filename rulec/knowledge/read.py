@@ -33,7 +33,7 @@ from rulec.knowledge.read_layers import (
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import Diagnostic, Place, Refused
-from rulec.language.document import Document, Path_, read_document
+from rulec.language.read_yaml import Document, Path_, read_document
 from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES
 

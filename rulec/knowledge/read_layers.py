@@ -13,7 +13,7 @@ from rulec_runtime.output.open_file import begin_of, is_near
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import KINDS, Diagnostic, Place, no_file_of_ours
-from rulec.language.document import Document, unread_document
+from rulec.language.read_yaml import Document, unread_document
 from rulec.language.schema import check_schema, kind_of
 from rulec.limits import MAX_FILE_BYTES
 

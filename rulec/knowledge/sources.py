@@ -15,7 +15,7 @@ from typing import Any
 
 from rulec.knowledge.layers import Layer, layers_of, plant_file
 from rulec.language.diagnostics import Diagnostic, Place
-from rulec.language.document import Document, Path_, display
+from rulec.language.read_yaml import Document, Path_, display
 from rulec.language.units import UnitTable, unit_table
 
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from rulec.language.diagnostics import Diagnostic
-from rulec.language.document import Document, Path_
+from rulec.language.read_yaml import Document, Path_
 
 GROUP = "tables"
 SIZE, PER = "size", "per"

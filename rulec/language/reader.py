@@ -9,8 +9,8 @@ from rulec_runtime.output.nearest import did_you_mean, nearest
 
 from rulec.language.diagnostics import Diagnostic, Origin, Place
 from rulec.language.dimension import dimension
-from rulec.language.document import Document, Path_
 from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.read_yaml import Document, Path_
 from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
 
 _SPELLINGS = "the spellings are in kb/units.yaml; others go into a units.yaml of your own"

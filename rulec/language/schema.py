@@ -12,8 +12,8 @@ import jsonschema
 from rulec_runtime.output.nearest import did_you_mean, nearest
 
 from rulec.language.diagnostics import KINDS, Diagnostic
-from rulec.language.document import Document, Path_
 from rulec.language.limits import MAX_UNKNOWN_KEYS
+from rulec.language.read_yaml import Document, Path_
 from rulec.limits import KEPT_DOCUMENTS
 
 _IN_A_PLANT = {"columns": str, "calibration": list}

@@ -17,7 +17,7 @@ from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.layers import Layer
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
-from rulec.language.document import read_document
+from rulec.language.read_yaml import read_document
 from rulec.language.schema import kind_of
 from rulec.mtp import limits
 from rulec.mtp.package import Attribute, MtpRefused, Oddity, Package, Tag

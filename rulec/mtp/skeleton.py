@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from rulec_runtime.output.terminal import one_line
 
-from rulec.language.yaml_text import flow, rounded
+from rulec.language.write_yaml import flow, rounded
 from rulec.mtp import limits
 from rulec.mtp.package import Package, Parameter, Service, Symbol, Tag
 from rulec.mtp.readings import Reading

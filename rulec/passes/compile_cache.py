@@ -99,7 +99,7 @@ def _text(now: str | None, kind: str) -> str | None:
 
 def _print(plant: Path, whole: bool = False) -> tuple[str, dict[str, list[str]]] | None:
     """Hash of all sources of a plant, and the files that it names; None if it has mistakes."""
-    from rulec.language.document import read_document
+    from rulec.language.read_yaml import read_document
 
     file = plant_file(plant)
     try:

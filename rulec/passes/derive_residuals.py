@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rulec.algebra.continuity import FixedFlow
 from rulec.algebra.eliminate import Span
 from rulec.knowledge.plant import Module
-from rulec.language.yaml_text import signed_sum
+from rulec.language.write_yaml import signed_sum
 from rulec.passes.limits import MOST_SUMMED
 from rulec.passes.link import Network
 

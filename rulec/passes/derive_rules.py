@@ -22,7 +22,7 @@ import sympy
 
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower
-from rulec.language.yaml_text import signed_sum
+from rulec.language.write_yaml import signed_sum
 from rulec.passes.assemble import Assembly, Gradient, Hypothesis, combine, covariance
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signature, Signatures, most_telling

@@ -15,7 +15,7 @@ from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Origin
-from rulec.language.yaml_text import filled, rounded
+from rulec.language.write_yaml import filled, rounded
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual

@@ -8,7 +8,7 @@ import pytest
 
 from rulec.cli import main
 from rulec.commands.check_files import collect
-from rulec.language.document import read_document
+from rulec.language.read_yaml import read_document
 from rulec.language.schema import KINDS, kind_of
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT

@@ -15,7 +15,7 @@ from typing import Any
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_text
 
-from rulec.language.document import read_document
+from rulec.language.read_yaml import read_document
 from rulec.prove.real.rig_folder import (
     ABOUT,
     ALARMS,

@@ -23,7 +23,7 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.knowledge.read import read_all
 from rulec.knowledge.sources import table_of
 from rulec.language.diagnostics import Diagnostic, Place, Refused
-from rulec.language.document import Document, Path_, read_document
+from rulec.language.read_yaml import Document, Path_, read_document
 from rulec.language.schema import check_schema
 from rulec.language.units import UnitTable
 from rulec.mismatch.structure import hypotheses
