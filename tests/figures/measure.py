@@ -48,7 +48,8 @@ def picked(form: Any, place: str) -> float | Share:
     """The value at `a/b/c`; a share has `count` and `of`. Raises KeyError."""
     for word in place.split("/"):
         form = form[int(word)] if isinstance(form, list) else form[word]
-    return Share(form["count"], form["of"]) if isinstance(form, Mapping) else float(form)
+    # As many digits as the ledger keeps: pages are checked against these.
+    return Share(form["count"], form["of"]) if isinstance(form, Mapping) else float(f"{form:.6g}")
 
 
 def write(measurement: Measurement, root: Path = ROOT) -> None:
