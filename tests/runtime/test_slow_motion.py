@@ -11,7 +11,6 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.observe import observe, reason
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.verdict_per_sample import trace
@@ -155,7 +154,7 @@ def test_a_reading_that_still_settles_is_known_less_well() -> None:
 
 LONG = 80
 """Modules that feed one chain of mixers."""
-LEAKAGE, DEGREE, ROWS = "D3_1.leakage", 0.3, 600
+DEGREE, ROWS = 0.3, 600
 
 
 @cache
@@ -166,25 +165,24 @@ def rules_of() -> Ruleset:
         return compile_plant(Path(folder))
 
 
-def leaking(rules: Ruleset, fault: str, first: int, last: int) -> Recording:
+@pytest.mark.parametrize(
+    ("fault", "seed", "off"),
+    [
+        ("M0.clogging", 9, 0.01),  # its course went to and fro, and was 102 % from the start
+        # What remains of its zero error, which is 17 % of this reading, is not scaled back.
+        pytest.param("M13.dp.high", 10, 0.02, marks=pytest.mark.prove),
+    ],
+)
+def test_fault_where_many_flows_meet_is_there_when_it_shows(
+    fault: str, seed: int, off: float
+) -> None:
+    """Of hundreds of residuals most say nothing against that."""
+    first, last = ROWS // 3, 2 * ROWS // 3
     planted = [Planted(fault, DEGREE, first, last)]
-    return recorded(rules, ROWS, planted, 1.0, np.random.default_rng(5))
-
-
-def found(rules: Ruleset, recording: Recording, fault: str) -> Finding:
-    diagnosis = diagnose(recording, rules)
+    made = recorded(rules_of(), ROWS, planted, 1.0, np.random.default_rng(seed))
+    diagnosis = diagnose(made, rules_of())
     (finding,) = diagnosis.findings
     assert (fault, ()) == (finding.fault.id, diagnosis.sensors)
-    assert finding.lower < DEGREE < finding.upper
-    return finding
-
-
-@pytest.mark.parametrize(
-    "fault", ["M0.clogging", pytest.param("M13.dp.high", marks=pytest.mark.prove)]
-)
-def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
-    """Of hundreds of residuals most say nothing against that."""
-    rules, first, last = rules_of(), ROWS // 3, 2 * ROWS // 3
-    finding = found(rules, leaking(rules, fault, first, last), fault)
+    assert finding.degree == pytest.approx(DEGREE, abs=off)
     assert finding.since == pytest.approx(first, abs=5.0)
     assert finding.until == pytest.approx(last, abs=5.0)

@@ -8,6 +8,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.diagnosis.steady.limits import IMPROBABLE
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import read_recording
 
@@ -62,10 +63,12 @@ def _story(diagnosis: Diagnosis) -> tuple[object, ...]:
 
 
 def gaps(a: Diagnosis, b: Diagnosis) -> Iterator[float]:
-    """By how much degrees, their bounds, probabilities and residuals of findings differ, as shares
-    of what they are where they are above 1; one finding after the other."""
+    """By how much degrees, their bounds and residuals of findings differ, as shares of what they
+    are where they are above 1; one finding after the other. Probabilities differ only by faults
+    that are too improbable to be tried, which rounding may decide."""
     pairs = zip(sorted(a.findings, key=_key), sorted(b.findings, key=_key), strict=False)
     for one, other in pairs:
+        assert abs(one.probability - other.probability) < IMPROBABLE
         yield from (
             abs(x - y) / max(abs(x), 1.0) for x, y in zip(*map(_told, (one, other)), strict=True)
         )
@@ -73,7 +76,7 @@ def gaps(a: Diagnosis, b: Diagnosis) -> Iterator[float]:
 
 def _told(f: Finding) -> tuple[float, ...]:
     residuals = (e.value / e.threshold for e in f.evidence if e.threshold)
-    return (f.degree, f.lower, f.upper, f.probability, *residuals)
+    return (f.degree, f.lower, f.upper, *residuals)
 
 
 def _key(finding: Finding) -> tuple[str, float]:

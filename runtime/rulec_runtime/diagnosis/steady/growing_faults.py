@@ -61,7 +61,8 @@ def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> b
         return False
     degree, u = course.now
     active = [f for f in found.findings if f.active]
-    if degree < common.THRESHOLD * u:
+    # What remains after a step must be as certain as a course: there are many faults.
+    if degree < u * np.sqrt(-2.0 * np.log(limits.ALARM_PER_RECORDING / len(faults))):
         return True
     return any(
         f.fault.id == faults[course.fault].id
