@@ -66,7 +66,9 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         notes=tuple(notes),
         calendar=results.calendar,
         latest=found.latest,
+        regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
         blind=blind,
+        visited=found.visited,
     )
 
 

@@ -105,7 +105,16 @@ def moment(calendar: Calendar | None, time: float, before: float | None = None) 
     >>> moment(None, 11.0)
     '11 s'
     """
-    return f"{time:g} s" if calendar is None else calendar.clock(time, before)
+    return f"{in_seconds(time)} s" if calendar is None else calendar.clock(time, before)
+
+
+def in_seconds(time: float) -> str:
+    """A time without a date: no second is lost, however long the recording.
+
+    >>> in_seconds(0.25), in_seconds(1234567.8)
+    ('0.25', '1234568')
+    """
+    return f"{time:g}" if abs(time) < 1e6 else f"{time:.0f}"
 
 
 def span(calendar: Calendar | None, since: float, until: float) -> str:
@@ -115,7 +124,7 @@ def span(calendar: Calendar | None, since: float, until: float) -> str:
     ('11-19 s', '1970-01-01 23:59:50 to 1970-01-02 00:00:10')
     """
     if calendar is None:
-        return f"{since:g}-{until:g} s"
+        return f"{in_seconds(since)}-{in_seconds(until)} s"
     return f"{calendar.clock(since)} to {calendar.clock(until, since)}"
 
 

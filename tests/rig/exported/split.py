@@ -49,7 +49,8 @@ def split(ruleset: Ruleset, recording: Path, work: Path) -> Split:
 
 
 def same_story(a: Diagnosis, b: Diagnosis) -> bool:
-    """The same faults at the same times with the same rivals; the same that nothing explains."""
+    """The same faults at the same times with the same rivals; the same that nothing explains,
+    and the same regimes."""
     return _story(a) == _story(b)
 
 
@@ -59,7 +60,8 @@ def _story(diagnosis: Diagnosis) -> tuple[object, ...]:
         for f in sorted(diagnosis.findings, key=_key)
     ]
     unknown = [(round(p.since, 6), round(p.until, 6), p.text) for p in diagnosis.unknown]
-    return found, unknown
+    regimes = [(r.regime.id, round(r.since, 6), round(r.until, 6)) for r in diagnosis.regimes]
+    return found, unknown, regimes
 
 
 def gaps(a: Diagnosis, b: Diagnosis) -> Iterator[float]:
