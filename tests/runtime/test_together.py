@@ -233,8 +233,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
     def set_to() -> None:
         monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
-        for name in ("POINTS_AT_ONCE", "RUNS_AT_ONCE"):
-            monkeypatch.setattr(of_steady, name, 2)
+        monkeypatch.setattr(of_steady, "POINTS_AT_ONCE", 2)
         monkeypatch.setattr(text_table, "BATCH", 7)
 
     return set_to

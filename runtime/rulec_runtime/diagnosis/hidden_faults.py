@@ -20,7 +20,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.detectable_faults import visible_of
 from rulec_runtime.diagnosis.steady.points import is_bad
 from rulec_runtime.recordings.columns import runs_where
-from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END
 from rulec_runtime.recordings.recording import Recording
 
@@ -190,7 +189,6 @@ def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
     width = 2 * beside + 1
     with np.errstate(invalid="ignore"):
         here = flags(values)
-    let_go(values)
     # A recording is mirrored at its ends.
     count = np.concatenate([[0], np.cumsum(np.pad(here, beside, mode="reflect"))])
     return runs_where(2 * (count[width:] - count[:-width]) > width, limits.PERSISTENCE)

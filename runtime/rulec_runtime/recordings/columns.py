@@ -13,7 +13,6 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.larger_than_memory import let_go
 
 Flags = np.ndarray
 
@@ -98,7 +97,6 @@ def means_between(
         readings = np.where(known, readings, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         means = sums_between(readings, first, last) / number
-    let_go(values)
     return means, number
 
 

@@ -1,16 +1,14 @@
 """Arrays that may be larger than memory.
 
 Small arrays stay in memory. Large ones are mapped from an unnamed file in the folder for temporary
-files (``TMPDIR``). A pass over a column releases what it has read, so that a process holds a few
-columns at a time.
+files (``TMPDIR``): columns of readings, and tables of all operating points. Where memory is short,
+the system writes their pages to the file and reads them again, so no pass over them needs care.
 """
 
-import ctypes
 import mmap
 import os
 import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from math import prod
 from typing import Any
 
@@ -62,51 +60,11 @@ def _room(size: int) -> mmap.mmap:
         ) from None
 
 
-def let_go(*held: np.ndarray) -> None:
-    """Release the memory of arrays that are mapped from files."""
-    room: Any
-    for room in held:
-        while isinstance(room, np.ndarray):
-            room = room.base
-        if isinstance(room, memoryview):
-            room = room.obj
-        if isinstance(room, mmap.mmap) and hasattr(room, "madvise"):
-            room.madvise(mmap.MADV_DONTNEED)
-
-
-def give_back() -> None:
-    """Return free memory to the system that its allocator keeps for later."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
-
-
 def kept(values: np.ndarray) -> np.ndarray:
     """A copy, in a file if it is large."""
     found = array(len(values), values.dtype)
     found[:] = values
-    let_go(found)
     return found
-
-
-def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
-    """A function of each number, shape (n,)."""
-    found = kept(np.asarray(function(values), kind))
-    let_go(values)
-    return found
-
-
-def picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """``values[at]``, by indices or flags."""
-    found = kept(values[at])
-    let_go(values)
-    return found
-
-
-def mark(flags: np.ndarray, first: np.ndarray, last: np.ndarray, value: bool = True) -> None:
-    """Set flags ``first : last``, in order."""
-    for a, b in zip(first.tolist(), last.tolist(), strict=True):
-        flags[a:b] = value
-    let_go(flags)
 
 
 def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
@@ -115,7 +73,6 @@ def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
         return parts[0]
     found = array(sum(map(len, parts)), np.result_type(*parts))
     np.concatenate(parts, out=found)
-    let_go(found, *parts)
     return found
 
 
@@ -142,7 +99,6 @@ class Growing:
             self._parts.append(part)
         else:
             self._room[self._count : self._count + len(part)] = part
-            let_go(self._room)
         self._count += len(part)
 
     def joined(self) -> Array:

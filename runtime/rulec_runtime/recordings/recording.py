@@ -19,14 +19,7 @@ from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
 from rulec_runtime.recordings.columns import interval_of
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign, parts_of
-from rulec_runtime.recordings.larger_than_memory import (
-    array,
-    give_back,
-    let_go,
-    mapped,
-    one_behind_the_other,
-    picked,
-)
+from rulec_runtime.recordings.larger_than_memory import array, kept, one_behind_the_other
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
@@ -130,7 +123,6 @@ def recording_of(
         if file.left_out:
             lost.append((file.left_out, "another number of cells than the header"))
         parts.append(_part(file, notes, lost))
-    give_back()
     used = ruleset.read
     signals = sorted({name for part in parts for name in part.values})
     if not used.intersection(signals):
@@ -169,7 +161,6 @@ def _segments(lengths: Sequence[int]) -> NDArray[np.intp]:
     for number, length in enumerate(lengths):
         found[done : done + length] = number
         done += length
-    let_go(found)
     return found
 
 
@@ -196,7 +187,7 @@ def _meant(title: str, missing: Sequence[str]) -> str:
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
     """A file in order of time, without unusable rows."""
-    has_time = mapped(file.time, lambda t: np.isfinite(t) & (np.abs(t) < common.ABSURD), bool)
+    has_time = np.isfinite(file.time) & (np.abs(file.time) < common.ABSURD)
     if not has_time.any():
         raise RecordingRefused(f"{file.path}: no row has a usable time")
     columns = {"": file.time, **file.values}
@@ -208,7 +199,7 @@ def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) ->
     if ordered.sorted:
         notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
     if ordered.order is not None:
-        columns = {name: picked(v, ordered.order) for name, v in columns.items()}
+        columns = {name: kept(v[ordered.order]) for name, v in columns.items()}
     columns[""] = ordered.time
     reason = ("repeats", "repeat"), "the time of another row"
     later = np.concatenate([[True], ordered.time[1:] > ordered.time[:-1]])
@@ -233,7 +224,7 @@ def _without(
     one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
     notes.append(f"{path.name}: {plural(len(stay) - count, one, many)} left out")
     lost.append((len(stay) - count, f"they {verb[1]} {what}"))
-    return {name: picked(values, stay) for name, values in columns.items()}
+    return {name: kept(values[stay]) for name, values in columns.items()}
 
 
 def _one_behind_the_other(
@@ -276,7 +267,7 @@ def starts_behind(times: Sequence[Array]) -> list[float]:
 
 def _moved(part: _Part, seconds: float) -> _Part:
     clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
-    return replace(part, time=mapped(part.time, lambda t: t + seconds), clock=clock)
+    return replace(part, time=kept(part.time + seconds), clock=clock)
 
 
 def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:

@@ -30,7 +30,6 @@ from rulec_runtime.recordings.formats import (
     place_of,
 )
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
-from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.table import Dates, Table
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
@@ -203,7 +202,6 @@ def _readings(
         )
     if not any_of(values):
         notes.append(f"{path.name}: {target.signal} has not one reading")
-    let_go(values)
     return values
 
 

@@ -7,7 +7,6 @@ one sign along a ramp and does not average out.
 Source: own derivation, docs/method.md; the first order of a lag in time.
 """
 
-from array import array as packed
 from collections.abc import Mapping
 
 import numpy as np
@@ -17,16 +16,15 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.columns import means_between
-from rulec_runtime.recordings.larger_than_memory import arrays, let_go, mark
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
     Stretches,
     cut,
     find_stretches,
+    flags_of,
     noise_at_work,
     noise_within,
     settled_stretches,
-    stretches_of,
     systematic_u,
 )
 
@@ -58,23 +56,20 @@ def _with_slow(
         return settled
     smooth = find_stretches(recording, ruleset, noise, ramps=True)
     samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0))) + 1
-    free, starts = arrays([((samples,), bool), ((samples,), bool)])
-    mark(free, smooth.first, smooth.last)
-    mark(starts, smooth.first, smooth.first + 1)
-    mark(free, settled.first, settled.last, value=False)
-    first, last = packed("q"), packed("q")
-    first.frombytes(settled.first.astype(np.int64).tobytes())
-    last.frombytes(settled.last.astype(np.int64).tobytes())
+    free = flags_of(samples, smooth.first, smooth.last)
+    free &= ~flags_of(samples, settled.first, settled.last)
+    starts = flags_of(samples, smooth.first, smooth.first + 1)
+    first, last = settled.first.tolist(), settled.last.tolist()
     begins = free & (starts | ~np.concatenate([[False], free[:-1]]))
     for begin in np.flatnonzero(begins).tolist():
         stop = begin + 1
         while free[stop] and not starts[stop]:
             stop += 1
         firsts, lasts = cut(begin, stop, (stop - begin) // limits.LONGEST_SLOW)
-        first.extend(firsts)
-        last.extend(lasts)
+        first += firsts
+        last += lasts
     order = np.argsort(first, kind="stable")
-    return stretches_of(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
+    return Stretches(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
 
 
 def lag_errors(
@@ -89,7 +84,6 @@ def lag_errors(
     if recording.interval > limits.SEEN_BETWEEN:
         return found
     lag = lag_u(recording)
-    room = iter(arrays([((len(stretches),), float)] * len(recording.values)))
     between, _ = _apart(recording.time, stretches)
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
@@ -103,9 +97,7 @@ def lag_errors(
         with np.errstate(invalid="ignore"):
             moves = (np.abs(rate) > common.THRESHOLD * u) & (lag * np.abs(rate) > least)
         if moves.any():
-            found[signal.id] = next(room)
-            found[signal.id][moves] = (lag * rate)[moves]
-            let_go(found[signal.id])
+            found[signal.id] = np.where(moves, lag * rate, 0.0)
     return found
 
 

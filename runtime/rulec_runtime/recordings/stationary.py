@@ -5,7 +5,6 @@ than its noise and its sensor's uncertainty explain; slow drift does not end it.
 estimated from the median of second differences, which steps and slopes hardly affect.
 """
 
-from array import array as packed
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -24,7 +23,6 @@ from rulec_runtime.recordings.columns import (
     median_of,
     runs_where,
 )
-from rulec_runtime.recordings.larger_than_memory import array, arrays, let_go, mark, picked
 from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.robust_statistics import medians, white_noise
 
@@ -67,24 +65,19 @@ class Timeline:
         return len(self.since)
 
 
-def stretches_of(first: NDArray[np.intp], last: NDArray[np.intp]) -> Stretches:
-    """Stretches from first samples and ends (excluded); many are kept in a file."""
-    found = Stretches(*arrays([((len(one),), np.intp) for one in (first, last)]))
-    found.first[:], found.last[:] = first, last
-    let_go(found.first, found.last)
-    return found
-
-
 def timeline_of(time: Array, stretches: Stretches) -> Timeline:
-    """Times of the stretches of a recording; many are kept in a file."""
-    kinds = (float, float, np.intp, np.intp, bool)
-    found = Timeline(*arrays([((len(stretches),), kind) for kind in kinds]))
-    found.since[:] = picked(time, stretches.first)
-    found.until[:] = picked(time, stretches.last - 1)
-    found.samples[:] = stretches.lengths
-    found.later[:] = len(time) - stretches.last
-    found.paused[1:] = found.since[1:] - found.until[:-1] > long_pause(time)
-    let_go(found.since, stretches.first)
+    """Times of the stretches of a recording."""
+    since, until = time[stretches.first], time[stretches.last - 1]
+    paused = np.zeros(len(stretches), dtype=bool)
+    paused[1:] = since[1:] - until[:-1] > long_pause(time)
+    return Timeline(since, until, stretches.lengths, len(time) - stretches.last, paused)
+
+
+def flags_of(count: int, first: NDArray[np.intp], last: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Flags of samples ``first : last`` of some stretches, shape (count,)."""
+    found = np.zeros(count, dtype=bool)
+    for a, b in zip(first.tolist(), last.tolist(), strict=True):
+        found[a : max(a, b)] = True
     return found
 
 
@@ -122,8 +115,7 @@ def noise_within(
     recording: Recording, stretches: Stretches, noise: Mapping[str, float]
 ) -> dict[str, float]:
     """Noise of every reading within stretches, SI; as given if they show none."""
-    within = array(max(len(recording) - 2, 0), bool)
-    mark(within, stretches.first, np.maximum(stretches.last - 2, stretches.first))
+    within = flags_of(max(len(recording) - 2, 0), stretches.first, stretches.last - 2)
     return {
         name: _noise_of_second(np.diff(values, 2)[within], noise[name])
         for name, values in recording.values.items()
@@ -176,7 +168,7 @@ def find_stretches(
     With `ramps` readings may move evenly: a stretch ends only where a rate changes abruptly.
     """
     n = len(recording)
-    breaks, jumps = arrays([((n,), bool), ((n,), bool)])
+    breaks, jumps = np.zeros((2, n), dtype=bool)
     _break_at_pauses(recording, breaks)
     used = {s for o in observers or ruleset.observers for s in o.signals}
     columns: list[Array] = []
@@ -199,7 +191,6 @@ def find_stretches(
             jumps[order:] |= np.abs(np.diff(filled, order)) > far
         jumps |= _shifts(filled, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
         _break_at_gaps(values, breaks)
-        let_go(values, breaks, jumps)
     return _cut(breaks, jumps, Levels(columns, scales), longest)
 
 
@@ -267,20 +258,18 @@ class Levels:
         """Scaled readings of some samples, shape (signals, samples)."""
         pairs = zip(self.columns, self.scales, strict=True)
         table = np.array([values[first:last] / scale for values, scale in pairs])
-        let_go(*self.columns)
         return table.reshape(-1, last - first)
 
 
 def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) -> Stretches:
     """Runs between ends; the sample after a jump may average over it and is left out."""
-    first, last = packed("q"), packed("q")
+    first, last = list[int](), list[int]()
     for start, stop in pairwise([*np.flatnonzero(breaks | jumps).tolist(), len(breaks)]):
         begin = _settled_from(levels, start + 1, stop) if jumps[start] else start
         firsts, lasts = cut(begin, stop, -(-(stop - begin) // longest))
         first.extend(firsts)
         last.extend(lasts)
-    let_go(breaks, jumps)
-    return stretches_of(np.array(first, dtype=np.intp), np.array(last, dtype=np.intp))
+    return Stretches(np.array(first, dtype=np.intp), np.array(last, dtype=np.intp))
 
 
 def cut(begin: int, stop: int, pieces: int) -> tuple[list[int], list[int]]:

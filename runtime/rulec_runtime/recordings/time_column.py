@@ -23,7 +23,7 @@ from rulec_runtime.recordings.dates import (
     orders_of,
     time_of_day,
 )
-from rulec_runtime.recordings.larger_than_memory import mapped
+from rulec_runtime.recordings.larger_than_memory import kept
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 
@@ -94,7 +94,7 @@ def counting_of(
 def dated(numbers: Array, one: Counting) -> Dates:
     """The dates that numbers count."""
     start, zone = one.start, 0.0 if one.since.endswith("Z") else np.nan
-    seconds = mapped(numbers, lambda part: np.round(part * one.factor, 6) + start)
+    seconds = kept(np.round(numbers * one.factor, 6) + start)
     return Dates(seconds, np.broadcast_to(np.full(1, zone), len(numbers)))
 
 
@@ -160,7 +160,7 @@ def read_times(
             factor = form.time_factor or factor_of_time(path, title, unit, units)
             counting = counting_of(path, numbers, title, factor if unit else 0.0, form, own)
             if counting is None:
-                return mapped(numbers, lambda part: part * factor), None
+                return kept(numbers * factor), None
             cells = dated(numbers, counting)
         else:
             texts = texts_of(cells)

@@ -7,7 +7,6 @@ noise is dead while its pump runs.
 """
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Bench
 from rulec_runtime.diagnosis.sensors.conditions import Found, dead_in
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
-from rulec_runtime.recordings.larger_than_memory import mapped
 from rulec_runtime.recordings.recording import Recording
 
 
@@ -28,7 +26,7 @@ def dead_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Itera
         values = recording.values.get(signal.id)
         if values is None or not bench.readers(signal.id).any():
             continue
-        zero = mapped(values, partial(at_zero, signal), bool)
+        zero = at_zero(signal, values)
         if zero.sum() < common.PERSISTENCE:
             continue
         flowing = bench.stretches.first[_flowing(bench, signal, zero, values)]

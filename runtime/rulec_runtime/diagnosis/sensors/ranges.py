@@ -15,7 +15,6 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import RANGE, Found, found_in
 from rulec_runtime.recordings.columns import median_of, runs_where
-from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording import Recording
 
 
@@ -38,7 +37,6 @@ def _failed(signal: SignalSpec, values: Array) -> np.ndarray:
     below, above = (share * (high - low) for share in (limits.FAILED_BELOW, limits.FAILED_ABOVE))
     with np.errstate(invalid="ignore"):
         failed: np.ndarray = (values <= low - below) | (values >= high + above)
-    let_go(values)
     return failed
 
 

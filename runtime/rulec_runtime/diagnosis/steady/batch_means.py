@@ -22,7 +22,6 @@ from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
 from rulec_runtime.diagnosis.steady.points import means_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, groups_of
-from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 
@@ -52,7 +51,6 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
             flows_at(ruleset, {name: mean[part] for name, mean in means.items()})
             for means in (before, after)
         )
-        let_go(*before.values(), *after.values())
         return [Halves(other - one, excess[part])]
 
     (found,) = in_batches(len(stretches), [{"apart": 1, "excess": 0}], of_batch)

@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.larger_than_memory import arrays, let_go
+from rulec_runtime.recordings.larger_than_memory import arrays
 
 Tables = TypeVar("Tables")
 """A frozen dataclass of tables."""
@@ -53,7 +53,6 @@ def in_batches(
             first, room = here, arrays([((count, *one.shape[1:]), one.dtype) for one in own])
         for table, one in zip(room, own, strict=True):
             table[part] = one
-        let_go(*room)
     left = iter(room)
     return [
         replace(one, **{name: np.moveaxis(next(left), 0, at) for name, at in axis.items()})
@@ -69,15 +68,4 @@ def part_of(tables: Tables, axis: Mapping[str, int], part: slice, count: int) ->
     for name, at in axis.items():
         table = np.moveaxis(getattr(tables, name), at, -1)[..., part]
         changed[name] = np.moveaxis(np.ascontiguousarray(table), -1, at)
-        let_go(table)
     return cast(Tables, replace(cast(Any, tables), **changed))
-
-
-def of_points(table: np.ndarray, places: tuple[np.ndarray, ...], points: np.ndarray) -> np.ndarray:
-    """``table[np.ix_(*places, points)]``, a few points at a time."""
-    found = np.empty((*map(len, places), len(points)), dtype=table.dtype)
-    for low in range(0, len(points), limits.GATHERED_AT_ONCE):
-        part = slice(low, low + limits.GATHERED_AT_ONCE)
-        found[..., part] = table[np.ix_(*places, points[part])]
-        let_go(table)
-    return found

@@ -25,7 +25,6 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
 from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test, thinned
-from rulec_runtime.recordings.larger_than_memory import give_back, let_go
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is present: in the run only, also in the baseline, or in the baseline only."""
@@ -102,8 +101,6 @@ def fits_of(
         size = max(limits.TABLE // (3 * residuals**2), 1)
         for low in range(0, len(stacks), size):
             found |= _fits_alike(ruleset, observed, isolation, stacks[low : low + size])
-            let_go(observed.valid, isolation.degree)
-        give_back()
     return [found[run] for run in range(len(runs))]
 
 

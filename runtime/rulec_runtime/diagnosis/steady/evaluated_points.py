@@ -27,7 +27,6 @@ from rulec_runtime.diagnosis.steady.observe import (
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
 from rulec_runtime.diagnosis.steady.removed_reading import of_samples, with_stand_ins
-from rulec_runtime.recordings.larger_than_memory import give_back, let_go
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
@@ -75,11 +74,8 @@ def evaluate_stretches(
 ) -> list[EvaluatedPoints]:
     """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines if
     samples are to be compared with them."""
-    give_back()
     points = points_of_stretches(recording, ruleset, stretches, noise)
-    give_back()
     halves = halves_of(recording, ruleset, stretches)
-    let_go(stretches.first)
     return evaluate_points(ruleset, points, halves, mode, keep=keep)
 
 
@@ -108,9 +104,7 @@ def evaluate_part(
     outside = extrapolated(whole, points)
 
     def of_batch(chosen: slice) -> Observed:
-        found = observe_part(whole, part, points.at(chosen))
-        let_go(*points.values.values(), *points.lag.values())
-        return found
+        return observe_part(whole, part, points.at(chosen))
 
     many = mode != PAPER and not keep and has_many(ruleset)
     return _evaluate(part, of_batch, points, (own, outside), mode, halves, keep=keep, many=many)
@@ -145,7 +139,6 @@ def _evaluate(
             if halves is not None:
                 own = halves.part(part.observers, chosen)
                 plain = wandering(plain, wander_of(ruleset, plain, own))
-                let_go(halves.apart, halves.excess)
             found = against(ruleset, plain, learner.take(plain, chosen.start))
         isolation = isolate(ruleset, found, count)
         if mode == PAPER:
@@ -158,14 +151,12 @@ def _evaluate(
     shifted = {name: axis for name, axis in along.items() if name in (*SHIFTED, "u")}
     size = at_once(ruleset) if many else own_limits.POINTS_AT_ONCE
     plain, found, isolation = in_batches(count, (along, shifted, EXPLAINED_ALONG), judged, size)
-    give_back()
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})
     baselines = nothing_known(plain) if mode == PAPER else learner.baselines()
     if mode != PAPER and throughout(ruleset, plain, isolation):
         # That fault is the baseline of all points.
         compared, baselines = plain, nothing_known(plain)
-    give_back()
     return EvaluatedPoints(
         part=part,
         points=points,

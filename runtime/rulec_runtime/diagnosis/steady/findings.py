@@ -28,7 +28,6 @@ from rulec_runtime.diagnosis.steady.verdict import (
     partly_blind,
     verdict_at,
 )
-from rulec_runtime.recordings.larger_than_memory import give_back, let_go
 from rulec_runtime.recordings.plant_calendar import ENDED as OVER
 from rulec_runtime.recordings.plant_calendar import TO_THE_END, UNJUDGED, UNSETTLED, duration
 from rulec_runtime.recordings.stationary import Timeline
@@ -166,7 +165,6 @@ class Found:
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -> Found:
     """Join neighbouring stretches with the same verdict; blind ones do not interrupt a finding."""
-    give_back()
     verdicts = _verdicts(timeline, evaluated)
     found = Found([], [], _in_part(timeline, evaluated))
     known: frozenset[int] = frozenset()
@@ -176,7 +174,6 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
         # Of other runs, which may be long, only the first and last stretch are needed.
         whole = kind in ("fault", "unknown")
         runs.append((kind, members if whole else [members[0], members[-1]]))
-        let_go(evaluated.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not too_brief(evaluated, timeline, m)]
     fits = _fits(evaluated, faulty)
     for kind, members in runs:
@@ -200,8 +197,6 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
                     found.unknown.append(Period(*times, text, off))
                 else:
                     found.findings.append(replace(one, behind=behind))
-            let_go(evaluated.isolation.floor, evaluated.observed.flows, evaluated.observed.offsets)
-            let_go(timeline.since)
         elif kind == "blind":
             lost = verdicts[members[0]].lost
             found.not_judged.append(Period(since, until, text, lost=lost))
@@ -214,15 +209,11 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
 
 
 def _fits(evaluated: EvaluatedPoints, runs: list[list[int]]) -> Iterator[Fits]:
-    """Fits of each run, some runs at a time to save memory."""
+    """Fits of each run; none without combined points."""
     if not evaluated.combined:
-        yield from (Fits([], 0) for _ in runs)
-        return
+        return (Fits([], 0) for _ in runs)
     ruleset, isolation = evaluated.part.ruleset, evaluated.isolation
-    for low in range(0, len(runs), limits.RUNS_AT_ONCE):
-        some = runs[low : low + limits.RUNS_AT_ONCE]
-        yield from fits_of(ruleset, evaluated.plain, evaluated.baselines, isolation, some)
-        give_back()
+    return iter(fits_of(ruleset, evaluated.plain, evaluated.baselines, isolation, runs))
 
 
 def _evident(evaluated: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
@@ -243,13 +234,8 @@ def _evident(evaluated: EvaluatedPoints, members: list[int], fits: Fits) -> Fits
 def _verdicts(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Verdict]:
     """The verdict of each stretch; equal ones are shared."""
     known: dict[Verdict, Verdict] = {}
-    found = []
-    for i in range(len(timeline)):
-        verdict = verdict_at(evaluated, i)
-        found.append(known.setdefault(verdict, verdict))
-        if not i % limits.POINTS_AT_ONCE:
-            let_go(evaluated.isolation.floor, evaluated.observed.flows, evaluated.observed.offsets)
-    return found
+    found = (verdict_at(evaluated, i) for i in range(len(timeline)))
+    return [known.setdefault(verdict, verdict) for verdict in found]
 
 
 def _when(
@@ -288,7 +274,6 @@ def _in_part(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Period]:
         elif text:
             found.append(Period(since, until, text, partly=True, lost=only_lost(evaluated, i)))
         last = text
-    let_go(timeline.since)
     return found
 
 

@@ -13,10 +13,8 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, Weighing, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.recordings.larger_than_memory import let_go
 
 
 @dataclass(frozen=True)
@@ -113,8 +111,7 @@ class HypothesisTest:
 
     def _of_usable(self, table: Array) -> Array:
         """The members' part of a table, shape (observers, n), for the usable observers."""
-        found = of_points(table, (np.flatnonzero(self.valid),), self.members.ravel())
-        return found.reshape(-1, *self.members.shape)
+        return np.asarray(table[np.flatnonzero(self.valid)[:, None, None], self.members])
 
     def seen_by(self, basis: Array) -> HypothesisTest:
         """The same problems in other combinations of the flows, shape (rank, usable flows)."""
@@ -180,9 +177,7 @@ class HypothesisTest:
     def readings(self, signals: Iterable[str]) -> dict[str, Array]:
         """Readings of those signals that the recording has, shape (points, n)."""
         values = self.observed.points.values
-        found = {name: values[name][self.members] for name in signals if name in values}
-        let_go(*(values[name] for name in found))
-        return found
+        return {name: values[name][self.members] for name in signals if name in values}
 
     @cached_property
     def places(self) -> dict[str, int]:

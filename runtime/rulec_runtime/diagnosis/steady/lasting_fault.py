@@ -16,7 +16,6 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
@@ -30,7 +29,6 @@ from rulec_runtime.diagnosis.steady.isolate import (
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.screen import leading, may_fit
 from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test
-from rulec_runtime.recordings.larger_than_memory import let_go
 
 
 def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bool:
@@ -70,24 +68,17 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bo
         return False
     found = shares(evidence[:, None])
     fitting = np.flatnonzero(np.isfinite(evidence))
-    for part in batches(len(judged)):
-        here = judged[part]
-        isolation.deviating[here] = True
-        isolation.degree[np.ix_(fitting, here)] = fits.degree[0, fitting, :1]
-        isolation.u[np.ix_(fitting, here)] = fits.u[0, fitting, :1]
-        isolation.probability[:, here] = found
-        isolation.pair[here] = -1
-        let_go(isolation.probability)
+    isolation.deviating[judged] = True
+    isolation.degree[np.ix_(fitting, judged)] = fits.degree[0, fitting, :1]
+    isolation.u[np.ix_(fitting, judged)] = fits.u[0, fitting, :1]
+    isolation.probability[:, judged] = found
+    isolation.pair[judged] = -1
     return True
 
 
 def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
     """Faults that some stretch names alone, shape (faults,): these are always compared."""
-    named = np.zeros(len(isolation.probability), dtype=bool)
-    for part in batches(len(judged)):
-        named |= (isolation.probability[:, judged[part]] > limits.NAMED_ALONE).any(axis=1)
-        let_go(isolation.probability)
-    return named
+    return np.asarray((isolation.probability[:, judged] > limits.NAMED_ALONE).any(axis=1))
 
 
 def _telling_most(

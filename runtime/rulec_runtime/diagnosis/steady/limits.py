@@ -4,13 +4,6 @@ import math
 
 # Memory ----------------------------------------------------------------------------------------
 
-GATHERED_AT_ONCE = 64
-"""Points anywhere in a table that are read before memory is let go. Origin: numerical."""
-
-RUNS_AT_ONCE = 256
-"""Runs of stretches whose hypotheses are held at a time. Origin: numerical, what is found is the
-same."""
-
 POINTS_AT_ONCE = 1024
 """Settled stretches that are compared with hypotheses at a time. Origin: numerical, what is found
 is the same."""

@@ -14,7 +14,6 @@ from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, part_of
 from rulec_runtime.diagnosis.steady.errors import errors_of
 from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.recordings.larger_than_memory import let_go
 
 NOT_RECORDED = " not recorded"
 """Follows the name of a reading that the recording does not have."""
@@ -83,9 +82,7 @@ class Observed:
             return self
         outside = {name: flags[chosen] for name, flags in self.extrapolated.items()}
         some = part_of(self, POINTS_ALONG, chosen, len(self))
-        points = self.points.at(chosen)
-        let_go(*self.points.values.values(), *self.points.lag.values())
-        return replace(some, points=points, extrapolated=outside)
+        return replace(some, points=self.points.at(chosen), extrapolated=outside)
 
 
 POINTS_ALONG = points_along(Observed)
@@ -245,7 +242,6 @@ def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
             flags = (values < low - slack) | (values > high + slack)
         if flags.any():
             found[signal.id] = flags
-        let_go(values)
     return found
 
 

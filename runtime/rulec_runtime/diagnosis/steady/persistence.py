@@ -11,7 +11,6 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted
 from rulec_runtime.diagnosis.steady.verdict import Verdict
-from rulec_runtime.recordings.larger_than_memory import let_go
 from rulec_runtime.recordings.stationary import Timeline
 
 
@@ -90,7 +89,6 @@ def too_brief(evaluated: EvaluatedPoints, timeline: Timeline, members: list[int]
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
     brief = timeline.samples[members].sum() < common.PERSISTENCE
-    let_go(isolation.misfit, timeline.samples)
     return bool(brief and not far)
 
 

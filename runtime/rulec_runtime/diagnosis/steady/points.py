@@ -14,7 +14,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.recordings.columns import any_of, means_between
-from rulec_runtime.recordings.larger_than_memory import arrays, let_go, mapped, picked
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
@@ -147,7 +146,7 @@ def check_readings(
     Returns per signal flags, shape (n,), and the reason.
     """
     bad = {
-        signal.id: mapped(recording.values[signal.id], partial(is_bad, signal), bool)
+        signal.id: is_bad(signal, recording.values[signal.id])
         for signal in ruleset.signals
         if signal.id in recording.values
     }
@@ -182,52 +181,38 @@ def points_of_stretches(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
 ) -> Points:
     """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
-    why = _reasons(recording, ruleset)
-    values, u, systematic, flags = _room(recording, ruleset, len(stretches))
-    for name, mean, number in _means(recording, ruleset, stretches):
+    values, u, systematic, bad = {}, {}, {}, {}
+    for signal, mean, number in _means(recording, ruleset, stretches):
+        name, values[signal.id] = signal.id, mean
         with np.errstate(invalid="ignore", divide="ignore"):
             statistical = noise[name] / np.sqrt(number)
-        flags[name][:] = number < limits.HALF_KNOWN * (stretches.lengths - 1)
-        values[name][:] = np.where(flags[name], np.nan, mean)
-        systematic[name][:] = systematic_u(ruleset.signal_by_id[name], values[name])
-        u[name][:] = np.hypot(systematic[name], statistical)
-        let_go(values[name])
-    time = recording.time
-    middle = 0.5 * (picked(time, stretches.first) + picked(time, stretches.last - 1))
+        bad[name] = np.isnan(mean)
+        systematic[name] = systematic_u(signal, mean) + np.zeros(len(mean))
+        u[name] = np.hypot(systematic[name], statistical)
+    middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
     lag = lag_errors(recording, ruleset, stretches, noise)
-    return Points(values, u, systematic, flags, why, middle, lag)
+    return Points(values, u, systematic, bad, _reasons(recording, ruleset), middle, lag)
 
 
 def means_of_stretches(
     recording: Recording, ruleset: Ruleset, stretches: Stretches
 ) -> dict[str, Array]:
     """Mean readings of each stretch alone, shape (n,), SI."""
-    found = _room(recording, ruleset, len(stretches))[0]
-    for name, mean, number in _means(recording, ruleset, stretches):
-        found[name][:] = np.where(
-            number < limits.HALF_KNOWN * (stretches.lengths - 1), np.nan, mean
-        )
-        let_go(found[name])
-    return found
-
-
-def _room(recording: Recording, ruleset: Ruleset, count: int) -> list[dict[str, np.ndarray]]:
-    """Three tables of numbers and one of flags, an array per signal, for so many points."""
-    names = [s.id for s in ruleset.signals if s.id in recording.values]
-    kinds = [float, float, float, bool]
-    made = iter(arrays([((count,), kind) for kind in kinds for _ in names]))
-    return [{name: next(made) for name in names} for _ in kinds]
+    return {signal.id: mean for signal, mean, _ in _means(recording, ruleset, stretches)}
 
 
 def _means(
     recording: Recording, ruleset: Ruleset, stretches: Stretches
-) -> Iterator[tuple[str, Array, Array]]:
-    """Per signal the mean of its sound readings in each stretch, and their number."""
+) -> Iterator[tuple[SignalSpec, Array, Array]]:
+    """Per signal the mean of its sound readings in each stretch, NaN if there are too few, and
+    their number."""
     for signal in ruleset.signals:
         readings = recording.values.get(signal.id)
         if readings is not None:
             usable = partial(_sound, signal)
-            yield signal.id, *means_between(readings, stretches.first, stretches.last, usable)
+            mean, number = means_between(readings, stretches.first, stretches.last, usable)
+            few = number < limits.HALF_KNOWN * (stretches.lengths - 1)
+            yield signal, np.where(few, np.nan, mean), number
 
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:

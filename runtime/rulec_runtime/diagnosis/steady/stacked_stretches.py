@@ -11,7 +11,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import remembered, times_of
-from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -100,9 +99,8 @@ class _Stacked:
             # Kept for the same problems with other residuals, which follow next.
             self.known.clear()
             own, every = np.flatnonzero(self.valid), members.ravel()
-            errors = np.arange(self.observed.shared.shape[1])
-            shared = of_points(self.observed.shared, (own, errors), every)
-            noise = of_points(np.moveaxis(self.observed.noise, 0, -1), (own, own), every)
+            shared = self.observed.shared[..., every][own]
+            noise = np.moveaxis(self.observed.noise[every][:, own][:, :, own], 0, -1)
             self.known[key] = (
                 shared.reshape(*shared.shape[:2], *members.shape),
                 noise.reshape(*noise.shape[:2], *members.shape),
