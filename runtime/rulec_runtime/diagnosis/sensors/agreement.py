@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
-from typing import TypeVar
 
 import numpy as np
 
@@ -14,12 +12,17 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.least_disagreement import LeftOut, left_out
-from rulec_runtime.diagnosis.steady.batches import batches
-from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, isolate, quantile
-from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.isolate import (
+    agreement,
+    alarm_chance,
+    isolate,
+    quantile,
+    tests_of,
+)
+from rulec_runtime.diagnosis.steady.many_estimates import at_once
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
-from rulec_runtime.diagnosis.steady.points import Points, one_after_the_other, points_of_stretches
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, once
@@ -30,44 +33,21 @@ from rulec_runtime.recordings.stationary import (
     systematic_u,
 )
 
-Tried = TypeVar("Tried")
-"""A way to read the columns of a recording."""
-
 
 @dataclass(frozen=True)
 class Agreement:
     """Per stretch, shape (n,): chi-square of "no fault" over the `limit` of an alarm, and its
-    degrees of freedom; `valid` shape (observers, n). The stretches are the `chosen` of all points
-    that were `read` together, which `every` observes."""
+    degrees of freedom, by the plan's outputs."""
 
+    observed: Observed
     excess: Array
     limit: Array
     freedom: np.ndarray
-    valid: np.ndarray
-    every: Callable[[slice], Observed]
-    read: Points
-    chosen: slice
-
-    def part(self, chosen: slice) -> Agreement:
-        """Some of all that was observed together."""
-        return Agreement(
-            self.excess[chosen],
-            self.limit[chosen],
-            self.freedom[chosen],
-            self.valid[:, chosen],
-            self.every,
-            self.read,
-            chosen,
-        )
-
-    @cached_property
-    def observed(self) -> Observed:
-        """The plan's outputs for the stretches."""
-        return self.every(self.chosen)
 
     @property
-    def points(self) -> Points:
-        return self.read.at(self.chosen)
+    def valid(self) -> np.ndarray:
+        """Usable estimates, shape (observers, n)."""
+        return self.observed.valid
 
     @property
     def sound(self) -> np.ndarray:
@@ -102,9 +82,24 @@ class Bench:
         return self.agreement(self.points)
 
     @cached_property
-    def left_out(self) -> LeftOut:
-        """What each estimate adds to the disagreement of the readings as recorded."""
-        return left_out(self.ruleset, self.recorded.observed)
+    def _tests(self) -> list[HypothesisTest]:
+        return [*tests_of(self.ruleset, self.recorded.observed)]
+
+    def least(self, observers: np.ndarray) -> Array:
+        """Chi-square of the readings as recorded without some observers, by flags, shape (n,).
+
+        No other value of what these read leaves less, so most other ways to read a column need not
+        be tried. Source: deletion (Cook and Weisberg 1982).
+        """
+        found = np.zeros(len(self.stretches))
+        for test in self._tests:
+            places = np.flatnonzero(observers[test.valid])
+            chi = test.metric.moving_by_all(np.repeat(places[:, None], len(test), axis=1))
+            block = chi.curvature.transpose(2, 0, 1)
+            back = np.linalg.pinv(block, rcond=limits.PSEUDO_INVERSE, hermitian=True)
+            gain = np.einsum("in,nij,jn->n", chi.slope, back, chi.slope)
+            found[test.members[0]] = chi.value - gain
+        return found
 
     @cached_property
     def widest_limit(self) -> float:
@@ -134,40 +129,14 @@ class Bench:
 
     def agreement(self, points: Points) -> Agreement:
         """How well the estimates agree at points."""
-        n = len(points)
-        if not has_many(self.ruleset):
-            observed = observe(self.ruleset, points)
-            return Agreement(*self._agreement(observed), observed.part, points, slice(0, n))
-
-        # Tables of so many estimates are not kept, but made again on demand.
-        def some(chosen: slice) -> Observed:
-            return observe(self.ruleset, points.at(chosen))
-
-        parts = [self._agreement(some(part)) for part in batches(n, at_once(self.ruleset))]
-        excess, limit, freedom, valid = (
-            np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)
-        )
-        return Agreement(excess, limit, freedom, valid, some, points, slice(0, n))
-
-    def _agreement(self, observed: Observed) -> tuple[Array, Array, np.ndarray, np.ndarray]:
-        """Chi-square over its limit, that limit, degrees of freedom, and usable estimates."""
+        observed = observe(self.ruleset, points)
         chi, freedom = agreement(self.ruleset, observed)
         limit = [chi_square_limit(f, self.quantile) if f else 1.0 for f in freedom.tolist()]
-        return chi / limit, np.array(limit), freedom, observed.valid
+        return Agreement(observed, chi / limit, np.array(limit), freedom)
 
-    def agreements(
-        self, tried: Iterable[Tried], read: Callable[[Tried], Points]
-    ) -> Iterator[tuple[Tried, Agreement]]:
-        """The same for each way to read, several at a time."""
-        n, left = len(self.stretches), iter(tried)
-        while some := list(islice(left, max(limits.TRIED_AT_ONCE // n, 1))):
-            together = self.agreement(one_after_the_other([read(one) for one in some]))
-            for i, one in enumerate(some):
-                yield one, together.part(slice(i * n, (i + 1) * n))
-
-    def explained(self, found: Agreement, *, all_tried: bool = True) -> Explained:
-        """Sound stretches, and which faults fit where; by default all faults are evaluated."""
-        isolation = isolate(self.ruleset, found.observed, all_tried=all_tried, pairs=False)
+    def explained(self, found: Agreement) -> Explained:
+        """Sound stretches, and which faults fit where."""
+        isolation = isolate(self.ruleset, found.observed, all_tried=True, pairs=False)
         fits = isolation.probability > 0
         quiet = isolation.judged & ~isolation.deviating
         each = quiet | (fits & (isolation.freedom > 1))
@@ -178,11 +147,6 @@ class Bench:
     def explained_as_recorded(self) -> Explained:
         """The same for the readings as recorded."""
         return self.explained(self.recorded)
-
-    @cached_property
-    def rivals_as_recorded(self) -> Explained:
-        """Faults that fit the readings as recorded; the others are not evaluated."""
-        return self.explained(self.recorded, all_tried=False)
 
     def readers(self, signal: str) -> np.ndarray:
         """Flags of the observers that read a signal."""
@@ -208,6 +172,7 @@ def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
         stretches = settled_stretches(recording, ruleset)
     if not len(stretches) or not ruleset.observers:
         return None
-    chosen = np.unique(np.linspace(0, len(stretches) - 1, common.STRETCHES_LOOKED_AT).astype(int))
+    most = max(min(common.STRETCHES_LOOKED_AT, at_once(ruleset)), limits.FEWEST_STRETCHES)
+    chosen = np.unique(np.linspace(0, len(stretches) - 1, most).astype(int))
     some = Stretches(stretches.first[chosen], stretches.last[chosen])
     return Bench(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)

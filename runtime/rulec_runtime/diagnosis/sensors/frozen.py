@@ -8,7 +8,7 @@ no single fault of the plant may explain the recording as well.
 Source: own derivation.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +20,8 @@ from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Bench
 from rulec_runtime.diagnosis.sensors.conditions import Found, stuck_in
 from rulec_runtime.diagnosis.sensors.dead import at_zero
-from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.diagnosis.steady.removed_reading import ends_tried
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.removed_reading import values_that_agree
 from rulec_runtime.recordings.columns import first_reading
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
@@ -82,7 +82,7 @@ def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
     if (~bench.recorded.sound)[here].mean() < limits.DISAGREES_SOMEWHERE:
         return False
     # No value of the reading changes the estimates that do not read it.
-    least = bench.left_out.least(bench.readers(signal.id))
+    least = bench.least(bench.readers(signal.id))
     if (least <= bench.widest_limit)[here].mean() < common.NEARLY_ALL:
         return False
     freed = free(bench, signal)
@@ -121,28 +121,8 @@ def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarr
 
 
 def free(bench: Bench, signal: SignalSpec) -> Freed:
-    """Fit the value of a reading that makes all estimates agree best, at each stretch."""
-    low, high = ends_tried(signal)
-    n = len(bench.stretches)
-    grid = np.linspace(low, high, limits.FREED_VALUES)[1:-1]
-    step = np.full(n, grid[1] - grid[0])
-    best = Freed(np.full(n, grid[0]), np.full(n, np.inf))
-    best = _better(bench, signal, best, (np.full(n, one) for one in grid))
-    for _ in range(limits.FREED_ROUNDS):
-        centre, step = best.value, step / 4.0
-        best = _better(bench, signal, best, (centre + k * step for k in range(-4, 5)))
-    return best
-
-
-def _better(bench: Bench, signal: SignalSpec, best: Freed, trials: Iterable[Array]) -> Freed:
-    """Accept each trial, shape (n,), where it agrees better and loses no estimate."""
-    value, excess = best.value, best.excess
-
-    def read(trial: Array) -> Points:
-        return bench.with_readings({signal.id: trial}, {signal.id: 0.0})
-
-    for trial, found in bench.agreements(trials, read):
-        whole = found.freedom >= bench.recorded.freedom
-        better = whole & (found.excess < excess)
-        value, excess = np.where(better, trial, value), np.where(better, found.excess, excess)
-    return Freed(value, excess)
+    """Fit the value of a reading that makes all estimates agree best, at each stretch, and lets
+    none of them become unusable."""
+    value, chi, freedom = values_that_agree(bench.ruleset, bench.points, signal)
+    limit = [chi_square_limit(max(f, 1), bench.quantile) for f in freedom.tolist()]
+    return Freed(value, np.where(freedom >= bench.recorded.freedom, chi / limit, np.inf))

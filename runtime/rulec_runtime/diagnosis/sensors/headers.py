@@ -9,7 +9,6 @@ Source: own derivation.
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from rulec_runtime.diagnosis.sensors.units import (
     mixups,
     of_one_dimension,
 )
-from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.columns import any_of
@@ -63,14 +61,17 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         return None
     plain = _with_all(raw, bench)
     best, least = None, (0, np.inf)
-    every = (one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one))
-    for misread, found in bench.agreements(every, partial(_read, bench)):
-        if not _makes_sense(bench, misread, found):
+    for misread in _candidates(raw, bench, plain, still):
+        points = bench.with_readings(misread.values, misread.noise)
+        if not _may_agree(bench, misread, points):
             continue
+        found = bench.agreement(points)
         running = _running(bench, misread, found)
-        explained = bench.explained(found, all_tried=False).stretches
-        if explained[running].mean() < common.NEARLY_ALL or not _beats_faults(
-            bench, misread, found
+        if not _makes_sense(bench, misread, found, running):
+            continue
+        explained = bench.explained(found)
+        if explained.stretches[running].mean() < common.NEARLY_ALL or not _beats_faults(
+            bench, misread, found, explained
         ):
             continue
         # One cause for many columns comes before one column of them.
@@ -106,37 +107,14 @@ def _doubtful(bench: Bench) -> bool:
     return bool(whole.mean() <= limits.AGREES_AS_RECORDED)
 
 
-def _read(bench: Bench, misread: Misread) -> Points:
-    return bench.with_readings(misread.values, misread.noise)
+def _may_agree(bench: Bench, misread: Misread, points: Points) -> bool:
+    """Whether it differs from the record, and estimates that read nothing of it agree there."""
+    least = bench.least(_readers(bench, misread))
+    return bool((_apart(misread, points) & (least <= bench.widest_limit)).any())
 
 
-def _may_agree(bench: Bench, misread: Misread) -> bool:
-    """Whether it differs from the record and may make estimates agree, by a part of them."""
-    points = _read(bench, misread)
-    apart = _apart(misread, points)
-    if not apart.any():
-        return False
-    readers = _readers(bench, misread)
-    before = bench.recorded
-    # Nothing is gained where everything agrees already and no further estimate becomes usable.
-    if not (apart & ~(before.sound & before.valid[readers].all(axis=0))).any():
-        return False
-    least = bench.left_out.least(readers)
-    apart &= least <= bench.widest_limit
-    if apart.any() and _rival(bench, misread, bench.rivals_as_recorded, least):
-        return False
-    parts = parts_of(bench.ruleset)
-    for part in parts if len(parts) > 1 else ():
-        if apart.any() and readers[part.observers].any():
-            found = replace(bench, ruleset=part.ruleset).agreement(points)
-            left = np.where(found.freedom > 0, found.excess * found.limit, 0.0)
-            apart &= left <= bench.widest_limit
-    return bool(apart.any())
-
-
-def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
-    running = _running(bench, misread, found)
-    if running.sum() == 0:
+def _makes_sense(bench: Bench, misread: Misread, found: Agreement, running: np.ndarray) -> bool:
+    if not running.any():
         return False
     before = bench.recorded
     readers = _readers(bench, misread)
@@ -161,7 +139,7 @@ def _readers(bench: Bench, misread: Misread) -> np.ndarray:
 
 def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
     flags: np.ndarray = found.valid[_readers(bench, misread)].any(axis=0) & (found.freedom > 0)
-    flags &= _apart(misread, found.points)
+    flags &= _apart(misread, found.observed.points)
     return flags
 
 
@@ -175,52 +153,41 @@ def _apart(misread: Misread, points: Points) -> np.ndarray:
     return apart
 
 
-def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
+def _beats_faults(bench: Bench, misread: Misread, found: Agreement, after: Explained) -> bool:
     """Whether no single fault of the plant explains all of it as well.
 
     A slope error of a reading whose unit is in doubt is no rival: it would have to equal the ratio
     of two units.
     """
-    judged = _judged(bench, misread)
+    before, explained = bench.recorded, bench.explained_as_recorded
+    # Stretches in which estimates that read the columns can be compared.
+    judged = before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1)
     if judged.mean() < common.NEARLY_ALL:
         return True
-    if _rival(bench, misread, bench.rivals_as_recorded, found.excess * found.limit):
+    left = found.excess * found.limit
+    if any(_rival(bench, misread, i, left, judged) for i in range(len(bench.ruleset.faults))):
         return False
     if misread.condition is UNIT:
         return True
-    before, explained = bench.recorded, bench.explained_as_recorded
     # Swapped columns are rare: the swap must remove what one fault would leave.
-    after = bench.explained(found)
     least = np.where(before.sound, before.excess * before.limit, np.inf)
     least = np.fmin(least, np.min(explained.distance, axis=0, initial=np.inf))
-    rest = np.min(after.distance, axis=0, initial=np.inf)
-    rest = np.fmin(rest, found.excess * found.limit)
+    rest = np.fmin(left, np.min(after.distance, axis=0, initial=np.inf))
     return bool(np.median((least - rest)[judged]) > limits.SWAP_GAIN)
 
 
-def _judged(bench: Bench, misread: Misread) -> np.ndarray:
-    """Stretches, shape (n,), in which estimates that read the columns can be compared."""
-    before = bench.recorded
-    return np.asarray(before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1))
-
-
-def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) -> bool:
-    """Whether a fault of constant degree explains everything, as well as a hypothesis that leaves a
-    chi-square of at least `left`, shape (n,)."""
-    before, judged = bench.recorded, _judged(bench, misread)
-    if judged.mean() < common.NEARLY_ALL:
+def _rival(bench: Bench, misread: Misread, place: int, left: Array, judged: np.ndarray) -> bool:
+    """Whether a fault, by its place, explains all judged stretches with a constant degree, as well
+    as a hypothesis that leaves a chi-square, shape (n,)."""
+    before, explained = bench.recorded, bench.explained_as_recorded
+    fault, fits = bench.ruleset.faults[place], explained.fits[place]
+    own = fault.in_sensor and set(fault.scales) & set(misread.signals)
+    off = judged & fits & ~before.sound
+    if (own and misread.condition is UNIT) or not off.any():
         return False
-    for i in np.flatnonzero(explained.fits.any(axis=1)).tolist():
-        fault, fits = bench.ruleset.faults[i], explained.fits[i]
-        own = fault.in_sensor and set(fault.scales) & set(misread.signals)
-        off = judged & fits & ~before.sound
-        if (own and misread.condition is UNIT) or not off.any():
-            continue
-        as_well = np.median((explained.distance[i] - left)[off]) < limits.HEADER_ODDS
-        covers = (fits | before.sound)[judged].mean() >= common.NEARLY_ALL
-        if covers and as_well and _steady(explained, i, off):
-            return True
-    return False
+    as_well = np.median((explained.distance[place] - left)[off]) < limits.HEADER_ODDS
+    covers = (fits | before.sound)[judged].mean() >= common.NEARLY_ALL
+    return bool(covers and as_well and _steady(explained, place, off))
 
 
 def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> Iterator[Misread]:

@@ -1,11 +1,5 @@
 """Numbers that decide about sensors. Origins as in `rulec_runtime/limits.py`."""
 
-# Memory ----------------------------------------------------------------------------------------
-
-TRIED_AT_ONCE = 64
-"""Settled stretches, over all ways to read columns, that are compared at a time. Origin: numerical,
-what is found is the same."""
-
 # Sensor health: a reading by itself ------------------------------------------------------------
 
 FAILED_BELOW = 0.025
@@ -32,12 +26,9 @@ LEVEL_THERE = 0.25
 """Share of its range that a level must stand above its end, by the balances, to be there for sure:
 they are nominal, and a start is not known. Origin: assumed."""
 
-FREED_VALUES = 41
-"""Values of a freed reading tried between the ends of its range. Origin: numerical."""
-
-FREED_ROUNDS = 4
-"""Times that the neighbours of the best value are tried, each time four times closer. Origin:
-numerical."""
+FEWEST_STRETCHES = 8
+"""Stretches in which readings are compared at least, where tables of hundreds of estimates leave
+room for few. Origin: assumed."""
 
 SHOULD_MOVE = 6.0
 """Standard uncertainties by which the value that suits the others must move. Origin: assumed."""

@@ -16,8 +16,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, quantile
-from rulec_runtime.diagnosis.steady.many_estimates import has_many
+from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
@@ -34,11 +35,8 @@ def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
         if values is not None and taken_out and signal.id in ruleset.observed:
             # Stand-ins are expensive, and a finding goes on without some of them.
             lost = thinned(np.flatnonzero(~np.isfinite(values)), limits.STAND_INS)
-            size = max(limits.POINTS_AT_ONCE // limits.STAND_IN_VALUES, 1)
-            for low in range(0, len(lost), size):
-                chosen = lost[low : low + size]
-                value = _value(ruleset, points.at(chosen).of(ruleset.observed), signal)
-                points = _filled(points, signal, chosen, value)
+            value = _value(ruleset, points.at(lost).of(ruleset.observed), signal)
+            points = _filled(points, signal, lost, value)
     return points
 
 
@@ -49,25 +47,37 @@ def _value(ruleset: Ruleset, points: Points, signal: SignalSpec) -> Array:
     If no value gives agreement, there may be a fault: then it is the value that agrees best
     together with the best fault. The equations are too nonlinear to hold far from there.
     """
-    best, chi, freedom = _searched(ruleset, points, signal, beside_faults=False)
+    if not len(points):
+        return np.zeros(0)
+    best, chi, freedom = values_that_agree(ruleset, points, signal)
     without = agreement(ruleset, observe(ruleset, points))[1]
     gained = freedom - 1 > without
     limit = [chi_square_limit(max(f - 1, 1), quantile(alarm_chance(1))) for f in freedom.tolist()]
     off = np.flatnonzero(gained & (chi > limit))
     if len(off):
-        best[off] = _searched(ruleset, points.at(off), signal, beside_faults=True)[0]
+        best[off] = values_that_agree(ruleset, points.at(off), signal, beside_faults=True)[0]
     return np.where(gained, best, np.nan)
+
+
+def values_that_agree(
+    ruleset: Ruleset, points: Points, signal: SignalSpec, *, beside_faults: bool = False
+) -> tuple[Array, Array, np.ndarray]:
+    """The value of a reading, SI, at which most can be compared, and agrees best, perhaps beside a
+    fault; the chi-square it leaves, and its degrees of freedom: each of shape (n,), n > 0."""
+    size = max(min(limits.POINTS_AT_ONCE, at_once(ruleset)) // limits.STAND_IN_VALUES, 1)
+    parts = (points.at(part) for part in batches(len(points), size))
+    found = [_searched(ruleset, part, signal, beside_faults=beside_faults) for part in parts]
+    value, chi, freedom = (np.concatenate(each) for each in zip(*found, strict=True))
+    return value, chi, freedom
 
 
 def _searched(
     ruleset: Ruleset, points: Points, signal: SignalSpec, *, beside_faults: bool
 ) -> tuple[Array, Array, np.ndarray]:
-    """The value at which most can be compared, and agrees best, the chi-square it leaves, and its
-    degrees of freedom, each of shape (n,)."""
     low, high = ends_tried(signal)
     n, places = len(points), np.arange(len(points))
     values = np.repeat(np.linspace(low, high, limits.STAND_IN_VALUES + 2)[1:-1, None], n, axis=1)
-    u = float(values[1, 0] - values[0, 0]) if n else 0.0
+    u = float(values[1, 0] - values[0, 0])
     for step in range(limits.STAND_IN_ROUNDS + 1):
         tried = one_after_the_other([_tried(points, signal, one, u) for one in values])
         chi, freedom = (
