@@ -108,9 +108,11 @@ def _doubtful(bench: Bench) -> bool:
 
 
 def _may_agree(bench: Bench, misread: Misread, points: Points) -> bool:
-    """Whether it differs from the record, and estimates that read nothing of it agree there."""
+    """Whether it differs from the record, estimates that read nothing of it agree there, and no
+    fault explains as much."""
     least = bench.least(_readers(bench, misread))
-    return bool((_apart(misread, points) & (least <= bench.widest_limit)).any())
+    agree = _apart(misread, points) & (least <= bench.widest_limit)
+    return bool(agree.any()) and not _rivalled(bench, misread, least)
 
 
 def _makes_sense(bench: Bench, misread: Misread, found: Agreement, running: np.ndarray) -> bool:
@@ -159,35 +161,44 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement, after: Expla
     A slope error of a reading whose unit is in doubt is no rival: it would have to equal the ratio
     of two units.
     """
-    before, explained = bench.recorded, bench.explained_as_recorded
-    # Stretches in which estimates that read the columns can be compared.
-    judged = before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1)
-    if judged.mean() < common.NEARLY_ALL:
-        return True
     left = found.excess * found.limit
-    if any(_rival(bench, misread, i, left, judged) for i in range(len(bench.ruleset.faults))):
+    if _rivalled(bench, misread, left):
         return False
-    if misread.condition is UNIT:
+    judged = _judged(bench, misread)
+    if misread.condition is UNIT or judged.mean() < common.NEARLY_ALL:
         return True
     # Swapped columns are rare: the swap must remove what one fault would leave.
+    before = bench.recorded
     least = np.where(before.sound, before.excess * before.limit, np.inf)
-    least = np.fmin(least, np.min(explained.distance, axis=0, initial=np.inf))
+    least = np.fmin(least, np.min(bench.explained_as_recorded.distance, axis=0, initial=np.inf))
     rest = np.fmin(left, np.min(after.distance, axis=0, initial=np.inf))
     return bool(np.median((least - rest)[judged]) > limits.SWAP_GAIN)
 
 
-def _rival(bench: Bench, misread: Misread, place: int, left: Array, judged: np.ndarray) -> bool:
-    """Whether a fault, by its place, explains all judged stretches with a constant degree, as well
-    as a hypothesis that leaves a chi-square, shape (n,)."""
+def _judged(bench: Bench, misread: Misread) -> np.ndarray:
+    """Stretches, shape (n,), in which estimates that read the columns can be compared."""
+    before = bench.recorded
+    return np.asarray(before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1))
+
+
+def _rivalled(bench: Bench, misread: Misread, left: Array) -> bool:
+    """Whether a fault of constant degree explains everything, as well as a hypothesis that leaves a
+    chi-square of at least `left`, shape (n,)."""
     before, explained = bench.recorded, bench.explained_as_recorded
-    fault, fits = bench.ruleset.faults[place], explained.fits[place]
-    own = fault.in_sensor and set(fault.scales) & set(misread.signals)
-    off = judged & fits & ~before.sound
-    if (own and misread.condition is UNIT) or not off.any():
+    judged = _judged(bench, misread)
+    if judged.mean() < common.NEARLY_ALL:
         return False
-    as_well = np.median((explained.distance[place] - left)[off]) < limits.HEADER_ODDS
-    covers = (fits | before.sound)[judged].mean() >= common.NEARLY_ALL
-    return bool(covers and as_well and _steady(explained, place, off))
+    for i in np.flatnonzero(explained.fits.any(axis=1)).tolist():
+        fault, fits = bench.ruleset.faults[i], explained.fits[i]
+        own = fault.in_sensor and set(fault.scales) & set(misread.signals)
+        off = judged & fits & ~before.sound
+        if (own and misread.condition is UNIT) or not off.any():
+            continue
+        as_well = np.median((explained.distance[i] - left)[off]) < limits.HEADER_ODDS
+        covers = (fits | before.sound)[judged].mean() >= common.NEARLY_ALL
+        if covers and as_well and _steady(explained, i, off):
+            return True
+    return False
 
 
 def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> Iterator[Misread]:

@@ -89,9 +89,10 @@ POINTS_ALONG = points_along(Observed)
 
 
 def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
-    """Inputs of the plan: readings, uncertainties (by default in full), all of the calibration."""
+    """Inputs of the plan: readings, their uncertainties (by default with lags), and all of the
+    calibration."""
     inputs: dict[str, Array | float] = {**points.values}
-    of_readings = points.with_lag(points.u) if u is None else u
+    of_readings = points.u_with_lag if u is None else u
     inputs.update({f"u:{name}": part for name, part in of_readings.items()})
     inputs["u:parameters"] = 1.0
     inputs["u:model"] = 1.0
@@ -100,12 +101,9 @@ def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[st
 
 def observe(ruleset: Ruleset, points: Points) -> Observed:
     """Run the plan on points and decide which estimates are usable."""
-    names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
-    n = max((len(v) for v in points.values.values()), default=0)
-    results = ruleset.plan.select(names).run(plan_inputs(points))
-    of_residuals = [f"u:{r.id}" for r in ruleset.residuals]
-    lasting_u = points.with_lag(points.systematic)
-    systematic = ruleset.plan.select(of_residuals).run(plan_inputs(points, lasting_u))
+    names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard")]
+    n = len(points)
+    results = ruleset.plan.select(names).run(points.values)
     out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
     observers = ruleset.observers
     flows = np.array([out[f"q:{o.id}"] for o in observers])
@@ -114,13 +112,7 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         valid[i] &= usable_by_readings(ruleset, observer, points.values, out)
     units = dict.fromkeys(points.values, np.ones(n))
     slopes = ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, units))
-    lasting = [np.broadcast_to(systematic[name], (n,)) for name in of_residuals]
-    residuals = (
-        np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
-        np.array([out[name] for name in of_residuals]).reshape(-1, n),
-        np.array(lasting).reshape(-1, n),
-    )
-    observed = with_errors(ruleset, points, flows, valid, slopes, residuals)
+    observed = with_errors(ruleset, points, flows, valid, slopes)
     return replace(observed, extrapolated=extrapolated(ruleset, points))
 
 
@@ -143,7 +135,6 @@ def with_errors(
     flows: Array,
     valid: np.ndarray,
     slopes: Mapping[str, Array],
-    residuals: tuple[Array, Array, Array] | None = None,
 ) -> Observed:
     """Estimates with their errors, and no reading marked as extrapolated.
 
@@ -152,16 +143,11 @@ def with_errors(
     flows, valid : shape (observers, n), m3/s.
     slopes : per name of `slope_names` an array, shape (n,): derivatives by readings, m3/s per SI,
         and by other errors times their standard uncertainty, m3/s.
-    residuals : residuals, their uncertainties and the parts of these that do not average out, each
-        of shape (residuals, n), m3/s; by default from the estimates.
     """
     scatter, noise, lasting, shared, late = errors_of(ruleset, points, slopes, flows.shape)
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
-    if residuals is None:
-        whole, stays = spreads(ruleset, covariance), spreads(ruleset, covariance - scatter)
-        residuals = signed(ruleset, flows), whole, stays
     return Observed(
         points=points,
         flows=flows,
@@ -172,9 +158,9 @@ def with_errors(
         offsets=np.zeros_like(flows),
         covariance=covariance,
         wander=np.zeros_like(noise),
-        residuals=residuals[0],
-        residual_u=residuals[1],
-        residual_systematic=residuals[2],
+        residuals=signed(ruleset, flows),
+        residual_u=spreads(ruleset, covariance),
+        residual_systematic=spreads(ruleset, covariance - scatter),
         extrapolated={},
     )
 

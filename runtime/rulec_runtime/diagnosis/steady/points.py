@@ -95,9 +95,11 @@ class Points:
             changed[name] = {**columns, signal: column}
         return replace(self, **changed)
 
-    def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
+    @property
+    def u_with_lag(self) -> dict[str, Array]:
         """Standard uncertainties including lags, shape (n,) each, SI."""
-        return {n: np.hypot(part, self.lag[n]) if n in self.lag else part for n, part in u.items()}
+        lag = self.lag
+        return {n: np.hypot(own, lag[n]) if n in lag else own for n, own in self.u.items()}
 
 
 def one_after_the_other(several: Sequence[Points]) -> Points:
