@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -88,19 +89,6 @@ class Weighing:
         """Chi-square as measured, shape (n,)."""
         return np.asarray(np.einsum("nr,nr->n", self.residuals, self.weighted))
 
-    @cached_property
-    def of_flows(self) -> tuple[Array, Array]:
-        """Half the first and second derivative of chi-square by all flows, one point after the
-        other: shapes (n, flows) and (n, flows, flows)."""
-        n, rows = self.residuals.shape
-        rank, flows = self.basis.shape
-        points = rows // rank
-        half = self.inverse.reshape(n, rows * points, rank) @ self.basis
-        half = half.reshape(n, points, rank, points * flows)
-        whole = (self.basis.T @ half).reshape(n, points * flows, -1)
-        slope = self.weighted.reshape(n, points, rank) @ self.basis
-        return slope.reshape(n, -1), whole
-
 
 @dataclass(frozen=True)
 class Metric:
@@ -135,39 +123,21 @@ class Metric:
         """Some of the problems."""
         return Metric(self.weighing, self.which[chosen])
 
-    def moving(self, places: np.ndarray) -> ChiSquare:
-        """Chi-square where some flows move: their `places` per problem, shape (touched, n), or -1;
-        the flows of a problem are the touched ones of one point after the other."""
-        if self.is_large:
-            return self.moving_by_all(places)
-        n, rows = len(self.which), self.weighing.residuals.shape[1]
-        rank = len(self.weighing.basis)
-        points, touched = rows // rank, len(places)
-        own = self._combined(places)[:, None]
-        slope = own.transpose(0, 1, 3, 2) @ self.weighted.reshape(n, points, rank, 1)
-        half = (self.inverse.reshape(n, rows, points, rank) @ own).reshape(n, points, rank, -1)
-        curvature = (own.transpose(0, 1, 3, 2) @ half).reshape(n, points * touched, -1)
+    def moving(self, places: Sequence[int]) -> ChiSquare:
+        """Chi-square where some flows move, by their places; those of a problem are these flows of
+        one point after the other."""
+        weighing, which = self.weighing, self.which
+        rank, (n, rows) = len(weighing.basis), weighing.residuals.shape
+        own, points = weighing.basis[:, places], rows // rank
+        moved = points * len(places)
+        half = weighing.inverse.reshape(n, rows * points, rank) @ own
+        curvature = (own.T @ half.reshape(n, points, rank, moved)).reshape(n, moved, moved)
+        slope = (weighing.weighted.reshape(n, points, rank) @ own).reshape(n, moved)
         return ChiSquare(
             self.value,
-            np.ascontiguousarray(slope.reshape(n, -1).T),
-            np.ascontiguousarray(curvature.transpose(1, 2, 0)),
+            np.ascontiguousarray(slope[which].T),
+            np.ascontiguousarray(curvature[which].transpose(1, 2, 0)),
         )
-
-    def _combined(self, places: np.ndarray) -> Array:
-        """Contribution of some flows of a point to its residuals, shape (n, rank, touched)."""
-        own: Array = np.where(places >= 0, self.weighing.basis[:, places], 0.0).transpose(2, 0, 1)
-        return own
-
-    def moving_by_all(self, places: np.ndarray) -> ChiSquare:
-        """The same by the derivatives by all flows, which are worked out once for all problems."""
-        rank, flows = self.weighing.basis.shape
-        slope, whole = self.weighing.of_flows
-        points = self.weighing.residuals.shape[1] // rank
-        own = (flows * np.arange(points)[:, None, None] + places).reshape(-1, places.shape[1])
-        there = np.tile(places >= 0, (points, 1))
-        every = slope[self.which, own] * there
-        curvature = whole[self.which, own[:, None], own] * (there[:, None] & there)
-        return ChiSquare(self.value, every, curvature)
 
 
 def inverse_of(covariance: Array) -> Array:

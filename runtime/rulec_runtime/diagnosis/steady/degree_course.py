@@ -21,8 +21,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import times_of
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
+from rulec_runtime.diagnosis.steady.degree_search import Trial
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.hypothesis_columns import Columns
 from rulec_runtime.diagnosis.steady.isolate import test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -318,19 +318,14 @@ class Stack:
         there."""
         spec, basis = self.test.ruleset.faults[fault], self.test.basis
         names = self.test.touched((spec,))
-        columns = Columns(
-            test=replace(self.test, present=degree[:, None], known=None),
-            hypotheses=[(spec,)],
-            touched=[names],
-            which=np.zeros(1, dtype=int),
-            most=len(names),
-        )
-        moved, slopes = columns.undone(degree[None, :, None])
-        places = columns.places[:, 0]
+        here = replace(self.test, present=degree[:, None], known=None)
+        trial = Trial(test=here, faults=(spec,), touched=names)
+        moved, slopes = trial.undoing.moved_and_slopes(degree[None, :, None])
+        places = trial.places
         own = basis[:, places]
         residuals = self.test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()
         table = self._in_columns((own @ slopes[:, 0, :, 0]).T.ravel())
-        scales = columns.scales(np.ones((1, 1)))
+        scales = trial.scales(np.ones((1, 1)))
         covariance = self.test.spread.whole(self.test.members, scales)[0]
         if lenient:
             for row, place in enumerate(places):

@@ -1,7 +1,7 @@
 """Test hypotheses by undoing their faults: which degrees make all estimates agree best?
 
-Many hypotheses are tried on many problems at once, a column each: each has few numbers, and one
-call of numpy serves all of them.
+A hypothesis is tried on many problems at once: each has few numbers, and one call of numpy serves
+all of them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.degree_search import Trial
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.hypothesis_columns import Columns
 
 
 @dataclass(frozen=True)
@@ -59,32 +59,19 @@ def fit(
         np.full(shape, np.inf),
         np.full(shape, -np.inf),
     )
-    touched = [test.touched(faults) for faults in hypotheses]
-    counts = np.array([len(names) for names in touched], dtype=int)
-    wanted = (counts[:, None] > 0) & ~np.array(
-        [np.any([_unread(test, fault) for fault in faults], axis=0) for faults in hypotheses],
-        dtype=bool,
-    ).reshape(shape)
-    which, problem = np.nonzero(wanted if tried is None else wanted & tried)
-    begin = starts if starts is not None else usual_starts(hypotheses)
-    # Only of those tried: a change of the liquid touches hundreds of flows.
-    most = max(int(counts[which].max(initial=0)), 1)
+    begin = usual_starts(hypotheses) if starts is None else starts
+    begin = np.broadcast_to(begin, (count, begin.shape[1], *shape))
     size = max(limits.TABLE // max(test.freedom**2, 1), 1)
-    for low in range(0, len(which), size):
-        own, at = which[low : low + size], problem[low : low + size]
-        every = np.unique(own).tolist()
-        columns = Columns(
-            test=test.at(at),
-            hypotheses=[hypotheses[i] for i in every],
-            touched=[touched[i] for i in every],
-            which=np.searchsorted(every, own),
-            most=most,
-        )
-        pure = test.metric.problems(at)
-        first = np.broadcast_to(begin, (count, begin.shape[1], *shape))[:, :, own, at]
-        degree, u, distance, evidence = columns.outcome(pure, first)
-        found.degree[:, own, at], found.u[:, own, at] = degree, u
-        found.distance[own, at], found.evidence[own, at] = distance, evidence
+    for i, faults in enumerate(hypotheses):
+        touched = test.touched(faults)
+        asked = ~np.any([_unread(test, fault) for fault in faults], axis=0)
+        problems = np.flatnonzero(asked if tried is None else asked & tried[i])
+        for low in range(0, len(problems) if touched else 0, size):
+            at = problems[low : low + size]
+            trial = Trial(test=test.at(at), faults=faults, touched=touched)
+            outcome = trial.outcome(test.metric.problems(at), begin[:, :, i, at])
+            found.degree[:, i, at], found.u[:, i, at] = outcome[:2]
+            found.distance[i, at], found.evidence[i, at] = outcome[2:]
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -88,9 +88,9 @@ class HypothesisTest:
         inverse = inverse_of(self.spread.whole(self.members, scales))
         return Metric(Weighing(inverse, self.residuals, self.basis), np.arange(len(self)))
 
-    def rescaled(self, scales: Scales, places: np.ndarray) -> ChiSquare:
-        """Chi-square with the errors of some flows scaled, where the same flows move: `places` of
-        them per problem, shape (touched, n), or -1."""
+    def rescaled(self, scales: Scales, places: Sequence[int]) -> ChiSquare:
+        """Chi-square with the errors of some flows scaled, where the same flows move, by their
+        places."""
         return self._metric_of(scales).moving(places)
 
     @cached_property
@@ -232,16 +232,3 @@ def in_a_row(table: Array) -> Array:
     """A table of touched flows, shape (touched, ..., points, n), as that of the problems, one point
     after the other: shape (points * touched, ..., n)."""
     return np.moveaxis(table, -2, 0).reshape(-1, *table.shape[1:-2], table.shape[-1])
-
-
-def alike(places: Mapping[int, Sequence[int]]) -> Iterator[tuple[list[int], np.ndarray]]:
-    """Keys with as many flows, and a table of these, by place: shape (touched, keys).
-
-    >>> [(keys, table.tolist()) for keys, table in alike({4: [7, 8], 5: [1], 6: [0, 1]})]
-    [([5], [[1]]), ([4, 6], [[7, 0], [8, 1]])]
-    """
-    groups: dict[int, list[int]] = {}
-    for key, own in places.items():
-        groups.setdefault(len(own), []).append(key)
-    for _, keys in sorted(groups.items()):
-        yield keys, np.array([places[key] for key in keys]).T

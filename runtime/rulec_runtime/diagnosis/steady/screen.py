@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, gain_of
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
 
 
 def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None) -> np.ndarray:
@@ -31,20 +31,13 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
 def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
     """Least chi-square left by each fault, shape (faults, n), by the few flows that each touches;
     minus infinity where nothing is known."""
-    faults = test.ruleset.faults
-    places = {
-        int(i): [test.places[name] for name in test.touched((faults[i],))]
-        for i in np.flatnonzero(tried.any(axis=1))
-    }
     least = np.full(tried.shape, -np.inf)
-    for chosen, table in alike({i: own for i, own in places.items() if own}):
-        which, problem = np.nonzero(tried[chosen])
-        size = max(limits.TABLE // (len(table) * len(test.members)) ** 2, 1)
-        for low in range(0, len(which), size):
-            own, at = table[:, which[low : low + size]], problem[low : low + size]
-            chi = test.metric.problems(at).moving_by_all(own)
-            free = np.repeat(test.present[:, at], len(own), axis=0)
-            least[np.array(chosen)[which[low : low + size]], at] = _without(chi, free)
+    for i in np.flatnonzero(tried.any(axis=1)).tolist():
+        places = [test.places[name] for name in test.touched((test.ruleset.faults[i],))]
+        if places:
+            at = np.flatnonzero(tried[i])
+            free = np.repeat(test.present[:, at], len(places), axis=0)
+            least[i, at] = _without(test.metric.problems(at).moving(places), free)
     return least
 
 

@@ -1,8 +1,7 @@
-"""Hypotheses tried on problems, a column each: their best degrees by undoing their faults."""
+"""Search the degrees of a hypothesis that make all estimates agree best, by undoing its faults."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -12,20 +11,17 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, inverse_information
-from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Part, Undoing
+from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Undoing
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in_a_row
 
 
 @dataclass(frozen=True, kw_only=True)
-class Columns:
-    """Hypotheses tried on problems: `which` of them in each column, ascending, shape (n,), on the
-    problem of this column in `test`. `touched` are the usable observers of each, `most` at most."""
+class Trial:
+    """A hypothesis tried on n problems; `touched` are the usable observers that its faults bias."""
 
     test: HypothesisTest
-    hypotheses: Sequence[Faults]
-    touched: Sequence[tuple[str, ...]]
-    which: np.ndarray
-    most: int
+    faults: Faults
+    touched: tuple[str, ...]
 
     def outcome(self, metric: Metric, starts: Array) -> tuple[Array, Array, Array, Array]:
         """Best degrees and their uncertainties, shape (faults, n), chi-square left and
@@ -33,9 +29,8 @@ class Columns:
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
         # Not for a change of the liquid that runs off: no small one leaves as little.
-        of_modules = np.array([bool(faults[0].module) for faults in self.hypotheses])[self.which]
-        far = np.flatnonzero(~self._believed(best.degree) & of_modules)
-        if len(far) and len(best.degree) == 1:
+        far = np.flatnonzero(~self._believed(best.degree))
+        if len(far) and len(self.faults) == 1 and self.faults[0].module:
             some, own = self.at(far), pure.problems(far)
             best.enter(far, some._place(own, some._small(starts[..., far])))
         # A fault changes the errors of a flow along with the flow.
@@ -58,63 +53,41 @@ class Columns:
         distance = np.where(believed, left, np.inf)
         return best.degree, u, distance, evidence
 
-    def undone(self, degree: Array) -> tuple[Array, Array]:
-        """Movement of the touched flows, shape (touched, points, n), at degrees of the faults at
-        each point, (faults, points, n), and its slopes by these: (touched, faults, points, n)."""
-        return self._undoing.moved_and_slopes(degree)
-
-    def at(self, chosen: np.ndarray) -> Columns:
-        """Some of the columns."""
-        return replace(self, test=self.test.at(chosen), which=self.which[chosen])
+    def at(self, chosen: np.ndarray) -> Trial:
+        """The same on some of the problems."""
+        return replace(self, test=self.test.at(chosen))
 
     @cached_property
-    def places(self) -> np.ndarray:
-        """Places of the touched flows of each column, shape (touched, n); -1 after the last."""
-        table = np.full((self.most, len(self.hypotheses)), -1)
-        for i, names in enumerate(self.touched):
-            table[: len(names), i] = [self.test.places[name] for name in names]
-        return table[:, self.which]
+    def places(self) -> list[int]:
+        """Places of the touched flows among the usable ones."""
+        return [self.test.places[name] for name in self.touched]
+
+    @cached_property
+    def undoing(self) -> Undoing:
+        """The faults undone at the points of the problems."""
+        test = self.test
+        return Undoing(
+            ruleset=test.ruleset,
+            faults=self.faults,
+            touched=self.touched,
+            readings=test.readings(test.ruleset.undo.used_inputs),
+            measured=test.flows[self.places],
+            kept=test.kept(self.faults, self.touched),
+        )
 
     @cached_property
     def _range(self) -> tuple[Array, Array]:
-        """Lowest and highest degree, shape (faults, n)."""
+        """Lowest and highest degree, shape (faults, 1)."""
         lowest, highest = (self._of_faults(name) for name in ("lowest", "highest"))
         return lowest, highest * (1.0 - common.BELOW_HIGHEST)
 
     def _believed(self, degree: Array) -> np.ndarray:
-        """Whether all degrees of a column, shape (faults, n), are credible."""
+        """Whether all degrees of a problem, shape (faults, n), are credible."""
         return np.asarray((degree < self._of_faults("credible")).all(axis=0))
 
     def _of_faults(self, name: str) -> Array:
-        """An attribute of the faults of each column, shape (faults, n)."""
-        table = np.array([[getattr(f, name) for f in faults] for faults in self.hypotheses])
-        return table.astype(float).T[:, self.which]
-
-    @cached_property
-    def _undoing(self) -> Undoing:
-        test = self.test
-        shape = (self.most, *test.members.shape)
-        measured, kept = np.zeros(shape), np.zeros(shape)
-        edges = np.searchsorted(self.which, np.arange(len(self.hypotheses) + 1))
-        parts = [
-            Part(faults, names, slice(first, last))
-            for faults, names, first, last in zip(
-                self.hypotheses, self.touched, edges, edges[1:], strict=False
-            )
-            if last > first
-        ]
-        for part in parts:
-            own, count = test.at(part.columns), len(part.touched)
-            places = [test.places[name] for name in part.touched]
-            measured[:count, :, part.columns] = own.flows[places]
-            kept[:count, :, part.columns] = own.kept(part.faults, part.touched)
-        return Undoing(
-            ruleset=test.ruleset,
-            parts=parts,
-            readings=test.readings(test.ruleset.undo.used_inputs),
-            measured=measured,
-            kept=kept,
-        )
+        """An attribute of the faults, shape (faults, 1)."""
+        return np.array([[float(getattr(fault, name))] for fault in self.faults])
 
     def _everywhere(self, degree: Array) -> Array:
         """Degrees of the columns, (faults, ..., n), at all points: (faults, ..., points, n)."""
@@ -136,32 +109,32 @@ class Columns:
         return np.where(small > 0.0, small, self._range[1])
 
     def _best_start(self, chi: ChiSquare, starts: Array) -> Array:
-        """The best of some degrees, shape (faults, starts, n), for each column: (faults, n)."""
+        """The best of some degrees, shape (faults, starts, n), for each problem: (faults, n)."""
         low, top = self._range
         degree = np.clip(starts, low[:, None], top[:, None])
-        distance, _ = chi.at(in_a_row(self._undoing.moved(self._everywhere(degree))))
+        distance, _ = chi.at(in_a_row(self.undoing.moved(self._everywhere(degree))))
         best = np.argmin(finite(distance), axis=0)
         return np.asarray(np.take_along_axis(degree, best[None, None], axis=1)[:, 0])
 
     def _place(self, chi: ChiSquare, degree: Array) -> Place:
         """Chi-square with the faults undone at degrees, shape (faults, n)."""
-        moved, slopes = self._undoing.moved_and_slopes(self._everywhere(degree))
+        moved, slopes = self.undoing.moved_and_slopes(self._everywhere(degree))
         moved, effect = in_a_row(moved), in_a_row(slopes * self.test.present)
         distance, slope = chi.at(moved)
         return Place(degree, moved, slope, effect, finite(distance))
 
     def _fit(self, chi: ChiSquare, begin: Place) -> Place:
         """Degrees of least distance: Gauss-Newton with halved steps."""
-        columns, best, left = self, begin, np.arange(len(self.which))
+        trial, best, left = self, begin, np.arange(len(self.test))
+        low, top = self._range
         share = np.ones(len(left))
         found = begin.problems(left)
         for _ in range(limits.FIT_STEPS):
-            low, top = columns._range
             degree = np.clip(best.degree + share * newton_step(chi, best), low, top)
-            trial = columns._place(chi, degree)
-            better = trial.is_better(best)
+            next_one = trial._place(chi, degree)
+            better = next_one.is_better(best)
             moved = np.max(np.abs(degree - best.degree), axis=0, initial=0.0)
-            best = best.where(better, trial)
+            best = best.where(better, next_one)
             share = np.where(better, 1.0, 0.5 * share)
             going = moved >= limits.FIT_CONVERGED
             if not going.all():
@@ -169,7 +142,7 @@ class Columns:
                 left, share, best = left[going], share[going], best.problems(going)
                 if not len(left):
                     return found
-                columns, chi = columns.at(going), chi.problems(going)
+                trial, chi = trial.at(going), chi.problems(going)
         found.enter(left, best)
         return found
 
@@ -190,13 +163,9 @@ class Columns:
         """
         flows = self.test.flows
         scale = np.ones_like(flows)
-        moved = self._undoing.moved(self._everywhere(degree))
-        for part in self._undoing.parts:
-            for row, name in enumerate(part.touched):
-                place = self.test.places[name]
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    share = moved[row, :, part.columns] / flows[place, :, part.columns]
-                scale[place, :, part.columns] += share
+        moved = self.undoing.moved(self._everywhere(degree))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale[self.places] += moved / flows[self.places]
         most = limits.LARGEST_SCALE
         return np.where(np.isfinite(scale), np.clip(scale, -most, most), 1.0)
 
@@ -211,7 +180,7 @@ class Columns:
         # As found, then without each of the faults.
         tried = np.repeat(degree[:, None], count + 1, axis=1)
         tried[range(count), range(1, count + 1)] = 0.0
-        moved = self._undoing.moved(self._everywhere(tried))
+        moved = self.undoing.moved(self._everywhere(tried))
         touched, _, points, n = moved.shape
         same = np.tile(np.eye(touched), (points, points))[:, :, None]
         covariance = np.zeros((points * touched, points * touched, n))
