@@ -21,8 +21,7 @@ from rulec_runtime.recordings.time_column import plain_times
 class GrowingCells:
     """Numbers, dates or texts; texts if the kinds are mixed."""
 
-    def __init__(self, most: int | None, beside: int) -> None:
-        self._room = most, beside
+    def __init__(self) -> None:
         self._numbers: Growing | None = None
         self._dates: tuple[Growing, Growing] | None = None
         self._texts: list[str] | None = None
@@ -31,11 +30,11 @@ class GrowingCells:
     def add(self, cells: Cells) -> None:
         """Append cells."""
         if isinstance(cells, Dates) and self._numbers is None and self._texts is None:
-            self._dates = self._dates or (Growing(*self._room), Growing(*self._room))
+            self._dates = self._dates or (Growing(), Growing())
             self._dates[0].append(cells.seconds)
             self._dates[1].append(cells.zones)
         elif isinstance(cells, np.ndarray) and self._dates is None and self._texts is None:
-            self._numbers = self._numbers or Growing(*self._room)
+            self._numbers = self._numbers or Growing()
             self._numbers.append(cells)
         else:
             if self._texts is None:
@@ -60,8 +59,8 @@ class GrowingTimes:
     Other texts are NaN, as in `read_times`, which gets all texts at once.
     """
 
-    def __init__(self, most: int, beside: int, order: Order) -> None:
-        self._numbers, self._dates = Growing(most, beside), GrowingCells(most, beside)
+    def __init__(self, order: Order) -> None:
+        self._numbers, self._dates = Growing(), GrowingCells()
         self._order = order
         self._plain = False
         self._first: list[str] = []
@@ -91,23 +90,24 @@ Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]
 
 @dataclass(frozen=True)
 class ArrayTable:
-    """Titles, columns in pieces, and the number of rows."""
+    """Titles, and columns in pieces."""
 
     titles: tuple[str, ...]
     pieces: Pieces
-    count: int
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         wanted = list(dict.fromkeys([*kept, *numbers]))
         place = {index: k for k, index in enumerate(wanted)}
-        beside = len(wanted) + len(kept)
         written = Convention(form.decimal, form.thousands)
         columns = tuple(
-            Column(self.titles[i].strip(), Growing(self.count, beside), written=written,
-                   placed={} if form.words_are_placed else None)
+            Column(
+                self.titles[i].strip(),
+                written=written,
+                placed={} if form.words_are_placed else None,
+            )
             for i in numbers
-        )  # fmt: skip
-        parts = [GrowingCells(self.count, beside) for _ in kept]
+        )
+        parts = [GrowingCells() for _ in kept]
         rows = 0
         for piece in self.pieces(wanted):
             cells = [cells_of(part) for part in piece]
@@ -133,7 +133,7 @@ def array_sheet(
     remarks: tuple[str, ...] = (),
 ) -> Sheet:
     """A table of `rows` rows whose columns are arrays."""
-    table = ArrayTable(tuple(titles), pieces, rows)
+    table = ArrayTable(tuple(titles), pieces)
     return Sheet(
         name=name,
         titles=table.titles,

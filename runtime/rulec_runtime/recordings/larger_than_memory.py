@@ -10,7 +10,7 @@ import os
 import tempfile
 from collections.abc import Sequence
 from math import prod
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -18,33 +18,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings import limits
 
-Spec = tuple[tuple[int, ...], Any]
-"""Shape and dtype of an array."""
-
-
-def arrays(specs: Sequence[Spec]) -> list[np.ndarray]:
-    """Arrays of zeros, in memory if they are small together.
-
-    Raises `Refusal` if the disk has no room for them.
-    """
-    sizes = [prod(shape) * np.dtype(kind).itemsize for shape, kind in specs]
-    if sum(sizes) <= limits.IN_MEMORY:
-        return [np.zeros(shape, kind) for shape, kind in specs]
-    rounded = [-(-size // limits.ALIGNED) * limits.ALIGNED for size in sizes]
-    places = np.cumsum([0, *rounded]).tolist()
-    room = _room(max(places[-1], limits.ALIGNED))
-    return [
-        np.frombuffer(room, kind, prod(shape), place).reshape(shape)
-        for (shape, kind), place in zip(specs, places[:-1], strict=True)
-    ]
-
 
 def array(shape: tuple[int, ...] | int, kind: Any = float) -> np.ndarray:
-    """One array of zeros."""
-    return arrays([(shape if isinstance(shape, tuple) else (shape,), kind)])[0]
-
-
-def _room(size: int) -> mmap.mmap:
+    """An array of zeros. Raises `Refusal` if the disk has no room for it."""
+    size = prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
+    if size <= limits.IN_MEMORY:
+        return np.zeros(shape, kind)
     try:
         with tempfile.TemporaryFile(prefix="rulec-") as file:
             # Reserved now: a disk that fills up later would kill the process without a message.
@@ -52,12 +31,16 @@ def _room(size: int) -> mmap.mmap:
                 os.posix_fallocate(file.fileno(), 0, size)
             else:
                 file.truncate(size)
-            return mmap.mmap(file.fileno(), size)
+            return np.frombuffer(mmap.mmap(file.fileno(), size), kind).reshape(shape)
     except OSError as error:
-        raise Refusal(
-            f"{tempfile.gettempdir()}: no room for {size / 1e9:.1f} GB of readings "
-            f"({error.strerror}); name a folder on a larger disk in TMPDIR"
-        ) from None
+        raise _no_room(size, error) from None
+
+
+def _no_room(size: int, error: OSError) -> Refusal:
+    return Refusal(
+        f"{tempfile.gettempdir()}: no room for {size / 1e9:.1f} GB of readings "
+        f"({error.strerror}); name a folder on a larger disk in TMPDIR"
+    )
 
 
 def kept(values: np.ndarray) -> np.ndarray:
@@ -72,37 +55,37 @@ def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
     if len(parts) == 1:
         return parts[0]
     found = array(sum(map(len, parts)), np.result_type(*parts))
-    np.concatenate(parts, out=found)
-    return found
+    return np.concatenate(parts, out=found)
 
 
 class Growing:
-    """Numbers that come in parts, at most `most` if that is known.
+    """Numbers that come in parts."""
 
-    `beside` is how many such arrays grow at the same time.
-    """
-
-    def __init__(self, most: int | None = None, beside: int = 1) -> None:
+    def __init__(self) -> None:
         self._parts: list[np.ndarray] = []
-        self._count = 0
-        size = 0 if most is None else most * np.dtype(float).itemsize
-        self._room = None
-        if most is not None and size * beside > limits.IN_MEMORY:
-            self._room = np.frombuffer(_room(max(size, limits.ALIGNED)), float)
-
-    def __len__(self) -> int:
-        return self._count
+        self._waiting = self._written = 0
+        self._file: IO[bytes] | None = None
 
     def append(self, part: np.ndarray) -> None:
-        """Append numbers."""
-        if self._room is None:
-            self._parts.append(part)
-        else:
-            self._room[self._count : self._count + len(part)] = part
-        self._count += len(part)
+        """Append numbers. Raises `Refusal` if the disk has no room for them."""
+        self._parts.append(np.asarray(part, dtype=float))
+        self._waiting += self._parts[-1].nbytes
+        if self._waiting > limits.IN_MEMORY:
+            self._write()
+
+    def _write(self) -> None:
+        try:
+            self._file = self._file or tempfile.TemporaryFile(prefix="rulec-")  # noqa: SIM115
+            for part in self._parts:
+                self._file.write(part.tobytes())
+            self._file.flush()
+        except OSError as error:
+            raise _no_room(self._written + self._waiting, error) from None
+        self._parts, self._written, self._waiting = [], self._written + self._waiting, 0
 
     def joined(self) -> Array:
         """All numbers, shape (n,)."""
-        if self._room is not None:
-            return self._room[: self._count]
-        return np.concatenate(self._parts) if self._parts else np.zeros(0)
+        if self._file is None:
+            return np.concatenate(self._parts) if self._parts else np.zeros(0)
+        self._write()
+        return np.frombuffer(mmap.mmap(self._file.fileno(), self._written), float)

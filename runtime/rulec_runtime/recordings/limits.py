@@ -2,9 +2,9 @@
 
 # Memory ----------------------------------------------------------------------------------------
 
-IN_MEMORY = 8 * 2**20
-"""Bytes of arrays made together up to which they stay in memory; larger ones lie in a file. Origin:
-numerical, what is found is the same."""
+IN_MEMORY = 2**20
+"""Bytes of an array up to which it stays in memory; larger ones lie in a file. Origin: numerical,
+what is found is the same."""
 
 PIECE = 2**20
 """Bytes of a file that are read at a time. Origin: numerical, what is read is the same."""
@@ -15,9 +15,6 @@ PARQUET_ROWS = 2**16
 PARQUET_BUFFER = 2**17
 """Bytes of each column of a Parquet file that are read at a time. Origin: numerical, what is read
 is the same."""
-
-ALIGNED = 64
-"""Bytes at whose multiples arrays in a file begin, as in memory. Origin: numerical."""
 
 # Reading files ---------------------------------------------------------------------------------
 

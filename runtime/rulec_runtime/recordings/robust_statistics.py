@@ -20,18 +20,6 @@ def spread_about(values: Array, centre: float) -> float:
     return common.NORMAL_SPREAD * float(np.median(np.abs(values - centre)))
 
 
-def medians(table: Array) -> Array:
-    """Median of each row, shape (rows,); faster than numpy's for short rows.
-
-    >>> medians(np.array([[3.0, 1.0, 2.0, 9.0], [1.0, np.nan, 2.0, 3.0]])).tolist()
-    [2.5, nan]
-    """
-    ordered = np.sort(table, axis=1)
-    count = ordered.shape[1]
-    middle = 0.5 * (ordered[:, (count - 1) // 2] + ordered[:, count // 2])
-    return np.where(np.isnan(ordered[:, -1]), np.nan, middle)
-
-
 def white_noise(differences: Array, order: int) -> float:
     """Standard deviation of white noise from its differences of an order; 0 without any.
 

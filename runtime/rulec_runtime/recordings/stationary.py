@@ -24,7 +24,7 @@ from rulec_runtime.recordings.columns import (
     runs_where,
 )
 from rulec_runtime.recordings.recording import Recording, once
-from rulec_runtime.recordings.robust_statistics import medians, white_noise
+from rulec_runtime.recordings.robust_statistics import white_noise
 
 
 @dataclass(frozen=True)
@@ -288,8 +288,8 @@ def _settled_from(levels: Levels, begin: int, stop: int) -> int:
     table = levels.between(begin, min(latest + common.LONGEST_STRETCH, stop))
     for low in range(latest - begin):
         rest = table[:, low + 1 : low + 1 + common.LONGEST_STRETCH]
-        drift = medians(np.diff(rest, axis=1)) * middle
-        ahead = medians(rest[:, : common.PERSISTENCE]) - drift
+        drift = np.median(np.diff(rest, axis=1), axis=1) * middle
+        ahead = np.median(rest[:, : common.PERSISTENCE], axis=1) - drift
         if not np.any(np.abs(table[:, low] - ahead) > 1.0):
             return begin + low
     return max(begin, latest)

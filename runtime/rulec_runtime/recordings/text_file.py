@@ -37,12 +37,11 @@ class _Reader(io.RawIOBase):
 
 @dataclass(frozen=True)
 class TextFile:
-    """Text with at most `lines` lines."""
+    """Text in an encoding."""
 
     file: BinaryIO
     packed: bool
     encoding: str
-    lines: int
 
     def opened(self) -> io.TextIOWrapper:
         """The text from its beginning, with its line ends unchanged."""
@@ -58,10 +57,9 @@ def text_file(file: BinaryIO, path: Path) -> TextFile:
     begin = next(_pieces(file, packed, path), b"")
     wide = begin[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
     decoder = codecs.getincrementaldecoder("utf-16" if wide else "utf-8")()
-    encoding, lines, holds_zero, zero_bytes = "utf-16" if wide else "utf-8-sig", 1, False, False
+    encoding, holds_zero, zero_bytes = "utf-16" if wide else "utf-8-sig", False, False
     open_line = 0
     for piece in _pieces(file, packed, path):
-        lines += piece.count(b"\n") + piece.count(b"\r")
         zero_bytes = zero_bytes or b"\0" in piece
         encoding, zero = _decoded(decoder, piece, encoding, wide)
         holds_zero = holds_zero or zero
@@ -77,7 +75,7 @@ def text_file(file: BinaryIO, path: Path) -> TextFile:
     encoding, zero = _decoded(decoder, b"", encoding, wide, final=True)
     if zero_bytes if encoding == _ANY or not wide else holds_zero or zero:
         raise RecordingRefused(f"{path}: this is a binary file; export the recording as CSV")
-    return TextFile(file, packed, encoding, lines)
+    return TextFile(file, packed, encoding)
 
 
 def _decoded(

@@ -23,7 +23,6 @@ from rulec_runtime.recordings.csv_table import (
     refuse_words,
     rows_of,
 )
-from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_file import TextFile, text_file
 from rulec_runtime.recordings.time_column import order_in
@@ -49,26 +48,23 @@ class TextTable:
     rows: Callable[[], Iterator[list[str]]]
     separator: str
     has_units: bool
-    most: int | None
     times: frozenset[str]
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         """Read columns; rows with a wrong number of cells are left out, since none of their cells
         can be trusted. Raises `RecordingRefused`."""
-        beside = len(numbers) + 3 * len(kept)
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))
         notes = list[str]()
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
         columns = tuple(
             Column(
                 self.titles[i].strip(),
-                Growing(self.most, beside),
                 written=one,
                 placed={} if form.words_are_placed else None,
             )
             for i, one in zip(numbers, written, strict=True)
         )
-        texts = tuple(self._growing(index, beside, form, notes) for index in kept)
+        texts = tuple(self._growing(index, form, notes) for index in kept)
         width, below = len(self.titles), self._below()
         count = whole = first_left_out = 0
         while part := list(islice(below, BATCH)):
@@ -98,15 +94,12 @@ class TextTable:
         width = len(self.titles)
         return (row[:width] for row in self._below() if is_whole(row, width))
 
-    def _growing(
-        self, index: int, beside: int, form: FileForm, notes: list[str]
-    ) -> GrowingCells | GrowingTimes:
-        """Collects the texts of a column; times of a large table become numbers at once."""
-        timed = is_time(self.titles[index], self.times)
-        if self.most is not None and self.most > BATCH and timed and len(form.time) < 2:
+    def _growing(self, index: int, form: FileForm, notes: list[str]) -> GrowingCells | GrowingTimes:
+        """Collects the texts of a column; times become numbers at once."""
+        if is_time(self.titles[index], self.times) and len(form.time) < 2:
             order = order_in(self.path, lambda: (row[index] for row in self.lines()), form, notes)
-            return GrowingTimes(self.most, beside, order)
-        return GrowingCells(None, 1)
+            return GrowingTimes(order)
+        return GrowingCells()
 
     def _below(self) -> Iterator[list[str]]:
         return islice(self.rows(), int(self.has_units), None)
@@ -174,16 +167,15 @@ def text_sheet(
     rows: Callable[[], Iterator[list[str]]],
     separator: str,
     remarks: tuple[str, ...] = (),
-    most: int | None = None,
     times: frozenset[str] = frozenset(),
 ) -> Sheet:
     """A table of rows of text; each call of `rows` gives those below the titles.
 
-    A row of units below the titles gives the units. If there are at most `most` rows, numbers need
-    not stay in memory; `times` are names of time columns.
+    A row of units below the titles gives the units. `times` are names of time columns, whose cells
+    need not stay in memory as text.
     """
     units = units_below(titles, next(rows(), []))
-    table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times)
+    table = TextTable(path, tuple(titles), rows, separator, units is not None, times)
     return Sheet(
         name=name,
         titles=tuple(titles),
@@ -199,6 +191,8 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a CSV file (also .gz): comma, semicolon or tab; decimal point or comma."""
     text = text_file(file, path)
     found = _titles_in(path, text, times)
+    if found is None:
+        raise RecordingRefused(f"{path}: the file is empty")
     start, separator = found.number, found.separator
 
     def lines_from() -> Iterator[str]:
@@ -213,13 +207,13 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
         return islice(rows_of(path, lines_from(), separator), 1, None)
 
     remarks, timed = left_out_above(found.above), frozenset(times)
-    return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed)]
+    return [text_sheet(path, "", titles, below, separator, remarks, timed)]
 
 
-def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine:
+def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine | None:
     search = TitleSearch(times)
     for line in text.opened():
         refuse_columns(path, max(map(line.count, ",;\t")))
         if found := search.add(line):
             return found
-    return search.so_far() or TitleLine(text.lines, ",", 0)
+    return search.so_far()

@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.larger_than_memory import arrays
+from rulec_runtime.recordings.larger_than_memory import array
 
 Tables = TypeVar("Tables")
 """A frozen dataclass of tables."""
@@ -50,7 +50,7 @@ def in_batches(
             for name, at in axis.items()
         ]
         if not room:
-            first, room = here, arrays([((count, *one.shape[1:]), one.dtype) for one in own])
+            first, room = here, [array((count, *one.shape[1:]), one.dtype) for one in own]
         for table, one in zip(room, own, strict=True):
             table[part] = one
     left = iter(room)

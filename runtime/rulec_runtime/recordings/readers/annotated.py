@@ -55,7 +55,7 @@ def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
     def rows() -> Iterator[list[str]]:
         return ([names[key], time, value] for key, time, value in _cells(text, path))
 
-    return [text_sheet(path, "", ["tag", "time", "value"], rows, ",", (), text.lines)]
+    return [text_sheet(path, "", ["tag", "time", "value"], rows, ",")]
 
 
 def _names(series: set[Series]) -> dict[Series, str]:
