@@ -86,16 +86,15 @@ def assembled(
     judged: int,
     found: Found,
     notes: tuple[str, ...] = (),
-    blind: tuple[Blind, ...] | None = None,
 ) -> Diagnosis:
-    """The diagnosis by sensors and physics, in order of time; `blind` if it is known already."""
+    """The diagnosis by sensors and physics, in order of time."""
     recording = health.recording
     weather = [f for f in found.findings if is_ordinary(ruleset.liquid, f.fault.id, f.degree)]
     found = replace(found, findings=[f for f in found.findings if f not in weather])
     notes = (*notes, *dict.fromkeys(f"{f.text}, as a change of the weather does" for f in weather))
     missing = (f"{name} is not in the recording" for name in recording.missing)
-    blind = blind_of(recording, ruleset) if blind is None else blind
-    blind = tuple(one for b in blind if (one := b.but(found.without)).faults)
+    hidden = blind_of(recording, ruleset)
+    blind = tuple(one for b in hidden if (one := b.but(found.without)).faults)
     letters = {f.condition.status for f in health.findings} | {status_of(found, judged, blind)}
     return Diagnosis(
         ruleset=ruleset,

@@ -3,13 +3,8 @@ whole recording.
 
 The latest rows are judged like a recording. Older rows are reduced to operating points
 (`history.py`), so memory is bounded and a fault that lasts for days is still compared with the
-readings before it. As long as no row was dropped, such a full update equals the diagnosis of the
-whole recording to the last digit.
-
-A large plant gets a full update when there are three times as many rows, when memory is full, when
-a sensor is in doubt, and in the end (`concluded`). In between, a row without news needs no update
-(`levels.py`), and parts whose readings move get a partial update (`partial_update.py`). Rows that
-come during an update wait for it.
+readings before it. As long as no row was dropped, the result equals the diagnosis of the whole
+recording to the last digit.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,18 +13,17 @@ from itertools import groupby
 
 import numpy as np
 
+from rulec_runtime import limits as common
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.live import limits
-from rulec_runtime.live.changes import changes
+from rulec_runtime.live.changes import Horizon, changes
 from rulec_runtime.live.connection import noticed, read_again
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.full_update import evaluated, horizon_of
-from rulec_runtime.live.last_evaluation import LastEvaluation
+from rulec_runtime.live.judge_memory import judged_memory
 from rulec_runtime.live.memory import Memory, appended, reference_and_latest
-from rulec_runtime.live.partial_update import partial_update, settled_until
 from rulec_runtime.live.rows import Notice, Rows
-from rulec_runtime.recordings.header_correction import mended
 
 
 @dataclass(frozen=True)
@@ -46,73 +40,40 @@ def follow(ruleset: Ruleset, memory: Memory, rows: Rows) -> Iterator[Update]:
     for low in range(0, len(rows), limits.KEPT_ROWS):
         part = slice(low, low + limits.KEPT_ROWS)
         recent = appended(ruleset, memory.recent, rows, part)
-        new = len(rows.time[part])
-        memory = replace(memory, recent=recent, count=memory.count + new)
-        update = _updated(ruleset, memory, new)
+        memory = replace(memory, recent=recent, count=memory.count + len(rows.time[part]))
+        update = _updated(ruleset, memory)
         memory = update.memory
         yield update
 
 
-def concluded(ruleset: Ruleset, memory: Memory) -> Update | None:
-    """A full update after the last row; None if that row already had one."""
-    if memory.known is None or memory.known.count == memory.count:
-        return None
-    return _full(ruleset, memory)
-
-
 def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
     """The diagnosis of the rows in memory; None before any."""
-    return _full(ruleset, memory).diagnosis if len(memory.recent) else None
+    return _updated(ruleset, memory).diagnosis if len(memory.recent) else None
 
 
-def _updated(ruleset: Ruleset, memory: Memory, new: int) -> Update:
-    """A partial update; a full one without an earlier evaluation, or after many rows at once."""
-    known = memory.known
-    if known is None or new > limits.ROWS_AT_A_GLANCE:
-        return _full(ruleset, memory)
-    if memory.recent.values.keys() - set(known.levels.names):
-        return _full(ruleset, memory)
-    read = mended(memory.recent, known.health.mendings)
-    levels, moved, odd = known.levels.after_rows(read, new)
-    full = len(memory.recent) >= 2 * limits.KEPT_ROWS
-    if odd or full or memory.count >= limits.LOOKED_AGAIN * known.count:
-        return _full(ruleset, memory)
-    places = sorted(known.moved(moved) | known.due(memory.count))
-    return _partial(ruleset, memory, replace(known, levels=levels), places)
-
-
-def _full(ruleset: Ruleset, memory: Memory) -> Update:
+def _updated(ruleset: Ruleset, memory: Memory) -> Update:
     """Judge the whole memory, then drop the rows that exceed it."""
-    if ruleset.dynamics is not None:
-        update = _update(ruleset, memory, diagnose(memory.recent, ruleset), None)
-        memory = replace(update.memory, known=None)
-        if len(memory.recent) >= 2 * limits.KEPT_ROWS:
-            recent = reference_and_latest(memory.recent, memory.episodes)
-            memory = replace(memory, recent=recent)
-        return replace(update, memory=memory)
-    diagnosis, settled, after = evaluated(ruleset, memory)
-    update = _update(ruleset, memory, diagnosis, settled)
-    kept = replace(after, episodes=update.memory.episodes, number=update.memory.number)
-    return replace(update, memory=kept)
-
-
-def _partial(ruleset: Ruleset, memory: Memory, known: LastEvaluation, places: list[int]) -> Update:
-    if not places:
-        diagnosis = replace(known.diagnosis, samples=memory.count)
-        return Update(replace(memory, known=known), (), diagnosis)
-    known = partial_update(ruleset, memory, known, places)
-    memory = replace(memory, known=known)
-    return _update(ruleset, memory, known.diagnosis, settled_until(known.parts))
-
-
-def _update(
-    ruleset: Ruleset, memory: Memory, diagnosis: Diagnosis, settled: float | None
-) -> Update:
-    """The events of a diagnosis of all rows."""
-    horizon = horizon_of(memory.recent.time, settled)
+    diagnosis, settled, kept = judged_memory(ruleset, memory)
+    horizon = _horizon_of(memory.recent.time, settled)
     episodes, events = changes(ruleset, memory.episodes, diagnosis, horizon, memory.number)
-    memory = replace(memory, episodes=episodes, number=memory.number + len(events))
-    return Update(memory, events, replace(diagnosis, samples=memory.count))
+    kept = replace(kept, episodes=episodes, number=memory.number + len(events))
+    if ruleset.dynamics is not None and len(kept.recent) >= 2 * limits.KEPT_ROWS:
+        kept = replace(kept, recent=reference_and_latest(kept.recent, episodes))
+    return Update(kept, events, replace(diagnosis, samples=memory.count))
+
+
+def _horizon_of(time: Array, settled: float | None) -> Horizon:
+    """The horizon of a diagnosis of rows at these times, s, shape (n,); `settled` is the time of
+    the last settled row, if there is any."""
+    interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    return Horizon(
+        since=float(time[0]),
+        until=float(time[-1]),
+        settled=float(time[-1]) if settled is None else settled,
+        usual=limits.BLIND_ROWS * interval,
+        time=time,
+        pause=common.SETTLING,
+    )
 
 
 def judged(

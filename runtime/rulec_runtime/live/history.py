@@ -11,7 +11,6 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of
-from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points, one_after_the_other, points_of_stretches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, long_pause, timeline_of
@@ -85,9 +84,3 @@ def some(history: History, chosen: np.ndarray) -> History:
 
 def _columns(timeline: Timeline) -> list[np.ndarray]:
     return [getattr(timeline, field.name) for field in fields(timeline)]
-
-
-def only(history: History, part: Part) -> History:
-    """The stretches for a part of the plant."""
-    halves = Halves(history.halves.apart[part.observers], history.halves.excess)
-    return History(history.points.of(part.ruleset.observed), halves, history.timeline)

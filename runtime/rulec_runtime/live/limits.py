@@ -5,28 +5,9 @@ KEPT_ROWS = 1024
 twice as many the older half becomes operating points. Origin: assumed; seventeen stretches of full
 length, more than it takes to report a fault."""
 
-SMALL_PLANT = 60
-"""Most signals of a plant that gets a full update with each row, while memory is small: see
-`SEEN_AT_ONCE`. Origin: assumed; that takes less than the tenth of a second until the next row."""
-
-SEEN_AT_ONCE = 16_384
-"""Most numbers in memory for a full update with each row. Origin: assumed; that takes less than the
-tenth of a second until the next row."""
-
-LOOKED_AGAIN = 3
-"""Factor by which rows must increase for another full update: noise is known better then. Origin:
-assumed."""
-
-ROWS_AT_A_GLANCE = 60
-"""Most rows of a block that gets a partial update. Origin: assumed; a stretch of full length."""
-
-MOVED = 5.0
-"""Standard deviations of its noise by which a moved reading, or its mean, is off. Origin:
-distribution; with 200 signals one row in 3000 seems to move by chance, and is only judged."""
-
-STANDS_STILL = 50.0
-"""Number of successive equal readings after which a sensor is checked. Origin: assumed; `STILL_RUN`
-times `STILL_TIMES` of the runtime, after which it may be stuck."""
+CAUGHT_UP = 60
+"""Most rows of a block after which the judging pauses as long as it has taken; after more, it is
+behind its source. Origin: assumed; a stretch of full length."""
 
 MOST_POINTS = 256
 """Most operating points kept of dropped rows. Origin: assumed; more than four hours at a row a

@@ -9,7 +9,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
-from rulec_runtime.live.last_evaluation import LastEvaluation
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
@@ -26,7 +25,6 @@ class Memory:
     count : rows received.
     episodes : reported episodes that are active, or within the horizon.
     number : events reported so far.
-    known : the last evaluation, valid until readings move; it is not saved.
     """
 
     recent: Recording
@@ -34,7 +32,6 @@ class Memory:
     count: int = 0
     episodes: tuple[Episode, ...] = ()
     number: int = 0
-    known: LastEvaluation | None = None
 
 
 def nothing_yet(dated: bool) -> Memory:

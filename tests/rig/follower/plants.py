@@ -1,9 +1,7 @@
-"""Plants with 200 readings, and recordings of them in which faults come and go."""
+"""Recordings of plants in which faults come and go."""
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -11,28 +9,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.passes.pipeline import compile_plant
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
-from tests.conftest import ROOT
-
-LINES = 29
-"""Of seven readings each: 203."""
-
-
-def side_by_side() -> Ruleset:
-    """Many small plants in one file, two pumps and a mixer each, without connection."""
-    modules, connections = [], []
-    for i in range(LINES):
-        modules += [f"  L{i}A: {{type: dosing-pcp}}", f"  L{i}B: {{type: dosing-pcp}}"]
-        modules.append(f"  L{i}C: {{type: static-mixer}}")
-        connections += [f"L{i}A -> L{i}C", f"L{i}B -> L{i}C"]
-    head = ["plant: side-by-side", "title: side by side", f"kb: {ROOT / 'kb'}"]
-    lines = [*head, "modules:", *modules, "connections:", *(f"  - {c}" for c in connections)]
-    with tempfile.TemporaryDirectory(prefix="rulec-follower-") as folder:
-        Path(folder, "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        return compile_plant(Path(folder))
 
 
 @dataclass(frozen=True)
