@@ -68,10 +68,5 @@ def tree(page: str) -> ET.Element:
     return ET.fromstring(page)
 
 
-def caption(page: str, figure: str) -> str:
-    found = tree(page).find(f".//figure[@id='{figure}']/figcaption")
-    return "".join(found.itertext()).replace("\xa0", " ")
-
-
 def figures(page: str) -> list[str | None]:
     return [f.get("id") for f in tree(page).iter("figure")]

@@ -53,8 +53,8 @@ class Axis:
             return [_powered(t, step) for t in self.ticks]
         return [number(round(t, decimals), 15) for t in self.ticks]
 
-    def second_lines(self) -> list[tuple[str, bool]]:
-        """Text below each label, and whether to show it on a wide page; may be empty."""
+    def second_lines(self) -> list[str]:
+        """Text below each label; may be empty."""
         return []
 
 
@@ -213,10 +213,8 @@ class Panel:
             if foot:
                 style = "tick x odd" if i % 2 and many else "tick x"
                 yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 16}">{label}</text>'
-            if foot and below and below[i][0]:
-                words, first = below[i]
-                style += "" if first else " again"
-                yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 30}">{words}</text>'
+            if foot and below and below[i]:
+                yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 30}">{below[i]}</text>'
 
 
 def labels_apart(panel: Panel, ends: Sequence[float | None], words: Sequence[str]) -> str:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from rulec_runtime.report.captions import say_cases, say_shares
 from rulec_runtime.report.chart import Panel, axis
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.tables import framed
+from rulec_runtime.report.text import counted, number, percent
 from rulec_runtime.report.truth import DEGREES, ROWS, Cases, shares
 
 POINTS = 120
@@ -33,7 +33,7 @@ def draw_cases(cases: Cases) -> Figure:
         title="Diagnosed against true degree",
         key=key,
         body=plot(svg, True, "true degree [1]"),
-        caption=say_cases(cases),
+        caption=_named_right(cases),
         narrow=True,
     )
 
@@ -61,7 +61,7 @@ def draw_shares(cases: Cases) -> Figure:
         title="Discrepancy",
         key=key,
         body=body,
-        caption=say_shares(cases, table),
+        caption=_close(cases, table),
         narrow=True,
     )
 
@@ -82,3 +82,41 @@ def _one_a_cell(cases: Cases, chosen: np.ndarray, top: float) -> np.ndarray:
     cells = np.stack([cases.true[index], cases.degree[index]]) * (POINTS / top)
     _, first = np.unique(np.floor(cells), axis=1, return_index=True)
     return index[np.sort(first)]
+
+
+def _named_right(cases: Cases) -> str:
+    """How often the right fault was named, and the error of its degree."""
+    faulty, right = cases.fault >= 0, cases.named
+    healthy = ~faulty
+    parts = []
+    if faulty.any():
+        hit = faulty & right
+        parts.append(
+            f"The right fault is named in {hit.sum()} of {counted(int(faulty.sum()), 'sample')} "
+            "with a fault"
+        )
+        if hit.any():
+            off = np.abs(cases.discrepancy[hit])
+            covered = (cases.lower <= cases.true) & (cases.true <= cases.upper)
+            parts[-1] += (
+                f"; there its degree is off by {number(off.mean(), 2)} on average and "
+                f"{number(off.max(), 2)} at most, and the bounds hold the truth in "
+                f"{percent(float(covered[hit].mean()))}"
+            )
+    if healthy.any():
+        alarms = int((healthy & ~right).sum())
+        reported = "nothing is reported" if not alarms else f"{alarms} are false alarms"
+        parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {reported}")
+    text = "; ".join(parts)
+    return text[:1].upper() + text[1:] + "."
+
+
+def _close(cases: Cases, table: np.ndarray) -> str:
+    """Shares of the cases close to the truth."""
+    middle = len(table) // 2
+    near, next_to = table[middle].sum(), table[middle - 1 : middle + 2].sum()
+    return (
+        f"{percent(float(near))} of {counted(len(cases), 'case')} lie within 0.05 of the true "
+        f"degree and {percent(float(next_to))} within 0.15; the mean absolute discrepancy is "
+        f"{number(float(np.abs(cases.discrepancy).mean()), 2)}."
+    )

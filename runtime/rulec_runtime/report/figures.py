@@ -8,13 +8,12 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.verdict_per_sample import Trace
-from rulec_runtime.report.captions import excess, say_degrees, say_estimates, say_residuals
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.compare import draw_cases, draw_shares
 from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.growth import draw_growth, grown
-from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, persistent
-from rulec_runtime.report.text import counted, number
+from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, excess
+from rulec_runtime.report.text import counted, listed, number
 from rulec_runtime.report.text import degree as degree_text
 from rulec_runtime.report.thin_curves import COLUMNS, thin_band, thin_marks, thin_series
 from rulec_runtime.report.time_axis import over, time_plot
@@ -32,14 +31,15 @@ def figures_of(
     diagnosis: Diagnosis, curves: Curves, trace: Trace, truth: Truth | None, cases: Cases | None
 ) -> Iterator[Figure]:
     """All figures that the data allow, in the order of the paper."""
-    if curves.sides:
+    if np.isfinite(curves.flows).any():
         yield draw_estimates(curves)
-    if curves.residuals:
+    if np.isfinite(curves.values).any():
         yield draw_residuals(curves)
     for finding in worst_first(diagnosis.findings):
         if grown(finding):
             yield draw_growth(diagnosis, finding)
-    yield draw_degrees(diagnosis, trace, truth)
+    if diagnosed := draw_degrees(diagnosis, trace, truth):
+        yield diagnosed
     if cases is not None and len(cases):
         yield draw_cases(cases)
         yield draw_shares(cases)
@@ -62,8 +62,7 @@ def draw_estimates(whole: Curves) -> Figure:
     module = curves.sides[0].module
     drawn = [_unjudged(panel, curves.time, curves.judged), *bands, *lines]
     svg = panel.drawn(f"flow estimates of {module}", "flow [l/h]", drawn, [names], True)
-    drawable = np.isfinite(curves.flows).any()
-    body = time_plot(svg, True, across, curves.calendar) if drawable else ""
+    body = time_plot(svg, True, across, curves.calendar)
     key = ["band: 95 % uncertainty"]
     key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.is_sum]
     if len(curves.time) < len(whole.time):
@@ -73,18 +72,21 @@ def draw_estimates(whole: Curves) -> Figure:
     key += _grey(curves.time, curves.judged)
     title = f"Flow estimates of {module}"
     return Figure(
-        name="estimates", title=title, key="; ".join(key), body=body, caption=say_estimates(curves)
+        name="estimates",
+        title=title,
+        key="; ".join(key),
+        body=body,
+        caption=f"Estimates of the flow through {module}, which should agree.",
     )
 
 
 def draw_residuals(curves: Curves) -> Figure:
     """Residuals over time, one panel each, with the zero band and marks where they fire."""
-    lasting = dict(persistent(curves))
+    beyond = excess(curves)
     drawable = np.flatnonzero(np.isfinite(curves.values).any(axis=1))
     parts = []
     for i in map(int, drawable):
-        times = excess(curves, i, lasting[i]) if i in lasting else 0.0
-        parts.append(_residual_panel(curves, i, times, i == drawable[-1]))
+        parts.append(_residual_panel(curves, i, beyond.get(i, 0.0), i == drawable[-1]))
     key = ["shaded: within the threshold", "▲ fired upwards, ▼ downwards"]
     key += ["zero: what was taken for fault-free"] if curves.learned else []
     key += ["only judged samples are drawn"] if _is_long(curves.time) else []
@@ -94,7 +96,7 @@ def draw_residuals(curves: Curves) -> Figure:
         title="Residuals",
         key="; ".join(key),
         body="".join(parts),
-        caption=say_residuals(curves),
+        caption="Differences between estimates of the same flow, beside their thresholds.",
         tall=True,
     )
 
@@ -126,8 +128,8 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
     return time_plot(svg, last, across, curves.calendar)
 
 
-def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure:
-    """Degree of each diagnosed fault with 95 % bounds, and the dashed truth."""
+def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure | None:
+    """Degree of each diagnosed fault with 95 % bounds, and the dashed truth; None without any."""
     names = [f.fault.id for f in worst_first(diagnosis.findings)]
     missed: list[str] = []
     if truth is not None:
@@ -137,19 +139,22 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
         reported |= {f.fault.id for f in diagnosis.findings}
         missed = [name for name in true if name not in reported]
         names += [name for name in true if name not in names]
+    if not names:
+        return None
     parts = [
         _degree_panel(diagnosis, trace, truth, name, i == len(names) - 1)
         for i, name in enumerate(names)
     ]
-    key = ["● named as the cause", "band: 95 % bounds"] if names else []
-    key += ["dashed: truth"] if names and truth is not None else []
-    key += _grey(trace.time, _with_degree(trace)) if names else []
+    key = ["● named as the cause", "band: 95 % bounds"]
+    key += ["dashed: truth"] if truth is not None else []
+    key += _grey(trace.time, _with_degree(trace))
+    unnamed = f" Truly present but never named: {listed(missed)}." if missed else ""
     return Figure(
         name="degrees",
         title="Degree of the diagnosed faults",
         key="; ".join(key),
         body="".join(parts),
-        caption=say_degrees(diagnosis, missed),
+        caption=f"The course of each fault.{unnamed}",
     )
 
 

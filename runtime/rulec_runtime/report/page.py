@@ -46,12 +46,12 @@ def report(
     """
     cases = cases_of(truth, trace) if truth is not None else None
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
-    figures = figures_of(diagnosis, curves, trace, truth, cases)
     sections = [
         told(diagnosis),
         section("Why", "".join(evidence(diagnosis)) or _nothing(diagnosis)),
-        section("Pictures", "".join(numbered(figures))),
     ]
+    if figures := "".join(numbered(figures_of(diagnosis, curves, trace, truth, cases))):
+        sections.append(section("Pictures", figures))
     if diagnosis.ruleset.residuals:
         sections.append(section("What each fault would do", matrix(diagnosis)))
     sections.append(section("Where this comes from", _facts(diagnosis, truth)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,20 +102,6 @@ class Curves:
             values=self.values[:, chosen],
             thresholds=self.thresholds[:, chosen],
         )
-
-    def apart(self, one: Side, other: Side) -> Array:
-        """Difference of one estimate from another, shape (n,), l/h."""
-        distance: Array = self.flows[self.sides.index(one)] - self.flows[self.sides.index(other)]
-        return distance
-
-    def main_run(self, row: int, runs: Sequence[tuple[int, int]]) -> tuple[int, int]:
-        """The run with the largest mean size, among those in the focus if there are any."""
-        if self.focus is not None:
-            since, until = np.searchsorted(self.time, self.focus)
-            inside = [(max(a, since), min(b, until)) for a, b in runs]
-            runs = [(a, b) for a, b in inside if a < b] or runs
-        value = self.values[row]
-        return max(runs, key=lambda run: abs(float(np.mean(value[run[0] : run[1] + 1]))))
 
     def formed(self) -> np.ndarray:
         """Residuals that exist on some judged sample, shape (residuals,)."""
@@ -242,13 +228,13 @@ def detail(curves: Curves) -> Curves:
     return curves.at(slice(first, min(int(until) + ASIDE, first + WINDOW)))
 
 
-def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
-    """Residuals that fire for three judged samples in a row, with the ends of each run.
-
-    A sample that was not judged ends a run.
-    """
+def excess(curves: Curves) -> dict[int, float]:
+    """Ratio of a residual to its threshold, averaged over each run of at least three judged samples
+    that fire: the largest, by index of the residual. A sample that was not judged ends a run."""
+    found = {}
     for i, row in enumerate(curves.fired()):
-        runs = [(run.start, run.stop - 1) for run in runs_of(row)]
-        runs = [(a, b) for a, b in runs if b - a + 1 >= limits.SHORTEST_STRETCH]
+        ratio = np.abs(curves.values[i]) / curves.thresholds[i]
+        runs = [run for run in runs_of(row) if run.stop - run.start >= limits.SHORTEST_STRETCH]
         if runs:
-            yield i, runs
+            found[i] = max(float(np.mean(ratio[run])) for run in runs)
+    return found

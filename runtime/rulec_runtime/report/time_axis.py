@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime
 
 import numpy as np
 
@@ -19,15 +18,12 @@ UNITS = ((20 * HOUR, HOUR, "h"), (20 * MINUTE, MINUTE, "min"), (0.0, 1.0, "s"))
 """Shortest length of an axis, s, for each unit, with its size, s, and name."""
 
 STEPS = (
-    *(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
+    *(1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
     *(m * MINUTE for m in (1, 2, 5, 10, 15, 30)),
     *(h * HOUR for h in (1, 2, 3, 6, 12)),
-    *(d * DAY for d in (1, 2, 7, 14)),
+    *(d * DAY for d in (1, 2, 7, 14, 28, 91, 182, 364, 728)),
 )
-"""Distances of dates, s; longer ones are in months."""
-
-MONTHS = (1, 2, 3, 6, 12, 24, 60, 120)
-MONTH = 30.44 * DAY
+"""Distances of dates, s."""
 
 
 @dataclass(frozen=True)
@@ -49,18 +45,14 @@ class Dated(Axis):
     form: str
 
     def labels(self) -> list[str]:
-        texts = self._texts(self.form)
-        return [text[:-5] for text in texts] if self.form.endswith("%f") else texts
+        return self._texts(self.form)
 
-    def second_lines(self) -> list[tuple[str, bool]]:
+    def second_lines(self) -> list[str]:
         if self.form.startswith("%Y"):
             return []
         days = self._texts("%Y-%m-%d")
-        # A narrow page shows only every second tick.
-        new = [i == 0 or day != days[i - 1] for i, day in enumerate(days)]
         return [
-            (day if new[i] or (i % 2 == 0 and day != days[i - 2]) else "", new[i])
-            for i, day in enumerate(days)
+            day if day != before else "" for before, day in zip(["", *days], days, strict=False)
         ]
 
     def _texts(self, form: str) -> list[str]:
@@ -124,12 +116,8 @@ def _unit(low: float, high: float) -> tuple[float, str]:
 def _dated(low: float, high: float, calendar: Calendar) -> Dated | None:
     """Ticks at round times of the plant's clock; None if fewer than two fit."""
     step = min(STEPS[::-1], key=lambda s: abs((high - low) / s - WANTED_DATES))
-    if (high - low) / STEPS[-1] > 2 * WANTED_DATES:
-        ticks, form = tuple(_months(low, high, calendar)), "%Y-%m"
-    else:
-        ticks = tuple(_rounds(low, high, calendar, step))
-        form = "%Y-%m-%d" if step >= DAY else "%H:%M" if step >= MINUTE else "%H:%M:%S"
-        form += ".%f" if step < 1.0 else ""
+    ticks = tuple(_rounds(low, high, calendar, step))
+    form = "%Y-%m-%d" if step >= DAY else "%H:%M" if step >= MINUTE else "%H:%M:%S"
     return Dated(low, high, ticks, calendar, form) if len(ticks) > 1 else None
 
 
@@ -142,16 +130,6 @@ def _rounds(low: float, high: float, calendar: Calendar, step: float) -> Iterato
         if tick > high:
             return
         if tick >= low - 1e-6:
-            yield tick
-
-
-def _months(low: float, high: float, calendar: Calendar) -> Iterator[float]:
-    each = min(MONTHS, key=lambda m: abs((high - low) / (m * MONTH) - WANTED_DATES))
-    begin, end = calendar.at(low), calendar.at(high)
-    for month in range(12 * begin.year, 12 * end.year + 12, each):
-        date = datetime(month // 12, month % 12 + 1, 1)
-        tick = _time((date - datetime(1970, 1, 1)).total_seconds(), low, calendar)
-        if low <= tick <= high:
             yield tick
 
 
