@@ -17,7 +17,6 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import judged
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.rows import Rows
-from rulec_runtime.live.steady_clock import steady
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -46,13 +45,13 @@ def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
                 recent = nothing_yet(source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
-            begun = steady()
+            begun = time.monotonic()
             for updated, events, diagnosis in judged(ruleset, memory, came):
                 memory = updated
                 news += events
                 present.update(memory, events, diagnosis)
                 what.screen.show(present.now())
-            took = steady() - begun
+            took = time.monotonic() - begun
             if came or news:
                 _keep(what, ruleset, memory, news)
             if not came and until_end:

@@ -25,13 +25,9 @@ WAIT = 0.2
 """Seconds to wait for rows before other work is checked. Origin: assumed; shorter than a person
 notices."""
 
-SET_BACK = 60.0
-"""Least step back of a date, s, that means that the clock was set. Origin: assumed; as
-`CLOCK_APART` of the sources, and less is caught up soon."""
-
 STOOD_STILL = 5.0
-"""Seconds without a sign of life after which a process was frozen, suspended, or had its clock set.
-Origin: assumed; signs of life come at least once a second."""
+"""Seconds between two checks for silence after which this process was busy or frozen, which is no
+silence of the source. Origin: assumed; a check comes at least once a second."""
 
 FAILED = 3
 """Exit code if a status of `--fail-on` is active. Origin: assumed; 1 and 2 are mistakes."""

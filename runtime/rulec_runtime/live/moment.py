@@ -4,6 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from time import monotonic
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
@@ -12,7 +13,6 @@ from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.follower import diagnosis_of
 from rulec_runtime.live.limits import PAST
 from rulec_runtime.live.memory import Memory
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.wording import STATUS
 
@@ -27,7 +27,7 @@ class Now:
     status : letter of NE 107 of all active episodes, or ``ok``.
     source, connected, remark : the source, whether rows come from it, and its last notice.
     rows : number of rows received.
-    came : when the last row came, s, by the steady clock here: clocks of plants go wrong.
+    came : when the last row came, s, by the monotonic clock here: clocks of plants go wrong.
     active : episodes that have not ended, the worst first.
     past : the latest events, newest first.
     acknowledged : ids of acknowledged episodes.
@@ -36,23 +36,23 @@ class Now:
 
     plant: str
     title: str
-    time: float | None
-    calendar: Calendar | None
-    status: str
     source: str
-    connected: bool
-    remark: str
-    rows: int
-    active: tuple[Episode, ...]
-    past: tuple[Event, ...]
-    acknowledged: frozenset[str]
-    diagnosis: Diagnosis | None
+    time: float | None = None
+    calendar: Calendar | None = None
+    status: str = "ok"
+    connected: bool = False
+    remark: str = ""
+    rows: int = 0
+    active: tuple[Episode, ...] = ()
+    past: tuple[Event, ...] = ()
+    acknowledged: frozenset[str] = frozenset()
+    diagnosis: Diagnosis | None = None
     came: float | None = None
 
     @property
     def age(self) -> float | None:
         """Seconds since the last row came; None before any."""
-        return None if self.came is None else max(steady() - self.came, 0.0)
+        return None if self.came is None else max(monotonic() - self.came, 0.0)
 
     @property
     def judged(self) -> bool:
@@ -66,22 +66,10 @@ class Present:
     def __init__(self, ruleset: Ruleset, source: str, memory: Memory) -> None:
         self._lock = threading.Lock()
         self._past: deque[Event] = deque(maxlen=PAST)
-        active, time = _active(memory), memory.recent.time
-        self._now = Now(
-            plant=ruleset.plant,
-            title=ruleset.title,
-            time=float(time[-1]) if len(time) else None,
-            calendar=memory.recent.calendar,
-            status=worst({one.status for one in active}),
-            source=source,
-            connected=bool(memory.count) and not any(map(is_away, active)),
-            remark="",
-            rows=memory.count,
-            active=active,
-            past=(),
-            acknowledged=frozenset(),
-            diagnosis=diagnosis_of(ruleset, memory),
-        )
+        self._now = Now(plant=ruleset.plant, title=ruleset.title, source=source)
+        self.update(memory, (), diagnosis_of(ruleset, memory))
+        read = self._now.connected and memory.count > 0
+        self._now = replace(self._now, connected=read, came=None)
 
     def now(self) -> Now:
         """The present moment."""
@@ -89,8 +77,9 @@ class Present:
 
     def update(self, memory: Memory, events: Sequence[Event], diagnosis: Diagnosis | None) -> None:
         """Update after rows or a notice, with the events."""
-        active = _active(memory)
-        away = any(map(is_away, active))
+        order = list(STATUS)
+        ongoing = (one for one in memory.episodes if one.active)
+        active = tuple(sorted(ongoing, key=lambda one: (order.index(one.status), one.since)))
         remarks = [event.text for event in events if event.episode.kind == "source"]
         with self._lock:
             self._past.extendleft(events)
@@ -100,10 +89,10 @@ class Present:
                 time=float(time[-1]) if len(time) else None,
                 calendar=memory.recent.calendar,
                 status=worst({one.status for one in active}),
-                connected=not away,
+                connected=not any(map(is_away, active)),
                 remark=remarks[-1] if remarks else self._now.remark,
                 rows=memory.count,
-                came=self._now.came if memory.count == self._now.rows else steady(),
+                came=self._now.came if memory.count == self._now.rows else monotonic(),
                 active=active,
                 past=tuple(self._past),
                 diagnosis=diagnosis or self._now.diagnosis,
@@ -124,9 +113,3 @@ class Present:
         with self._lock:
             known = self._now.acknowledged | episodes
             self._now = replace(self._now, acknowledged=known)
-
-
-def _active(memory: Memory) -> tuple[Episode, ...]:
-    """Active episodes, the worst first."""
-    order, active = list(STATUS), [one for one in memory.episodes if one.active]
-    return tuple(sorted(active, key=lambda one: (order.index(one.status), one.since)))

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -175,7 +176,7 @@ def test_a_device_that_is_gone_has_no_readings(plant: Plant) -> None:
 def test_values_hold(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sparkplug sends what has changed alone."""
     clock = [1e6]
-    monkeypatch.setattr(remarks, "steady", lambda: clock[0])
+    monkeypatch.setattr(remarks, "clocks", SimpleNamespace(monotonic=lambda: clock[0]))
     plant.born()
     for i in range(4):
         clock[0] += 0.4 * limits.STALE

@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import fields, is_dataclass, replace
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,6 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.changes import Horizon, episodes_of
 from rulec_runtime.live.episode import Episode, Event, What
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import read_recording
 
@@ -57,7 +57,7 @@ def now_of(diagnosis: Diagnosis) -> Now:
         past=tuple(replace(e, number=i + 1) for i, e in enumerate(events))[::-1],
         acknowledged=frozenset(e.id for e in found[:1] if not e.active),
         diagnosis=diagnosis,
-        came=steady(),
+        came=monotonic(),
     )
 
 

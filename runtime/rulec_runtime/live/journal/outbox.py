@@ -23,7 +23,6 @@ from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.event_records import event_of, record_of
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.json_file import Damaged, digest_of, read_json
 from rulec_runtime.output.write_file import written
 from rulec_runtime.recordings.plant_calendar import duration
@@ -141,7 +140,7 @@ class Outbox:
         file: Path | None,
         ahead: bool = False,
         noting: Callable[[Sequence[Note]], None] = lambda _: None,
-        clock: Callable[[], float] = steady,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._sink, self._plant, self._say, self._noting = sink, plant, say, noting
         self.file, self._ahead, self._clock = file, ahead, clock

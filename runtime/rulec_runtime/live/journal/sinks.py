@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,7 +11,6 @@ from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.steady_clock import steady
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.device_health import DeviceHealth
@@ -56,7 +56,7 @@ class MqttSink:
 
     def show(self, now: Now) -> None:
         status = (now.status, len(now.active), now.connected, self._broker.sessions)
-        clock = steady()
+        clock = time.monotonic()
         if not (now.active or now.judged) or (status == self._shown and clock < self._due):
             return
         try:

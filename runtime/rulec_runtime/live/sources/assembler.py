@@ -6,6 +6,7 @@ new ones come or their place is lost. A signal without a usable value is reporte
 check function if that lasts.
 """
 
+import time as clocks
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,6 @@ from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.plural import plural
 
 _Row = tuple[float, Array]
@@ -143,14 +143,14 @@ class Assembler:
             if here & self._pending and time - self._first_time >= self._interval / 2:
                 self._end_row()
             if not self._pending:
-                self._first, self._first_time = steady(), time
+                self._first, self._first_time = clocks.monotonic(), time
             again = [place for place in here if self._silence[place].heard()]
             for name, (reading, why) in values.items():
                 self._take(name, reading, why)
             self._heard |= here
             if again and not self.silent:
                 text = "all values come again"
-                self._hand.notices([notice("connected", steady.wall(), text)])
+                self._hand.notices([notice("connected", clocks.time(), text)])
             self._pending |= here
             self._newest = max(self._newest, time)
             if self._pending >= self._heard:
@@ -169,7 +169,7 @@ class Assembler:
     def tick(self) -> None:
         """Call this periodically: it ends rows that wait for a place, and reports silent places."""
         with self._lock:
-            if self._pending and steady() - self._first >= self._interval:
+            if self._pending and clocks.monotonic() - self._first >= self._interval:
                 self._end_row()
             silent = [place for place, silence in self._silence.items() if silence.begins()]
             for place in silent:
@@ -178,7 +178,7 @@ class Assembler:
                 seconds = max(self._silence[place].lasts for place in silent)
                 names = f"{', '.join(silent)}: " if any(silent) else ""
                 text = f"{names}no value for {seconds:.0f} s"
-                self._hand.notices([notice("stale", steady.wall(), text)])
+                self._hand.notices([notice("stale", clocks.time(), text)])
             read = [name for name, of in self._place_of.items() if of in self._heard]
             self._hand.notices(self._unread.lasting(read))
 
@@ -193,7 +193,7 @@ class Assembler:
             text = (
                 f"values are {self._last - time:.3g} s older than the last row; rows are left out"
             )
-            self._hand.notices(self._remarks.tell("clock", "rows", steady.wall(), text))
+            self._hand.notices(self._remarks.tell("clock", "rows", clocks.time(), text))
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ class Unread:
 
     def begin(self, signals: Iterable[str]) -> None:
         """These signals have no reading until a value comes."""
-        now = steady()
+        now = clocks.monotonic()
         self._bad |= dict.fromkeys(signals, _Bad("no value has come", now, now))
 
     def take(self, signal: str, why: str) -> list[Notice]:
@@ -233,21 +233,21 @@ class Unread:
             self._bad.pop(signal, None)
             self._reported.pop(signal, None)
             return []
-        now = steady()
+        now = clocks.monotonic()
         before = self._bad.get(signal)
         if before is not None and before.why == why:
             return []
         self._bad[signal] = _Bad(why, now, now if before is None else before.first)
-        return [notice("refused", steady.wall(), f"{signal} has no reading: {why}")]
+        return [notice("refused", clocks.time(), f"{signal} has no reading: {why}")]
 
     def lasting(self, signals: Collection[str]) -> list[Notice]:
         """New notices that signals have had no reading for too long, or for another reason."""
         found = []
         for signal, bad in self._bad.items():
             reported = self._reported.get(signal)
-            lasts = steady() - (bad.first if reported is None else bad.since)
+            lasts = clocks.monotonic() - (bad.first if reported is None else bad.since)
             if signal in signals and lasts >= self._seconds and reported != bad.why:
                 self._reported[signal] = bad.why
                 text = f"{signal} has had no reading for {lasts:.0f} s: {bad.why}"
-                found.append(notice("stale", steady.wall(), text, signal=signal))
+                found.append(notice("stale", clocks.time(), text, signal=signal))
         return found

@@ -13,7 +13,6 @@ from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
 from rulec_runtime.live.sources.table_stream import TextSource
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.recording_file import times_of
@@ -137,14 +136,14 @@ class GrowingFile(TextSource):
         }
 
     def take(self, seconds: float) -> list[Rows | Notice]:
-        until = steady() + seconds
+        until = clocks.monotonic() + seconds
         while not self.ended:
             found, self._waiting = self._waiting, []
             try:
                 found += self._look()
             except OSError as error:
                 found += self._lost(f"cannot be read ({error.strerror})")
-            left = until - steady()
+            left = until - clocks.monotonic()
             if found or left <= 0:
                 return found
             clocks.sleep(min(limits.POLL, left))
@@ -224,7 +223,7 @@ class GrowingFile(TextSource):
         if there and self._path.stat().st_ino == inode_of(self._file):
             self._replaced = None
             return [*self._found_again(), *self._stale()]
-        now = steady()
+        now = clocks.monotonic()
         self._replaced = self._replaced or now
         if now - self._replaced < limits.LINGER:
             return []

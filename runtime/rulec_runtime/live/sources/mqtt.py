@@ -2,6 +2,7 @@
 
 import ssl
 import sys
+import time as clocks
 from collections.abc import Hashable, Sequence
 from threading import Event, Thread
 from typing import Any
@@ -20,7 +21,6 @@ from rulec_runtime.live.sources.map import Channel, SourceMap
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.remarks import Remarks, SourceRefused, notice
 from rulec_runtime.live.sources.sparkplug import Sparkplug
-from rulec_runtime.live.steady_clock import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.reading_unit import conversion
 from rulec_runtime.recordings.recording_file import largest_reading
@@ -99,13 +99,7 @@ class Mqtt:
         return client
 
     def _ticks(self) -> None:
-        still = Standstill()
         while not self._stopped.wait(min(self._source.interval / 4, limits.TICK)):
-            if lasted := still.lasted:
-                text = f"this computer stood still for {lasted:.0f} s, or its clock was set"
-                text += "; rows may be missing"
-                self._hand.notices([notice("gap", steady.wall() - lasted, text)])
-            still.moves()
             self._rows.tick()
 
     def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, code: Any, _p: Any) -> None:
@@ -120,15 +114,15 @@ class Mqtt:
         denied = [t for t, code in zip(self._topics, codes, strict=False) if code.is_failure]
         if denied:
             text = f"{endpoint}: the broker denies the topics {', '.join(denied)}"
-            self._hand.notices([notice("refused", steady.wall(), text)])
+            self._hand.notices([notice("refused", clocks.time(), text)])
         signals = plural(len(self._scales), "signal", "signals")
         text = f"{endpoint}: {signals} of {plural(len(self._topics), 'topic', 'topics')}"
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:
             text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
-        found = [notice("connected", steady.wall(), text, still=self._rows.silent)]
+        found = [notice("connected", clocks.time(), text, still=self._rows.silent)]
         if self._gone is not None and self._rows.begun:
-            text = f"{endpoint}: not connected for {steady.wall() - self._gone:.3g} s"
+            text = f"{endpoint}: not connected for {clocks.time() - self._gone:.3g} s"
             found.append(notice("gap", self._gone, text))
         self._gone = None
         self._hand.notices(found)
@@ -148,7 +142,7 @@ class Mqtt:
     def _lost(self, why: str) -> None:
         """Reported once per loss of the connection."""
         if self._gone is None:
-            self._gone = steady.wall()
+            self._gone = clocks.time()
             text = f"{self._source.servers[0].endpoint}: {why}"
             self._hand.notices([notice("lost", self._gone, text)])
 
@@ -173,10 +167,10 @@ class Mqtt:
             self._tell("refused", (key, str(bad)), f"{topic}: a message is left out: {bad}")
 
     def _tell(self, kind: NoticeKind, key: Hashable, text: str) -> None:
-        self._hand.notices(self._remarks.tell(kind, key, steady.wall(), text))
+        self._hand.notices(self._remarks.tell(kind, key, clocks.time(), text))
 
     def _found(self, found: Sequence[tuple[Channel, Value]]) -> None:
-        here = steady.wall()
+        here = clocks.time()
         values, times = {}, []
         for channel, value in found:
             time = self._time(value.stamp, here)

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import logging
 import random
+import time as clocks
 from collections.abc import Mapping, Sequence
 from threading import Event, Thread
 from typing import Any
@@ -16,13 +17,7 @@ from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler, Handover, usable
 from rulec_runtime.live.sources.map import Server, SourceMap
-from rulec_runtime.live.sources.opcua_nodes import (
-    gone_of,
-    namespaces_of,
-    node_of,
-    nodes_of,
-    scales_of,
-)
+from rulec_runtime.live.sources.opcua_nodes import gone_of, nodes_of, scales_of
 from rulec_runtime.live.sources.opcua_session import (
     Message,
     bounded,
@@ -35,7 +30,6 @@ from rulec_runtime.live.sources.opcua_session import (
     subscribed,
 )
 from rulec_runtime.live.sources.remarks import Remarks, SourceRefused, notice
-from rulec_runtime.live.steady_clock import Standstill, steady, steady_loop
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -44,8 +38,7 @@ class Link:
     """Reads one server until it is cancelled.
 
     `answered` is set when the server was reached or has failed for the first time; `refused` says
-    why it does not match the map, if that was its first answer. `namespaces` are the URIs of the
-    namespace numbers in the map when the server was first read.
+    why it does not match the map, if that was its first answer.
     """
 
     def __init__(
@@ -56,8 +49,6 @@ class Link:
         rows: Assembler,
         hand: Handover,
         remarks: Remarks,
-        still: Standstill,
-        namespaces: Mapping[str, str],
     ) -> None:
         self._interval, self._stale = source.interval, source.stale
         self._server, self._ruleset = server, ruleset
@@ -67,8 +58,6 @@ class Link:
         self._scales: dict[int, tuple[float, float]] = {}
         self._notes: Sequence[str] = ()
         self._lacking: set[int] = set()
-        self._still, self._stood = still, False
-        self.namespaces = namespaces
         self._heard = 0.0
         self._over, self._why = asyncio.Event(), ""
         self._gone: float | None = None
@@ -98,7 +87,7 @@ class Link:
         client = await connected(self._server)
         try:
             self._scales, self._lacking = {}, set(range(len(self._channels)))
-            self._heard, self._why = steady(), ""
+            self._heard, self._why = clocks.monotonic(), ""
             self._over = asyncio.Event()
             asked = subscribed(client, self._interval, self._published)
             subscription, step = await bounded(asked, limits.CHECKING)
@@ -120,8 +109,7 @@ class Link:
         Raises `SourceRefused` for others in the first answer; later their signals have no reading.
         Not every server reports that a node is gone, so all nodes are checked.
         """
-        uris = await namespaces_of(client)
-        every = nodes_of(self._channels, uris, self.namespaces)
+        every = await nodes_of(client, self._channels)
         self._lacking |= await gone_of(client, every)
         asked = sorted(self._lacking)
         if not asked:
@@ -140,21 +128,16 @@ class Link:
                 raise self._channels[i].refused(why)
             self._lacking.add(i)
             self._rows.unusable(self._channels[i].signal.id, why)
-        numbers = {str(node_of(self._channels[i]).NamespaceIndex) for i in good} - {"0"}
-        here = {n: uris[int(n)] for n in numbers if int(n) < len(uris)}
-        self.namespaces = {**here, **self.namespaces}
 
     async def _heard_for(self, seconds: float, most: float) -> bool:
         """Returns after so many s; False if the server was silent for `most` s, or has ended the
         subscription."""
-        until = steady() + seconds
-        while (left := most - (steady() - self._heard)) > 0:
+        until = clocks.monotonic() + seconds
+        while (left := min(until, self._heard + most) - clocks.monotonic()) > 0:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._over.wait(), min(left, max(until - steady(), 0.0)))
+                await asyncio.wait_for(self._over.wait(), left)
                 return False
-            if steady() >= until:
-                return True
-        return False
+        return clocks.monotonic() < self._heard + most
 
     def _published(self, message: Message) -> None:
         """Takes a message of the server. asyncua calls it and swallows exceptions."""
@@ -162,10 +145,8 @@ class Link:
             self._why = message.over
             self._over.set()
             return
-        if self._still.lasted:
-            return  # the message is old; a new connection is about to be made
-        self._heard = steady()
-        here = steady.wall()
+        self._heard = clocks.monotonic()
+        here = clocks.time()
         published = message.time if message.time is not None else here
         if abs(published - here) > limits.CLOCK_APART:
             text = f"{self._server.endpoint}: its clock is {published - here:+.0f} s from ours; "
@@ -199,7 +180,7 @@ class Link:
         return values, stamps
 
     def _tell(self, kind: NoticeKind, key: str, text: str) -> None:
-        notices = self._remarks.tell(kind, (self._server.name, key), steady.wall(), text)
+        notices = self._remarks.tell(kind, (self._server.name, key), clocks.time(), text)
         self._hand.notices(notices)
 
     def _tell_connected(self) -> None:
@@ -212,28 +193,20 @@ class Link:
             text += "; no 'server_certificate' in the map, so any server is trusted"
         self._rows.found(server.name)
         still = self._rows.silent
-        found = [notice("connected", steady.wall(), "; ".join([text, *self._notes]), still=still)]
+        found = [notice("connected", clocks.time(), "; ".join([text, *self._notes]), still=still)]
         if self._gone is not None and self._rows.begun:
-            quiet = steady.wall() - self._gone
+            quiet = clocks.time() - self._gone
             text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"
-            text += "; this computer stood still, or its clock was set" if self._stood else ""
             found.append(notice("gap", self._gone, text))
-        self._gone, self._stood = None, False
+        self._gone = None
         self._hand.notices(found)
-
-    def begin_anew(self, lasted: float) -> None:
-        """Reconnect after this computer stood still for so many s: messages are old, and the server
-        may have closed the session. That is reported as a gap, not as a lost connection."""
-        if self._alive:
-            self._gone, self._stood = steady.wall() - lasted, True
-            self._over.set()
 
     def _end(self, kind: NoticeKind, text: str) -> None:
         """The connection has ended, which is reported once per loss."""
         self._rows.lost(self._server.name)
         if self._gone is None or (kind == "refused" and text != self._told):
-            self._gone, self._told = self._gone or steady.wall(), text
-            self._hand.notices([notice(kind, steady.wall(), text)])
+            self._gone, self._told = self._gone or clocks.time(), text
+            self._hand.notices([notice(kind, clocks.time(), text)])
 
 
 def reason(error: Exception) -> str:
@@ -247,42 +220,30 @@ class OpcUa:
 
     The time of a row is the newest stamp of the values changed since the last row, or the time at
     which the server reported no change. Waits at the start for the first answer of the servers;
-    raises `SourceRefused` if a node does not match the map. `resume` is the `position` of an
-    earlier process.
+    raises `SourceRefused` if a node does not match the map.
     """
 
     dated = True
 
-    def __init__(
-        self, source: SourceMap, ruleset: Ruleset, resume: Mapping[str, Any] | None
-    ) -> None:
+    def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
         place_of = {c.signal.id: c.server for c in source.channels}
         self._source, self._remarks = source, Remarks()
         self._hand = Handover(tuple(place_of))
         self._rows = Assembler(source, place_of, self._hand, self._remarks)
-        self._still = Standstill()
-        known = (resume or {}).get("namespaces", {})
-        shared = (self._rows, self._hand, self._remarks, self._still)
-        self._links = {
-            s.name: Link(source, s, ruleset, *shared, known.get(s.name, {})) for s in source.servers
-        }
+        shared = (self._rows, self._hand, self._remarks)
+        self._links = [Link(source, server, ruleset, *shared) for server in source.servers]
         self.ended = False
-        self._loop = steady_loop()
+        self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._run, name="opcua", daemon=True)
         self._thread.start()
-        until = steady() + limits.OPENING
-        for link in self._links.values():
-            link.answered.wait(max(0.0, until - steady()))
-        refused = [link.refused for link in self._links.values() if link.refused]
+        until = clocks.monotonic() + limits.OPENING
+        for link in self._links:
+            link.answered.wait(max(0.0, until - clocks.monotonic()))
+        refused = [link.refused for link in self._links if link.refused]
         if refused:
             self.close()
             raise SourceRefused(refused[0])
-
-    @property
-    def position(self) -> dict[str, Any]:
-        """The URIs of the namespace numbers in the map, by server; can be stored as JSON."""
-        return {"namespaces": {name: dict(one.namespaces) for name, one in self._links.items()}}
 
     def take(self, seconds: float) -> list[Rows | Notice]:
         return [] if self.ended else self._hand.take(seconds)
@@ -295,7 +256,7 @@ class OpcUa:
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
-        self._tasks = [self._loop.create_task(link.keep()) for link in self._links.values()]
+        self._tasks = [self._loop.create_task(link.keep()) for link in self._links]
         self._tasks.append(self._loop.create_task(self._ticks()))
         self._loop.run_forever()
 
@@ -311,8 +272,4 @@ class OpcUa:
     async def _ticks(self) -> None:
         while True:
             await asyncio.sleep(min(self._source.interval / 4, limits.TICK))
-            if lasted := self._still.lasted:
-                for link in self._links.values():
-                    link.begin_anew(lasted)
-            self._still.moves()
             self._rows.tick()

@@ -3,7 +3,7 @@ values, and whether they match the map: numbers, with the same units."""
 
 import asyncio
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from asyncua import Client, ua
@@ -42,52 +42,30 @@ async def namespaces_of(client: Client) -> list[str]:
     return [str(uri) for uri in await client.get_namespace_array() or ()]
 
 
-def nodes_of(
-    channels: Sequence[Channel], uris: Sequence[str], known: Mapping[str, str]
-) -> list[ua.NodeId]:
-    """The node of each channel on a server with these namespaces.
-
-    A map names a namespace by its URI or by a number. A number stands for the URI that it had when
-    the server was first read, if that is `known`. Raises `SourceRefused` if the server has no such
-    namespace.
-    """
+async def nodes_of(client: Client, channels: Sequence[Channel]) -> list[ua.NodeId]:
+    """The node of each channel; a map names its namespace by a number or by its URI, whose number
+    may change. Raises `SourceRefused` if the server has no such namespace."""
+    uris = await namespaces_of(client)
     found = []
     for channel in channels:
         node = node_of(channel)
-        own = numbered(node, uris, known)
+        own = numbered(node, uris)
         if own is None:
             here = f"it has {', '.join(uris[1:9])}"
-            text = f"the server has no namespace '{_uri(node)}'; {here}"
-            if _uri(node) is None:
-                text = (
-                    f"the server has no namespace '{known[str(node.NamespaceIndex)]}' any more, "
-                    f"which ns={node.NamespaceIndex} was when it was read first; {here}. Is it "
-                    "another server? If not, name the namespace in the map: nsu=URI;..."
-                )
+            text = f"the server has no namespace '{node.NamespaceUri}'; {here}"
             raise channel.refused(one_line(text))
         found.append(own)
     return found
 
 
-def numbered(
-    node: ua.NodeId, uris: Sequence[str], known: Mapping[str, str] | None = None
-) -> ua.NodeId | None:
-    """A node with the number of its namespace among the `uris`; None if it is not there.
-
-    `known` as in `nodes_of`.
-    """
-    uri = _uri(node) or (known or {}).get(str(node.NamespaceIndex))
+def numbered(node: ua.NodeId, uris: Sequence[str]) -> ua.NodeId | None:
+    """A node with the number of its namespace among the `uris`; None if it is not there."""
+    uri = getattr(node, "NamespaceUri", None)
     if uri is None:
         return node
     if uri not in uris:
         return None
-    here = node.NamespaceIndex
-    number = here if list(uris[here : here + 1]) == [uri] else uris.index(uri)
-    return ua.NodeId(node.Identifier, number, node.NodeIdType)
-
-
-def _uri(node: ua.NodeId) -> str | None:
-    return getattr(node, "NamespaceUri", None)
+    return ua.NodeId(node.Identifier, uris.index(uri), node.NodeIdType)
 
 
 _KINDS = ua.VariantType

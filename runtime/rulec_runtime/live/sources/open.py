@@ -22,15 +22,15 @@ def open_source(
     ``opc.tcp://host:4840``, ``mqtt://host`` or ``mqtts://host``; ``opcua`` or ``mqtt`` alone stand
     for the endpoint in the map.
 
-    `resume` is the `position` of an earlier source of the same kind. Raises `RecordingRefused`, or
-    its subclass `SourceRefused`, with a message for the operator.
+    `resume` is the `position` of an earlier growing file. Raises `RecordingRefused`, or its
+    subclass `SourceRefused`, with a message for the operator.
     """
     scheme = text.partition("://")[0] if "://" in text else text
     if scheme in ("opc.tcp", "opcua"):
         extra("asyncua", "opcua")
         from rulec_runtime.live.sources.opcua import OpcUa
 
-        return OpcUa(_map(text, OPCUA, ruleset, map_path), ruleset, resume)
+        return OpcUa(_map(text, OPCUA, ruleset, map_path), ruleset)
     if scheme in ("mqtt", "mqtts"):
         extra("paho.mqtt.client", "mqtt")
         from rulec_runtime.live.sources.mqtt import Mqtt

@@ -1,12 +1,12 @@
 """What a source says: refusals, notices with safe text, recurring remarks, and silence."""
 
+import time as clocks
 from collections.abc import Hashable
 from types import ModuleType
 
 from rulec_runtime.live.limits import STOOD_STILL
 from rulec_runtime.live.rows import Notice, NoticeKind
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.csv_table import RecordingRefused
@@ -47,7 +47,7 @@ class Remarks:
 
     def tell(self, kind: NoticeKind, key: Hashable, time: float, text: str) -> list[Notice]:
         """The notice, or nothing if it was reported recently."""
-        now = steady()
+        now = clocks.monotonic()
         since, count = self._reported.get(key, (-float("inf"), 0))
         if now - since < limits.AGAIN:
             self._reported[key] = (since, count + 1)
@@ -66,22 +66,22 @@ class Silence:
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self.stale = False
-        self._heard = self._checked = steady()
+        self._heard = self._checked = clocks.monotonic()
 
     @property
     def lasts(self) -> float:
         """Seconds since something was heard."""
-        return steady() - self._heard
+        return clocks.monotonic() - self._heard
 
     def heard(self) -> bool:
         """Record that something was heard; returns whether the source was stale until now."""
         was, self.stale = self.stale, False
-        self._heard = steady()
+        self._heard = clocks.monotonic()
         return was
 
     def begins(self) -> bool:
         """Whether the source has just become stale."""
-        checked, self._checked = self._checked, steady()
+        checked, self._checked = self._checked, clocks.monotonic()
         if self._checked - checked > STOOD_STILL:
             self._heard = min(self._heard + self._checked - checked, self._checked)
         if self.stale or self.lasts < self.seconds:

@@ -4,6 +4,7 @@ lines."""
 import os
 import select
 import sys
+import time as clocks
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import places_of
 from rulec_runtime.recordings.csv_table import (
@@ -303,9 +303,9 @@ class StandardInput(TextSource):
         self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
 
     def take(self, seconds: float) -> list[Rows | Notice]:
-        until = steady() + seconds
+        until = clocks.monotonic() + seconds
         while not self.ended:
-            left = until - steady()
+            left = until - clocks.monotonic()
             if not select.select([self._descriptor], [], [], max(0.0, left))[0]:
                 return self._stale()
             data = os.read(self._descriptor, limits.PIECE)

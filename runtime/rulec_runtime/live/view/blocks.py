@@ -32,18 +32,6 @@ from rulec_runtime.report.wording import SHOWN, status_in_words
 BAR_CELLS = 18
 """Length of the bar of a residual, in cells."""
 
-HELP = """\
-✖ F failure: a device, or a reading of it, has failed
-▼ C check function: readings are no measure of the plant just now
-▲ S out of specification: the plant runs as it should not
-◆ M maintenance required: something wears or is blocked
-✓ OK, no fault found (letters of NAMUR NE 107)
-
-> marks what is selected; NEW has not been acknowledged.
-Enter opens and closes the explanation of what is selected.
-Bars of residuals: ┃ is the threshold, » lies beyond the end of the bar.
-Degrees stand with their 95 % bounds."""
-
 
 def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
     """Status of the plant and of each module, and the connection."""
@@ -63,16 +51,16 @@ def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
         yield _short(Text("  ").join([Text("modules"), *parts]), width)
 
 
-def plant(now: Now, selected: int, width: int, whole: bool) -> Iterator[tuple[int, RenderableType]]:
+def plant(now: Now, selected: int, width: int) -> Iterator[tuple[int, RenderableType]]:
     """Findings, residuals, blind spots and past events, each block with the index of its episode or
-    -1. Unless `whole`, only the selected finding shows its action."""
+    -1."""
     found = list(cards(now))
     if not found:
         yield -1, styled("[bold {}]{}[/]", _colour(overall(now)[1]), lead(now))
     for i, card in enumerate(found):
         if card.episode.kind == "blind" and (i == 0 or found[i - 1].episode.kind != "blind"):
             yield -1, _title("Cannot be judged now")
-        yield i, _card(card, i == selected, whole or i == selected, width)
+        yield i, _card(card, i == selected, width)
     residuals = bars_of(now)
     if residuals is not None:
         yield -1, _title(residuals.title)
@@ -91,14 +79,7 @@ def plant(now: Now, selected: int, width: int, whole: bool) -> Iterator[tuple[in
             yield -1, _indented(styled("no reading shows: {}", ", ".join(unseen(now))), 2, width)
     if now.past:
         yield -1, _title("Past events")
-        yield -1, _events(now, SHOWN)
-
-
-def past(now: Now) -> RenderableType:
-    """All past events in memory, newest first."""
-    if not now.past:
-        return Text("No events yet.")
-    return Group(Text("Past events, newest first", style="bold"), _events(now, len(now.past)))
+        yield -1, _events(now)
 
 
 def explanation_of(now: Now, place: int) -> RenderableType:
@@ -118,7 +99,7 @@ def explanation_of(now: Now, place: int) -> RenderableType:
     return Group(*parts)
 
 
-def _card(card: Card, selected: bool, whole: bool, width: int) -> RenderableType:
+def _card(card: Card, selected: bool, width: int) -> RenderableType:
     letter = card.episode.status
     mark = styled(
         "{} [bold {}]{} {}[/]", ">" if selected else " ", _colour(letter), card.symbol, letter
@@ -134,7 +115,7 @@ def _card(card: Card, selected: bool, whole: bool, width: int) -> RenderableType
     if card.probability:
         others = f"; or: {card.others}" if card.others else ""
         lines.append(_short(styled("probability {}{}", card.probability, others), 3 * rest))
-    if card.action and whole:
+    if card.action:
         lines.append(_short(styled("do: {}", card.action), 3 * rest))
     table = Table.grid(padding=(0, 1, 0, 0))
     table.add_row(mark, Text("\n").join(lines))
@@ -171,11 +152,11 @@ def drawn(bar: Bar) -> str:
     return "".join(cells)
 
 
-def _events(now: Now, most: int) -> Table:
+def _events(now: Now) -> Table:
     table = Table(box=None, padding=(0, 1), pad_edge=False, show_header=False)
     for wrapped in (False, False, False, True):
         table.add_column(no_wrap=not wrapped)
-    for event in now.past[:most]:
+    for event in now.past[:SHOWN]:
         when, badge, what, text = event_words(now, event)
         colour = "dim" if what in QUIET else _colour(event.episode.status)
         noted = " (acknowledged)" if event.episode.id in now.acknowledged else ""

@@ -134,7 +134,7 @@ def _card(now: Now, card: Card, seal: str) -> str:
         degree, _, ends = card.size.partition(" (")
         about = f", {card.meaning}" if card.meaning else ""
         text = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}'
-        rows.append(("Degree", text + _gauge(card.share)))
+        rows.append(("Degree", text))
     if episode.grows:
         rows.append(("Growth", safe(episode.grows)))
     rows.append(("Seen", safe(card.since)))
@@ -164,18 +164,6 @@ def _note(card: Card, seal: str) -> str:
         f'<input type="hidden" name="seal" value="{safe(seal)}"/>'
         f'<input type="hidden" name="episode" value="{key}"/>'
         f'<button id="note-{key}">Acknowledge</button></form>'
-    )
-
-
-def _gauge(share: tuple[float, ...]) -> str:
-    if not share:
-        return ""
-    low, at, high = (100.0 * part for part in share)
-    return (
-        '<svg class="gauge" aria-hidden="true"><rect class="all" width="100%" height="100%"/>'
-        f'<rect class="filled" width="{at:.2f}%" height="100%"/>'
-        f'<rect class="bounds" x="{low:.2f}%" width="{max(high - low, 0.4):.2f}%" y="25%" '
-        'height="50%"/></svg>'
     )
 
 

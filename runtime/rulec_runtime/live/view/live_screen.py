@@ -19,7 +19,6 @@ from rich.text import Text
 
 from rulec_runtime.live.episode import line_of
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.steady_clock import steady
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
@@ -29,17 +28,12 @@ from rulec_runtime.report.wording import status_in_words
 NAMES = {
     "\x1b[A": "up",
     "\x1bOA": "up",
-    "k": "up",
     "\x1b[B": "down",
     "\x1bOB": "down",
-    "j": "down",
     "\r": "enter",
     "\n": "enter",
     "a": "acknowledge",
-    "p": "past",
     "q": "quit",
-    "?": "help",
-    "h": "help",
     "\x1b": "back",
 }
 """Names of the sequences that a terminal sends."""
@@ -246,13 +240,13 @@ class LiveScreen:
                 pressed = self._keys.take(REDRAWN)
                 for key in pressed:
                     self._press(key)
-                due = self._changed.is_set() or steady() - drawn >= TICK
+                due = self._changed.is_set() or time.monotonic() - drawn >= TICK
                 if pressed or due:
                     self._changed.clear()
                     picture = self._picture()
                     if picture is not None and self._live is not None:
                         self._live.update(picture, refresh=True)
-                    drawn = steady()
+                    drawn = time.monotonic()
         except BaseException as error:  # raised by `show`, in the main thread
             self._failure = error
 

@@ -8,6 +8,7 @@ import contextlib
 import json
 import socket
 import threading
+import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from urllib.parse import parse_qs
@@ -19,7 +20,6 @@ from starlette.responses import HTMLResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.steady_clock import steady, steady_loop
 from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.html import key_of, link_of, main_of, page_of, title_of
 from rulec_runtime.live.view.machine_forms import TYPE, metrics, now_text
@@ -78,8 +78,7 @@ class Page:
 
 
 def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
-    with asyncio.Runner(loop_factory=steady_loop) as runner:
-        runner.run(server.serve(sockets=[bound]))
+    asyncio.run(server.serve(sockets=[bound]))
 
 
 def serve(
@@ -202,8 +201,8 @@ class Streams:
             sent, seen, last = "", (), 0.0  # type: tuple[str, tuple[object, ...], float]
             while not self._board.closing.is_set():
                 now, age = self._board.now()
-                if news(now) != seen or steady() - last >= limits.TICK:
-                    seen, last = news(now), steady()
+                if news(now) != seen or time.monotonic() - last >= limits.TICK:
+                    seen, last = news(now), time.monotonic()
                     main = self._board.main(now)
                     if main != sent:
                         sent = main

@@ -7,7 +7,6 @@ from typing import Literal
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.segment import Segment
 from rich.style import Style
-from rich.text import Text
 
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view import blocks
@@ -15,10 +14,7 @@ from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import shown, styled
 
 Line = list[Segment]
-View = Literal["plant", "explanation", "past", "help"]
-
-PAGES: dict[str, View] = {"enter": "explanation", "past": "past", "help": "help"}
-"""Keys that open a view, and close it."""
+View = Literal["plant", "explanation"]
 
 
 @dataclass(frozen=True)
@@ -32,10 +28,8 @@ class ViewState:
 
 
 KEYS = {
-    "plant": "↑↓ select  ⏎ explain  a acknowledge  p past events  ? help  q quit",
+    "plant": "↑↓ select  ⏎ explain  a acknowledge  q quit",
     "explanation": "↑↓ scroll  ⏎ back  a acknowledge  q quit",
-    "past": "↑↓ scroll  p back  q quit",
-    "help": "? back  q quit",
 }
 """The foot of each view."""
 
@@ -84,34 +78,21 @@ class Screen:
             for line in self._lines(console, options, part)
         ]
         head = [*head[: max(self.height - 2, 1)], [Segment("─" * self.width, Style(dim=True))]]
-        body, selection = self._laid_out(console, options, whole=True)
-        if len(body) > self._space(head):
-            body, selection = self._laid_out(console, options, whole=False)
-        return head, body, selection
-
-    def _laid_out(
-        self, console: Console, options: ConsoleOptions, whole: bool
-    ) -> tuple[list[Line], tuple[int, int]]:
         body: list[Line] = []
-        selection = (0, 0)
-        selected = place_of(self.state, self.now)
-        for place, block in self._body(selected, whole):
+        selection, selected = (0, 0), place_of(self.state, self.now)
+        for place, block in self._body(selected):
             lines = self._lines(console, options, block)
             if place == selected:
                 selection = (len(body), len(body) + len(lines))
             body += lines
-        return body, selection
+        return head, body, selection
 
-    def _body(self, selected: int, whole: bool) -> Iterator[tuple[int, RenderableType]]:
+    def _body(self, selected: int) -> Iterator[tuple[int, RenderableType]]:
         """Blocks, each with the index of its episode or -1."""
         if self.state.view == "explanation" and self.now.active:
             yield -1, blocks.explanation_of(self.now, selected)
-        elif self.state.view == "past":
-            yield -1, blocks.past(self.now)
-        elif self.state.view == "help":
-            yield -1, Text(blocks.HELP)
         else:
-            yield from blocks.plant(self.now, selected, self.width, whole)
+            yield from blocks.plant(self.now, selected, self.width)
 
     def _lines(
         self, console: Console, options: ConsoleOptions, block: RenderableType
@@ -144,11 +125,9 @@ def after(state: ViewState, key: str, now: Now, room: int) -> ViewState:
     ids, at = [episode.id for episode in listed(now)], place_of(state, now)
     if key == "back":
         return replace(state, view="plant", scroll=0)
-    if key in PAGES:
-        opened = PAGES[key]
-        if opened == "explanation" and not now.active:
-            return state
-        return replace(state, view="plant" if state.view == opened else opened, scroll=0)
+    if key == "enter":
+        opened: View = "explanation" if state.view == "plant" and now.active else "plant"
+        return replace(state, view=opened, scroll=0)
     if key == "down":
         if state.view == "plant" and at + 1 < len(ids):
             return replace(state, selected=ids[at + 1], scroll=0)

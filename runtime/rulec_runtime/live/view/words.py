@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import worst
 from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding
@@ -35,8 +35,7 @@ UNKNOWN = "Deviation that nothing known explains"
 class Card:
     """An active episode in words.
 
-    `size` is the degree with bounds; `share` are lower bound, degree and upper bound as shares of
-    the possible range. Both are empty without a degree. `finding` is that of the diagnosis, for a
+    `size` is the degree with bounds, empty without one. `finding` is that of the diagnosis, for a
     fault.
     """
 
@@ -45,7 +44,6 @@ class Card:
     title: str
     size: str
     meaning: str
-    share: tuple[float, ...]
     since: str
     probability: str
     others: str
@@ -95,7 +93,6 @@ def _card(now: Now, episode: Episode) -> Card:
         title=title,
         size=size,
         meaning=fault.meaning if fault else "",
-        share=_share(episode, fault) if measured else (),
         since=_since(now, episode),
         probability=percent(episode.probability) if measured else "",
         others=_others(ruleset, episode),
@@ -103,17 +100,6 @@ def _card(now: Now, episode: Episode) -> Card:
         acknowledged=episode.id in now.acknowledged,
         finding=finding,
     )
-
-
-def _share(episode: Episode, fault: FaultSpec | None) -> tuple[float, ...]:
-    """Lower bound, degree and upper bound as shares of the possible range."""
-    ends = (episode.lower, episode.degree, episode.upper)
-    least = min(0.0, *ends)
-    most = max(fault.scale if fault else 1.0, *ends)
-    span = most - least
-    if not 0.0 < span < float("inf"):
-        return ()
-    return tuple((end - least) / span for end in ends)
 
 
 def _since(now: Now, episode: Episode) -> str:
