@@ -5,9 +5,9 @@ from typing import Any
 
 from rich.console import Console
 
-from rulec_runtime.commands.destinations import check_outputs, console
+from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.listing import csv_pieces, json_pieces, put, tell
+from rulec_runtime.live.journal.listing import csv_of, json_of, tell
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.sources.remarks import extra
 from rulec_runtime.output.terminal import styled
@@ -44,9 +44,11 @@ def run(options: argparse.Namespace) -> int:
             limit = limits.LISTED if options.since is None and options.until is None else None
             past = () if options.active else list(journal.events(limit=limit, **period, **which))
             tell(out, active, past, several=len(plants) > 1 and options.plant is None)
-        for target, pieces in ((options.csv, csv_pieces), (options.json, json_pieces)):
-            if target is not None:
-                put(target, pieces(journal.events(active=options.active, **period, **which)))
+        chosen = {"active": options.active, **period, **which}
+        if options.csv is not None:
+            write_to(options.csv, csv_of(journal.events(**chosen)))
+        if options.json is not None:
+            write_json(options, json_of(journal.events(**chosen)))
     finally:
         journal.close()
     return FAILED if any(e.event.episode.status in options.fail_on for e in active) else 0

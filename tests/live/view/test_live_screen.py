@@ -281,16 +281,6 @@ def test_keys_have_names(ends: tuple[int, int], sent: bytes, keys: list[str]) ->
         assert keys == pressed.take(0.05)
 
 
-def test_sequences_in_two_parts(ends: tuple[int, int]) -> None:
-    with Keys(ends[1]) as pressed:
-        os.write(ends[0], b"\x1b")
-        assert [] == pressed.take(0.05)
-        os.write(ends[0], b"[A")
-        assert ["up"] == pressed.take(0.05)
-        os.write(ends[0], b"\x1b")
-        assert [[], ["back"]] == [pressed.take(0.05), pressed.take(0.01)]
-
-
 def test_terminal_is_given_back_and_may_go_away(ends: tuple[int, int]) -> None:
     before = termios.tcgetattr(ends[1])
     with suppress(ValueError), Keys(ends[1]):

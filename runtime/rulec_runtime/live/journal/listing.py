@@ -1,10 +1,7 @@
-"""A journal for people, active episodes first, then events, newest first; or as a table or JSON,
-written while it is read."""
+"""A journal for people, active episodes first, then events, newest first; or as a table or JSON."""
 
-import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -14,8 +11,7 @@ from rich.table import Table
 from rulec_runtime.live.episode import QUIET
 from rulec_runtime.live.journal.event_records import Entry, form_for, iso, record_of
 from rulec_runtime.output.csv_cell import row_of
-from rulec_runtime.output.terminal import machine_text, one_line, shown, styled, write_machine_text
-from rulec_runtime.output.write_file import written
+from rulec_runtime.output.terminal import one_line, shown, styled
 from rulec_runtime.report.text import degree
 from rulec_runtime.report.wording import STATUS
 
@@ -33,9 +29,6 @@ def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: 
         _active(out, entry, several)
     if past:
         _events(out, past, several)
-    noted = {(e.plant, e.event.episode.id): e for e in (*past, *active) if e.by is not None}
-    if noted:
-        _acknowledged(out, list(noted.values()), several)
 
 
 def _events(out: Console, past: Sequence[Entry], several: bool) -> None:
@@ -55,15 +48,6 @@ def _events(out: Console, past: Sequence[Entry], several: bool) -> None:
         event = entry.event
         table.add_row(clock, _letter(entry), event.what, _named(entry, several, event.text))
     out.print(table)
-
-
-def _acknowledged(out: Console, noted: Sequence[Entry], several: bool) -> None:
-    out.print(styled("\n[bold]Acknowledged[/], newest first [dim](times in UTC)[/]"))
-    for entry in sorted(noted, key=lambda e: -(e.at or 0.0)):
-        one = entry.event.episode
-        since = " ".join(filter(None, _moment(entry, one.since)))
-        name = _named(entry, several, one.subject or one.kind)
-        out.print(Padding(styled("{}: {} since {}", _by(entry), name, since), (0, 0, 0, 2)))
 
 
 def _by(entry: Entry) -> str:
@@ -127,36 +111,21 @@ _COLUMNS = (
 )
 
 
-def csv_pieces(entries: Iterable[Entry]) -> Iterator[str]:
+def csv_of(entries: Iterable[Entry]) -> str:
     """A table with a row per event; times in s and UTC, degrees in the unit of the row."""
-    yield row_of(_COLUMNS) + "\n"
+    lines = [row_of(_COLUMNS)]
     for entry in entries:
         record = {"plant": entry.plant, **record_of(entry.event, entry.dated), **_noted(entry)}
         pairs = record["alternatives"]
         record["alternatives"] = "; ".join(f"{name} {_cell(share)}" for name, share in pairs)
-        yield row_of(_cell(record[name]) for name in _COLUMNS) + "\n"
+        lines.append(row_of(_cell(record[name]) for name in _COLUMNS))
+    return "\n".join(lines) + "\n"
 
 
-def json_pieces(entries: Iterable[Entry]) -> Iterator[str]:
-    """``{"events": [...]}`` with an event per line."""
-    yield '{"events": ['
-    before = "\n"
-    for entry in entries:
-        form = {**form_for(entry.event, entry.plant, entry.dated), **_noted(entry)}
-        yield before + json.dumps(form, ensure_ascii=False, allow_nan=False)
-        before = ",\n"
-    yield "\n]}\n"
-
-
-def put(target: str, pieces: Iterable[str]) -> None:
-    """Write to a file as a whole, or to standard output (``-``)."""
-    if target == "-":
-        for piece in pieces:
-            write_machine_text(piece)
-        return
-    with written(Path(target)) as file:
-        for piece in pieces:
-            file.write(machine_text(piece))
+def json_of(entries: Iterable[Entry]) -> dict[str, Any]:
+    """The events as JSON data."""
+    forms = ({**form_for(e.event, e.plant, e.dated), **_noted(e)} for e in entries)
+    return {"events": list(forms)}
 
 
 def _noted(entry: Entry) -> dict[str, str | None]:

@@ -185,21 +185,19 @@ class GrowingFile(TextSource):
     def _rows(self, lines: list[str], ended: bool = False) -> list[Rows | Notice]:
         """Rows of further lines. Raises before the first row, if the head is of another plant or
         something is ambiguous: whoever starts the watch can say what is meant."""
-        found = self._too_long()
         if self._refused:
-            return found
+            return []
         try:
             if self._packed:
                 text = "a packed file does not grow; name the one written to"
                 raise RecordingRefused(f"{self._path}: {text}")
-            found += self._table.feed(lines)
-            return found + (self._table.end() if ended else [])
+            return self._table.feed(lines) + (self._table.end() if ended else [])
         except RecordingRefused as refused:
             started = self._started or self._table.head is not None
             if not started or (isinstance(refused, Unclear) and not self._clock.begun):
                 raise
             self._refused = True
-            return [*found, self._refusal(refused)]
+            return [self._refusal(refused)]
 
     def _open(self, path: Path) -> BinaryIO:
         self.close()

@@ -13,18 +13,18 @@ _MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", 
 class LineCutter:
     """Lines of UTF-8, UTF-16 with byte order mark, or else Latin-1, which decodes every byte.
 
-    `offset` is the end of the last complete line, in bytes; `too_long` counts lines dropped for
-    their length.
+    `offset` is the end of the last complete line, in bytes. Of a line that is too long only the end
+    is kept: it has another number of cells than a row.
     """
 
     def __init__(self, encoding: str = "", offset: int = 0) -> None:
-        self.encoding, self.offset, self.too_long = encoding, offset, 0
-        self._pending, self._dropped = b"", 0
+        self.encoding, self.offset = encoding, offset
+        self._pending = b""
 
     @property
     def waiting(self) -> int:
         """Bytes of the current partial line."""
-        return len(self._pending) + self._dropped
+        return len(self._pending)
 
     def feed(self, data: bytes) -> list[str]:
         """The lines completed by these bytes, without their ends."""
@@ -32,21 +32,16 @@ class LineCutter:
         if not self.encoding:
             data = self._begun(data)
         end = self._end_of_lines(data)
+        self.offset += end
         whole, self._pending = data[:end], data[end:]
-        lines = self._cut(whole) if whole else []
         if len(self._pending) > limits.LONGEST_LINE:
-            odd = len(self._pending) % self._width
-            self._dropped += len(self._pending) - odd
-            self._pending = self._pending[len(self._pending) - odd :]
-        return lines
+            dropped = len(self._pending) // self._width * self._width
+            self.offset, self._pending = self.offset + dropped, self._pending[dropped:]
+        return [line.removesuffix("\r") for line in self._decoded(whole).split("\n")[:-1]]
 
     def rest(self) -> list[str]:
         """The last line, if the source has ended without ending it."""
         rest, self._pending = self._pending, b""
-        if self._dropped:
-            self.offset += self._dropped + len(rest)
-            self._dropped, self.too_long = 0, self.too_long + 1
-            return []
         self.offset += len(rest)
         return [self._decoded(rest)] if rest else []
 
@@ -75,16 +70,6 @@ class LineCutter:
                 return found + 2
             end = found + 1
         return 0
-
-    def _cut(self, whole: bytes) -> list[str]:
-        self.offset += len(whole) + self._dropped
-        lines = self._decoded(whole).split("\n")[:-1]
-        if self._dropped:
-            lines, self._dropped = lines[1:], 0
-            self.too_long += 1
-        kept = [line.removesuffix("\r") for line in lines if len(line) <= limits.LONGEST_LINE]
-        self.too_long += len(lines) - len(kept)
-        return kept
 
     def _decoded(self, data: bytes) -> str:
         try:

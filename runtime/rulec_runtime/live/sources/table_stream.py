@@ -277,13 +277,6 @@ class TextSource:
     def _refusal(self, why: RecordingRefused) -> Notice:
         return notice("refused", self._clock.now, str(why))
 
-    def _too_long(self) -> list[Rows | Notice]:
-        if not self._cutter.too_long:
-            return []
-        self._cutter.too_long = 0
-        text = f"{self._path.name}: lines of more than {limits.LONGEST_LINE} bytes are left out"
-        return [*self._remarks.tell("refused", "too long", self._clock.now, text)]
-
     def _heard(self, found: Sequence[Rows | Notice]) -> bool:
         """Whether rows came; also adapts the limit of silence to their interval."""
         self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
@@ -323,7 +316,7 @@ class StandardInput(TextSource):
 
     def _read(self, data: bytes) -> list[Rows | Notice]:
         lines = self._cutter.feed(data) if data else self._cutter.rest()
-        found = self._too_long()
+        found: list[Rows | Notice] = []
         try:
             found += self._table.feed(lines)
             found += [] if data else self._table.end()

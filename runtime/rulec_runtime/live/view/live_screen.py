@@ -4,6 +4,7 @@ import atexit
 import contextlib
 import getpass
 import os
+import re
 import select
 import sys
 import termios
@@ -38,6 +39,9 @@ NAMES = {
 }
 """Names of the sequences that a terminal sends."""
 
+_SEQUENCE = re.compile(r"\x1b[\[O][0-?]*[@-~]|.", re.DOTALL)
+"""A sequence, whose letters are no keys themselves, or a key."""
+
 
 class Keys:
     """Keys of a terminal, which is restored at the end of the context.
@@ -52,7 +56,6 @@ class Keys:
         self._file: int | None = None
         self._before: list[Any] | None = None
         self._own = False
-        self._rest = ""
 
     def __enter__(self) -> Self:
         self._file = self._terminal()
@@ -90,8 +93,8 @@ class Keys:
         if text == b"":  # the terminal is gone
             self.restore()
             return []
-        # A single escape is the key itself.
-        return list(self._names((text or b"").decode("ascii", "ignore"), last=text is None))
+        found = _SEQUENCE.findall((text or b"").decode("ascii", "ignore"))
+        return [NAMES[part] for part in found if part in NAMES]
 
     def restore(self) -> None:
         """Restore the terminal."""
@@ -122,27 +125,6 @@ class Keys:
             if os.isatty(file) and (self._given is not None or os.tcgetpgrp(file) == os.getpgrp()):
                 return file
         return None
-
-    def _names(self, text: str, last: bool) -> Iterator[str]:
-        """Names of keys in the input; a partial sequence waits for its end."""
-        self._rest += text
-        while self._rest:
-            part = next((k for k in NAMES if len(k) > 1 and self._rest.startswith(k)), None)
-            if part is None and not last and self._rest in ("\x1b", "\x1b[", "\x1bO"):
-                return
-            if part is None:
-                part = _foreign(self._rest) or self._rest[0]
-            self._rest = self._rest[len(part) :]
-            if part in NAMES:
-                yield NAMES[part]
-
-
-def _foreign(text: str) -> str:
-    """A leading sequence of an unused key, whose letters are not keys themselves."""
-    if text[:2] not in ("\x1b[", "\x1bO"):
-        return ""
-    end = next((i for i, c in enumerate(text[2:], 3) if "@" <= c <= "~"), len(text))
-    return text[:end]
 
 
 def who() -> str:

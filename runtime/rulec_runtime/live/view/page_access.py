@@ -14,11 +14,10 @@ import secrets
 import socket
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
 import h11
+from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -87,18 +86,16 @@ class Gate:
         """Whether a text is the token; takes the same time for any wrong text."""
         return self.token is not None and same(text, self.token)
 
-    def lets_in(self, bearer: str | None, cookies: Iterable[str]) -> bool:
+    def lets_in(self, bearer: str | None, cookie: str) -> bool:
         """Whether a request may see the plant."""
         if self.token is None:
             return True
-        if bearer is not None:
-            return self.is_token(bearer)
-        return any(same(cookie, self.pass_) for cookie in cookies)
+        return same(cookie, self.pass_) if bearer is None else self.is_token(bearer)
 
     def is_own_form(self, headers: Mapping[str, str], seal: str, bearer: bool) -> bool:
         """Whether a form comes from a page of ours, or from a program that has the token."""
         origin, site = headers.get("origin"), headers.get("sec-fetch-site")
-        if origin is not None and _netloc(origin) != headers["host"].lower():
+        if origin is not None and origin.lower().partition("://")[2] != headers["host"].lower():
             return False
         if site not in (None, "same-origin"):
             return False
@@ -108,14 +105,6 @@ class Gate:
 def same(one: str, other: str) -> bool:
     """Compare secrets in constant time."""
     return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode("utf-8", "replace"))
-
-
-def _netloc(origin: str) -> str:
-    """Host and port of an origin; empty if it is invalid."""
-    try:
-        return urlsplit(origin).netloc.lower()
-    except ValueError:
-        return ""
 
 
 def name_of(host: str) -> str:
@@ -156,49 +145,34 @@ class Door:
                 message = {**message, "headers": [*message.get("headers", ()), *ALWAYS]}
             await send(message)
 
-        found = [(n.decode("latin-1"), v.decode("latin-1")) for n, v in scope["headers"]]
-        if not self._gate.knows_host(v for n, v in found if n == "host"):
+        await self._answer(Request(scope))(scope, receive, answered)
+
+    def _answer(self, request: Request) -> ASGIApp:
+        gate = self._gate
+        if not gate.knows_host(request.headers.getlist("host")):
             text = "this page is not known by that name; use the machine's address\n"
-            answer: ASGIApp = PlainTextResponse(text, 421)
-        elif self._token_in(scope):
-            cookie = f"{self._gate.cookie}={self._gate.pass_}; HttpOnly; SameSite=Lax; Path=/"
-            answer = Response(status_code=303, headers={"location": "./", "set-cookie": cookie})
-        elif self._gate.lets_in(_bearer(found), _cookies(found, self._gate.cookie)):
-            answer = self._inner
-        else:
-            text = "a token is needed: open /?token=TOKEN, or send Authorization: Bearer TOKEN\n"
-            answer = PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
-        await answer(scope, receive, answered)
-
-    def _token_in(self, scope: Scope) -> bool:
-        """Whether the address of the page contains the token; a redirect removes it."""
-        if scope["method"] != "GET" or scope["path"] != "/":
-            return False
-        try:
-            asked = parse_qs(scope["query_string"].decode("latin-1"), max_num_fields=8)
-        except ValueError:
-            return False
-        return any(self._gate.is_token(text) for text in asked.get("token", ()))
+            return PlainTextResponse(text, 421)
+        if request.method == "GET" and request.scope["path"] == "/" and _token_in(request, gate):
+            # A redirect removes the token from the address.
+            cookie = f"{gate.cookie}={gate.pass_}; HttpOnly; SameSite=Lax; Path=/"
+            return Response(status_code=303, headers={"location": "./", "set-cookie": cookie})
+        if gate.lets_in(_bearer(request), request.cookies.get(gate.cookie, "")):
+            return self._inner
+        text = "a token is needed: open /?token=TOKEN, or send Authorization: Bearer TOKEN\n"
+        return PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
 
 
-def _bearer(headers: list[tuple[str, str]]) -> str | None:
-    given = [v for n, v in headers if n == "authorization"]
+def _token_in(request: Request, gate: Gate) -> bool:
+    """Whether the address contains the token."""
+    return any(gate.is_token(text) for text in request.query_params.getlist("token"))
+
+
+def _bearer(request: Request) -> str | None:
+    given = request.headers.getlist("authorization")
     if not given:
         return None
     kind, _, token = given[0].partition(" ")
     return token.strip() if kind.lower() == "bearer" and len(given) == 1 else ""
-
-
-def _cookies(headers: list[tuple[str, str]], name: str) -> list[str]:
-    found = []
-    for text in (v for n, v in headers if n == "cookie"):
-        try:
-            cookie = SimpleCookie(text).get(name)
-        except CookieError:
-            continue
-        if cookie is not None:
-            found.append(cookie.value)
-    return found
 
 
 class Visitor(H11Protocol):
