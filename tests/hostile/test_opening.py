@@ -58,7 +58,6 @@ BESIDE = {
     "runtime/rulec_runtime/live/journal/watcher.py": "what the system says of itself",
     "runtime/rulec_runtime/live/view/live_screen.py": "the terminal",
     "runtime/rulec_runtime/output/append_file.py": "to append; it looks for itself",
-    "runtime/rulec_runtime/output/private_folder.py": "the user's own folder; it looks for itself",
     "runtime/rulec_runtime/output/write_file.py": "to write",
 }
 """Who else opens something, and what."""

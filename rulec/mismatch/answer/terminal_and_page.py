@@ -19,7 +19,7 @@ from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
-from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
+from rulec_runtime.report.thin_curves import COLUMNS, extremes, thin_series
 from rulec_runtime.report.time_axis import over, time_plot
 from rulec_runtime.report.wording import STATUS
 
@@ -243,9 +243,8 @@ def _say_time(drawn: ReadingCourses) -> str:
 def _shades(drawn: ReadingCourses, panel: Panel) -> list[str]:
     time, flags = drawn.curves.time, [drawn.located, drawn.curves.heldout]
     if len(time) > 2 * COLUMNS:
-        columns = columns_of(time)
-        time = columns.centre
-        flags = [columns.highest(flag.astype(float)) > 0 for flag in flags]
+        columns = [extremes(time, *[flag.astype(float)] * 2) for flag in flags]
+        time, flags = columns[0][0], [highest > 0 for _, _, highest in columns]
     return [panel.spans(time, flags[0], "located"), panel.spans(time, flags[1], "heldout", 0.05)]
 
 

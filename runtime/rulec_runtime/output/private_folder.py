@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from rulec_runtime import limits
+from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import say_aside
 from rulec_runtime.output.write_file import write_private
 
@@ -21,8 +22,6 @@ CHOSEN, OFF = "RULEC_CACHE", "off"
 """Environment variable that names the folder, and its value that turns the cache off."""
 
 _MARK = b"rulec kept 1"
-HAS_OWNERS = hasattr(os, "geteuid")
-"""Whether files have owners."""
 
 
 def kept(name: str) -> bytes | None:
@@ -34,7 +33,7 @@ def kept(name: str) -> bytes | None:
     try:
         if _why_not(folder.lstat()):
             return None
-        head, _, body = _read(file).partition(b"\n")
+        head, _, body = bytes_of(file, limits.MOST_KEPT_BYTES).partition(b"\n")
     except (OSError, ValueError):
         return None
     if head != _head(name, body):
@@ -87,22 +86,11 @@ def _why_not(found: os.stat_result) -> str:
     """Why a folder cannot be trusted; empty if it can."""
     if not stat.S_ISDIR(found.st_mode):
         return "it is a link or no folder"
-    if not HAS_OWNERS:
+    if not hasattr(os, "geteuid"):  # files have no owners on this system
         return ""
     if found.st_uid != os.geteuid():
         return "it belongs to another user"
     return "others may read or write it" if found.st_mode & 0o077 else ""
-
-
-def _read(file: Path) -> bytes:
-    """Content of a file of this user; raises OSError or ValueError for a link or a foreign file."""
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    with os.fdopen(os.open(file, flags | getattr(os, "O_BINARY", 0)), "rb") as stream:
-        found = os.fstat(stream.fileno())
-        foreign = HAS_OWNERS and (found.st_uid != os.geteuid() or found.st_mode & 0o022)
-        if foreign or not stat.S_ISREG(found.st_mode) or found.st_size > limits.MOST_KEPT_BYTES:
-            raise ValueError("no file of this folder")
-        return stream.read()
 
 
 def _head(name: str, body: bytes) -> bytes:

@@ -4,8 +4,6 @@ A picture has some hundreds of columns. Each column keeps the smallest and the l
 samples; a pixel cannot show more.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,51 +14,29 @@ COLUMNS = 600
 """Columns of a picture; a series keeps at most two points per column."""
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Columns of a picture at the times `centre`; the columns `place` are not empty.
-
-    Times increase, so the samples of a column are adjacent; `first` is its first sample.
-    """
-
-    centre: Array
-    place: NDArray[np.intp]
-    first: NDArray[np.intp]
-
-    def lowest(self, values: Array) -> Array:
-        """Smallest value per column, NaN for an empty one; shape (columns,)."""
-        return self._spread(np.fmin.reduceat(values, self.first))
-
-    def highest(self, values: Array) -> Array:
-        """Largest value per column, NaN for an empty one; shape (columns,)."""
-        return self._spread(np.fmax.reduceat(values, self.first))
-
-    def _spread(self, values: Array) -> Array:
-        result = np.full(len(self.centre), np.nan)
-        result[self.place] = values
-        return result
-
-
-def columns_of(time: Array, count: int = COLUMNS) -> Columns:
-    """Divide a time, shape (n,), increasing, into columns of equal width."""
-    low, high = float(time[0]), float(time[-1])
-    width = (high - low) / count or 1.0
-    index = np.minimum(((time - low) / width).astype(np.intp), count - 1)
+def extremes(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Centres of columns of equal width over a time, shape (n,), increasing; per column the
+    smallest value of `low` and the largest of `high`, NaN for an empty one."""
+    begin, end = float(time[0]), float(time[-1])
+    width = (end - begin) / COLUMNS or 1.0
+    index = np.minimum(((time - begin) / width).astype(np.intp), COLUMNS - 1)
     place, first = np.unique(index, return_index=True)
-    centre: Array = np.asarray(low + width * (np.arange(count) + 0.5), dtype=float)
-    return Columns(centre, place, first)
+    lowest, highest = np.full((2, COLUMNS), np.nan)
+    lowest[place] = np.fmin.reduceat(low, first)
+    highest[place] = np.fmax.reduceat(high, first)
+    centre: Array = np.asarray(begin + width * (np.arange(COLUMNS) + 0.5), dtype=float)
+    return centre, lowest, highest
 
 
 def thin_series(time: Array, values: Array) -> tuple[Array, Array]:
     """Time and values of a series, at most two points per column; NaN where it breaks."""
     if len(time) <= 2 * COLUMNS:
         return with_pauses(time, values)
-    columns = columns_of(time)
-    low, high = columns.lowest(values), columns.highest(values)
+    centre, low, high = extremes(time, values, values)
     odd = np.arange(COLUMNS) % 2 == 1
     # Alternate up and down, so that no diagonal stroke crosses a column.
     pairs = np.stack([np.where(odd, high, low), np.where(odd, low, high)], axis=1)
-    return np.repeat(columns.centre, 2), pairs.ravel()
+    return np.repeat(centre, 2), pairs.ravel()
 
 
 def thin_band(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
@@ -68,8 +44,7 @@ def thin_band(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array
     if len(time) <= 2 * COLUMNS:
         spread, upper = with_pauses(time, high)
         return spread, with_pauses(time, low)[1], upper
-    columns = columns_of(time)
-    return columns.centre, columns.lowest(low), columns.highest(high)
+    return extremes(time, low, high)
 
 
 def with_pauses(time: Array, values: Array) -> tuple[Array, Array]:

@@ -21,8 +21,6 @@ from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.output.plural import plural
 
-_Row = tuple[float, Array]
-
 
 class Handover:
     """Rows and notices in order of arrival.
@@ -32,19 +30,23 @@ class Handover:
 
     def __init__(self, signals: Sequence[str]) -> None:
         self._signals = tuple(signals)
-        self._came: deque[_Row | Notice] = deque()
+        self._came: deque[Rows | Notice] = deque()
         self._count = self._dropped = 0
         self._since = 0.0
         self._changed = Condition()
 
     def row(self, time: float, values: Array) -> None:
         """Add a row: its time, s, and the readings of the signals in their order, SI."""
+        columns = dict(zip(self._signals, values.reshape(-1, 1).copy(), strict=True))
         with self._changed:
-            self._came.append((time, values))
+            self._came.append(Rows(np.array([time]), columns))
             self._count += 1
             if self._count > limits.QUEUED_ROWS:
-                rows = ((i, row) for i, row in enumerate(self._came) if isinstance(row, tuple))
-                place, (gone, _) = next(rows)
+                place, gone = next(
+                    (i, float(one.time[0]))
+                    for i, one in enumerate(self._came)
+                    if isinstance(one, Rows)
+                )
                 del self._came[place]
                 self._since = self._since if self._dropped else gone
                 self._count, self._dropped = self._count - 1, self._dropped + 1
@@ -62,25 +64,10 @@ class Handover:
                 self._changed.wait(seconds)
             came, self._came, self._count = self._came, deque(), 0
             dropped, self._dropped = self._dropped, 0
-        found: list[Rows | Notice] = []
         if dropped:
             text = f"{plural(dropped, 'row was', 'rows were')} dropped: nobody took them in time"
-            found.append(notice("gap", self._since, text))
-        rows: list[_Row] = []
-        for one in came:
-            if isinstance(one, Notice):
-                found += [*self._block(rows), one]
-                rows = []
-            else:
-                rows.append(one)
-        return found + self._block(rows)
-
-    def _block(self, rows: Sequence[_Row]) -> list[Rows | Notice]:
-        if not rows:
-            return []
-        table = np.array([values for _, values in rows])
-        columns = {name: table[:, i].copy() for i, name in enumerate(self._signals)}
-        return [Rows(np.array([time for time, _ in rows]), columns)]
+            came.appendleft(notice("gap", self._since, text))
+        return list(came)
 
 
 class Assembler:
@@ -188,7 +175,7 @@ class Assembler:
         time, self._newest = self._newest, -float("inf")
         if time > self._last:
             self._last = time
-            self._hand.row(time, self._values.copy())
+            self._hand.row(time, self._values)
         elif self._last - time > limits.LATE_INTERVALS * self._interval:
             text = (
                 f"values are {self._last - time:.3g} s older than the last row; rows are left out"
