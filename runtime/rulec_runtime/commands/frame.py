@@ -110,10 +110,6 @@ class Commands:
             else:
                 quiet_option(made)
 
-    def add_options(self, parser: argparse.ArgumentParser, command: str) -> None:
-        """Add the options of one command, without `--quiet`."""
-        self._add(parser, self._table[command]["options"])
-
     def _add(self, parser: argparse.ArgumentParser, options: Mapping[str, Any]) -> None:
         groups: dict[str, Any] = {}
         for form, given in options.items():

@@ -1,12 +1,11 @@
-"""Draw the diagnosis against the truth: Figures 10 and 11 of the seed paper."""
+"""Draw the diagnosis against the truth: Figure 10 of the seed paper."""
 
 import numpy as np
 
 from rulec_runtime.report.chart import Panel, axis
 from rulec_runtime.report.figure import Figure, plot
-from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import counted, number, percent
-from rulec_runtime.report.truth import DEGREES, ROWS, Cases, shares
+from rulec_runtime.report.truth import Cases
 
 POINTS = 120
 """Cells of the scatter plot in each direction; one mark per cell."""
@@ -36,44 +35,6 @@ def draw_cases(cases: Cases) -> Figure:
         caption=_named_right(cases),
         narrow=True,
     )
-
-
-def draw_shares(cases: Cases) -> Figure:
-    """Table of shares: discrepancy by rows, true degree by columns."""
-    table = shares(cases)
-    head = "".join(f'<th scope="col">{d}</th>' for d in (*DEGREES, "total"))
-    rows = [
-        f'<tr><th scope="row">{_signed(centre)}</th>{"".join(map(_cell, row))}'
-        f"{_cell(row.sum(), False)}</tr>"
-        for centre, row in zip(ROWS, table, strict=True)
-    ]
-    foot = "".join(_cell(v, False) for v in (*table.sum(axis=0), table.sum()))
-    body = framed(
-        "shares of cases by discrepancy and true degree",
-        '<table class="shares"><thead><tr><th>discrepancy</th>'
-        f'<th colspan="{len(DEGREES) + 1}" scope="colgroup">true degree</th></tr>'
-        f'<tr><th scope="col">diagnosed − true</th>{head}</tr></thead><tbody>{"".join(rows)}'
-        f'<tr class="total"><th scope="row">total</th>{foot}</tr></tbody></table>',
-    )
-    key = "share of cases; bins centred as written, outer ones open; a fault not named counts as 0"
-    return Figure(
-        name="shares",
-        title="Discrepancy",
-        key=key,
-        body=body,
-        caption=_close(cases, table),
-        narrow=True,
-    )
-
-
-def _signed(value: float) -> str:
-    return "0" if value == 0 else f"{value:+.1f}".replace("-", "−")
-
-
-def _cell(share: float, shaded: bool = True) -> str:
-    """A share as a cell; larger shares are darker."""
-    tint = f' style="--tint:{round(100 * min(share / 0.3, 1))}%"' if shaded and share > 0 else ""
-    return f"<td{tint}>{f'{share:.2f}' if share > 0 else '·'}</td>"
 
 
 def _one_a_cell(cases: Cases, chosen: np.ndarray, top: float) -> np.ndarray:
@@ -109,14 +70,3 @@ def _named_right(cases: Cases) -> str:
         parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {reported}")
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "."
-
-
-def _close(cases: Cases, table: np.ndarray) -> str:
-    """Shares of the cases close to the truth."""
-    middle = len(table) // 2
-    near, next_to = table[middle].sum(), table[middle - 1 : middle + 2].sum()
-    return (
-        f"{percent(float(near))} of {counted(len(cases), 'case')} lie within 0.05 of the true "
-        f"degree and {percent(float(next_to))} within 0.15; the mean absolute discrepancy is "
-        f"{number(float(np.abs(cases.discrepancy).mean()), 2)}."
-    )

@@ -9,7 +9,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
-from rulec_runtime.report.compare import draw_cases, draw_shares
+from rulec_runtime.report.compare import draw_cases
 from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.growth import draw_growth, grown
 from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, excess
@@ -42,7 +42,6 @@ def figures_of(
         yield diagnosed
     if cases is not None and len(cases):
         yield draw_cases(cases)
-        yield draw_shares(cases)
 
 
 def draw_estimates(whole: Curves) -> Figure:

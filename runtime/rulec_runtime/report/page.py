@@ -89,7 +89,7 @@ def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
         "default": "default: the whole residual vector with its uncertainties",
         "paper": "paper: Eqs. 17 to 19 of Wetterich, Kuhr, Pelz 2025 as printed",
     }[diagnosis.mode]
-    paper = "Figures 7 to 11 of Wetterich, Kuhr, Pelz, Processes 2025, 13(10), 3293"
+    paper = "Figures 7 to 10 of Wetterich, Kuhr, Pelz, Processes 2025, 13(10), 3293"
     origins = dict.fromkeys(f"{f.fault.id}: {f.fault.origin}" for f in diagnosis.findings)
     rows = [
         ("Judged", [amount]),

@@ -17,15 +17,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.time_column import NAMES, read_times
 from rulec_runtime.report.series import NOT_JUDGED
 
-ROWS = (-0.5, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.5)
-"""Centres of the bins of discrepancy, as in Figure 11 of the seed paper."""
-
-ROW_EDGES = (-0.4, -0.25, -0.15, -0.05, 0.05, 0.15, 0.25, 0.4)
-"""Edges halfway between the centres; the outer bins are open."""
-
-DEGREES = ("0", "0.2", "0.4", "0.6", "0.8 and more")
-DEGREE_EDGES = (0.1, 0.3, 0.5, 0.7)
-
 
 @dataclass(frozen=True)
 class Truth:
@@ -185,12 +176,3 @@ def cases_of(truth: Truth, trace: Trace) -> Cases:
         upper=upper,
         named=named,
     )
-
-
-def shares(cases: Cases) -> Array:
-    """Share of cases per bin of discrepancy and of true degree, shape (9, 5); sums to 1."""
-    row = np.searchsorted(ROW_EDGES, cases.discrepancy)
-    column = np.searchsorted(DEGREE_EDGES, cases.true)
-    table = np.zeros((len(ROWS), len(DEGREES)))
-    np.add.at(table, (row, column), 1.0)
-    return table / max(len(cases), 1)
