@@ -113,9 +113,6 @@ SEQUENCE = 256
 SAME_UNIT = 1e-6
 """Largest relative difference of the factors of equal units. Origin: numerical."""
 
-DEEPEST_TYPE = 10
-"""Most steps from a data type to the numeric type that it is derived from. Origin: assumed."""
-
 CHECKING = 15.0
 """Seconds for all requests that check the nodes of a server. Origin: assumed; 200 nodes need four
 requests."""

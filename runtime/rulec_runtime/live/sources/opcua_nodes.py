@@ -68,73 +68,45 @@ def numbered(node: ua.NodeId, uris: Sequence[str]) -> ua.NodeId | None:
     return ua.NodeId(node.Identifier, uris.index(uri), node.NodeIdType)
 
 
-_KINDS = ua.VariantType
-_NUMBERS = {
-    ua.ObjectIds.Number,
-    ua.ObjectIds.Integer,
-    ua.ObjectIds.UInteger,
-    *(k.value for k in _KINDS if _KINDS.Boolean.value <= k.value <= _KINDS.Double.value),
-}
-"""Numeric data types of namespace 0: built-in ones, and their base types."""
-
-
 async def scales_of(
     client: Client, channels: Sequence[Channel], nodes: Sequence[ua.NodeId], ruleset: Ruleset
 ) -> tuple[list[tuple[float, float] | str], list[str]]:
     """Factor and offset of each channel, SI = number * factor + offset, and notes on assumptions.
 
-    For a node that cannot be read, the reason instead: it is missing, not a number, or in a unit of
-    another dimension.
+    For a node that cannot be read, the reason instead: it is missing, its value is not a number, or
+    in a unit of another dimension.
     """
-    types = await _types(client, nodes)
-    ranks = await attributes_of(client, nodes, ua.AttributeIds.ValueRank)
+    values = await attributes_of(client, nodes, ua.AttributeIds.Value)
     units = await _units(client, nodes)
     scales: list[tuple[float, float] | str] = []
     notes: list[str] = []
-    for channel, type_of, rank, unit in zip(channels, types, ranks, units, strict=True):
-        if not type_of.StatusCode.is_good():
-            scales.append(
-                f"the server answers {type_of.StatusCode.name}; look the node up in its address "
-                "space"
-            )
-        elif not await _is_number(client, type_of.Value.Value):
-            kind = type_of.Value.Value
-            name = one_line(kind.to_string())
-            if kind.NamespaceIndex == 0 and isinstance(kind.Identifier, int):
-                name = ua.ObjectIdNames.get(kind.Identifier) or name
-            scales.append(f"the node holds {name}; a number is needed")
-        elif channel.index is None and rank.StatusCode.is_good() and rank.Value.Value >= 0:
-            scales.append(
-                "the node holds an array; write 'index: 0' at the signal for its first number"
-            )
-        else:
-            try:
-                scales.append(_scale(channel, unit, ruleset, notes))
-            except ValueError as error:
-                scales.append(one_line(str(error)))
+    for channel, value, unit in zip(channels, values, units, strict=True):
+        try:
+            scales.append(_unfit(value, channel) or _scale(channel, unit, ruleset, notes))
+        except ValueError as error:
+            scales.append(one_line(str(error)))
     return scales, notes
+
+
+def _unfit(value: ua.DataValue, channel: Channel) -> str:
+    """Why the value of a node is no reading; empty if it may be one, or come later."""
+    if is_gone(value):
+        name = value.StatusCode.name
+        return f"the server answers {name}; look the node up in its address space"
+    held: Any = None if value.Value is None else value.Value.Value
+    if isinstance(held, list | tuple):
+        if channel.index is None:
+            return "the node holds an array; write 'index: 0' at the signal for its first number"
+        held = held[channel.index] if channel.index < len(held) else None
+    if held is None or isinstance(held, int | float):
+        return ""
+    return f"the node holds {value.Value.VariantType.name}; a number is needed"
 
 
 async def gone_of(client: Client, nodes: Sequence[ua.NodeId]) -> set[int]:
     """Indices of the nodes that the server no longer has."""
     classes = await attributes_of(client, nodes, ua.AttributeIds.NodeClass)
     return {i for i, one in enumerate(classes) if is_gone(one)}
-
-
-async def _types(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValue]:
-    """The data type of each node; for a node of any type, that of its present value."""
-    types = await attributes_of(client, nodes, ua.AttributeIds.DataType)
-    any_type = ua.NodeId(ua.ObjectIds.BaseDataType)
-    open_ones = [
-        i for i, t in enumerate(types) if t.StatusCode.is_good() and t.Value.Value == any_type
-    ]
-    values = await attributes_of(client, [nodes[i] for i in open_ones], ua.AttributeIds.Value)
-    for i, value in zip(open_ones, values, strict=True):
-        # An empty node may hold a number later; all values are checked anyway.
-        kind = _KINDS.Double if value.Value is None else value.Value.VariantType
-        kind = _KINDS.Double if kind == _KINDS.Null else kind
-        types[i] = ua.DataValue(ua.Variant(ua.NodeId(kind.value)))
-    return types
 
 
 def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> tuple[float, float]:
@@ -193,20 +165,6 @@ def _unit_text(value: ua.DataValue) -> str:
     information: Any = value.Value.Value if value.Value is not None else None
     text = getattr(getattr(information, "DisplayName", None), "Text", None)
     return str(text).strip() if text else ""
-
-
-async def _is_number(client: Client, type_id: ua.NodeId) -> bool:
-    """Whether a data type is numeric, or derived from a numeric one."""
-    for _ in range(limits.DEEPEST_TYPE):
-        if type_id.NamespaceIndex == 0 and type_id.Identifier in _NUMBERS:
-            return True
-        parents = await client.get_node(type_id).get_referenced_nodes(
-            ua.ObjectIds.HasSubtype, ua.BrowseDirection.Inverse
-        )
-        if not parents:
-            return False
-        type_id = parents[0].nodeid
-    return False
 
 
 def read_once(server: Server, ids: Sequence[str], seconds: float) -> list[str]:
