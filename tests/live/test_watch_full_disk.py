@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
-from rulec_runtime.commands.watch_opened import KeptFiles, kept_files, kept_journal
+from rulec_runtime.commands.watch_opened import KeptFiles, kept_journal
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal
@@ -26,9 +26,7 @@ def kept(
     with ExitStack() as stack:
         where = str(folder / "state") if state else None
         events = str(folder / "events.jsonl")
-        files = kept_files(events, where, "abc", waiting, stack, unwritten)
-        assert files is not None
-        yield files, unwritten
+        yield KeptFiles((events, where), "abc", waiting, stack, unwritten), unwritten
 
 
 def put(files: KeptFiles, number: int, dated: bool = True) -> Event:

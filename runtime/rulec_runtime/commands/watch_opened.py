@@ -57,7 +57,9 @@ def opened(
     if options.journal:
         journal = kept_journal(options.journal, ruleset.plant, folder, stack, unwritten)
     waiting = folder or (None if journal is None else journal.folder)
-    files = kept_files(options.events, options.state, ruleset.plant, waiting, stack, unwritten)
+    files, names = None, (options.events, options.state)
+    if any(names):
+        files = KeptFiles(names, ruleset.plant, waiting, stack, unwritten)
     memory, position = _restored(ruleset, files, journal)
     own = None if files is None else files.folder
     sinks = sinks_of(options, ruleset, waiting or own, stack)
@@ -304,49 +306,42 @@ def _released(journal: Journal, plant: str) -> None:
 
 
 class KeptFiles:
-    """Files with their outbox; `folder` holds what waits."""
+    """Files of events and of the state after them, with their outbox; `folder` holds what waits.
 
-    def __init__(self, files: Files, outbox: Outbox, plant: str, folder: Path) -> None:
-        self._files, self.sink = files, outbox
-        self.folder = folder
-        self._left = outbox.left  # read first: what is written meanwhile is in the file
-        last = 0 if files.lines is None else files.lines.last(plant)
-        outbox.written = max(last, outbox.newest)
+    The end of `stack` writes that, or adds a message to `unwritten`. Raises `JournalRefused` for a
+    foreign file, or one in a folder that does not exist.
+    """
+
+    def __init__(
+        self,
+        names: tuple[str | None, str | None],
+        plant: str,
+        folder: Path | None,
+        stack: ExitStack,
+        unwritten: list[str],
+    ) -> None:
+        files = [Path(name) for name in names if name]
+        for file in files:
+            if not file.parent.is_dir():
+                raise JournalRefused(f"{file}: there is no such folder")
+        events, state = names
+        lines = LinesFile(Path(events)) if events else None
+        if lines is not None:
+            stack.callback(lines.close)
+        self.folder = folder or files[-1].parent
+        self._state = Path(state) if state else None
+        sink = Files(lines, self._state)
+        name = files[0].name
+        self.sink = waiting_in(self.folder, name, sink, plant, stack, unwritten, ahead=True)
+        self._left = self.sink.left  # read first: what is written meanwhile is in the file
+        last = 0 if lines is None else lines.last(plant)
+        self.sink.written = max(last, self.sink.newest)
 
     def saved(self) -> list[tuple[bytes, str]]:
         """Saved states, each with its place; the one with the most events is the latest."""
-        state = self._files.state
-        found = []
+        state, found = self._state, []
         if state is not None and state.exists():
             found.append((bytes_of(state, limits.LARGEST_STATE), str(state)))
         if state is not None and self._left is not None:
             found.append((self._left[1], str(self.sink.file)))
         return found
-
-
-def kept_files(
-    events: str | None,
-    state: str | None,
-    plant: str,
-    folder: Path | None,
-    stack: ExitStack,
-    unwritten: list[str],
-) -> KeptFiles | None:
-    """Open the named files, if any; the end of `stack` writes what waits, or adds a message to
-    `unwritten`.
-
-    Raises `JournalRefused` for a foreign file, or one in a folder that does not exist.
-    """
-    names = [Path(name) for name in (events, state) if name]
-    if not names:
-        return None
-    for file in names:
-        if not file.parent.is_dir():
-            raise JournalRefused(f"{file}: there is no such folder")
-    lines = LinesFile(Path(events)) if events else None
-    if lines is not None:
-        stack.callback(lines.close)
-    folder = folder or names[-1].parent
-    files = Files(lines, Path(state) if state else None)
-    outbox = waiting_in(folder, names[0].name, files, plant, stack, unwritten, ahead=True)
-    return KeptFiles(files, outbox, plant, folder)

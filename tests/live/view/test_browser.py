@@ -103,7 +103,7 @@ def test_nothing_overflows_and_all_text_can_be_read(chromium: Browser, plant: Pl
             assert not chromium.run(OVERFLOW), (name, width)
             assert [] == chromium.run(CONTRAST), (name, scheme)
     assert [] == chromium.complaints()
-    assert {url, f"{url}events"} == chromium.asked_for()
+    assert {url, f"{url}now"} == chromium.asked_for()
 
 
 def test_page_follows_the_plant_and_keeps_what_is_open(chromium: Browser, plant: Plant) -> None:
@@ -147,7 +147,7 @@ def test_without_scripts_forms_work(chromium: Browser, plant: Plant) -> None:
         chromium.look(390)
         chromium.open(url)
         chromium.wait("document.body.innerText.includes('even its noise is gone')")
-        assert f"{url}events" not in chromium.asked_for()
+        assert f"{url}now" not in chromium.asked_for()
         acknowledge(chromium)
         assert url == chromium.run("location.href")
     finally:
@@ -173,4 +173,4 @@ def test_hostile_texts_run_nothing(chromium: Browser, plant: Plant) -> None:
         assert "undefined" == chromium.run("typeof window.pwned")
         assert not chromium.run(OVERFLOW)
     assert [] == chromium.complaints()
-    assert {url, f"{url}events"} == chromium.asked_for()
+    assert {url, f"{url}now"} == chromium.asked_for()

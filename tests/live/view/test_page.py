@@ -1,12 +1,10 @@
 """The page: what it shows, whom it lets in, and that no text of the plant becomes markup."""
 
-import asyncio
 import contextlib
 import html.parser
 import json
 import re
 import socket
-import threading
 import time
 import unicodedata
 from collections.abc import Iterator
@@ -18,16 +16,15 @@ from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.html import LOOK, POLICY, SCRIPT, key_of
 from rulec_runtime.live.view.machine_forms import TYPE, metrics
-from rulec_runtime.live.view.page import Board, Page, Streams, application, serve
+from rulec_runtime.live.view.page import Board, Page, application, serve
 from rulec_runtime.live.view.page_access import Gate, PageRefused, is_loopback
 from starlette.testclient import TestClient
 
-from tests.live.test_watch import until
 from tests.live.view.nows import TEXTS, before, failing, healthy, hostile, leaking
 
 TOKEN = "correct horse battery staple"
 BEARER = {"authorization": f"Bearer {TOKEN}"}
-PATHS = ("/", "/events", "/now.json", "/metrics", "/acknowledge", "/nothing")
+PATHS = ("/", "/now", "/now.json", "/metrics", "/acknowledge", "/nothing")
 
 
 def asked(
@@ -251,31 +248,7 @@ def test_no_text_becomes_markup_a_line_or_a_control_character(text: str) -> None
     assert json.loads(data)["title"] == now.title
     samples = [s for s in client.get("/metrics").text.splitlines() if not s.startswith("#")]
     assert all(SAMPLE.fullmatch(s) for s in samples)
-    event = asyncio.run(first_event(now))
-    assert 2 == len(event.strip().splitlines())
-
-
-async def first_event(now: Now) -> str:
-    return await anext(aiter(Streams(Board(lambda: now, "seal")).one()))
-
-
-def test_events_and_beats(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "REDRAWN", 0.01)
-    monkeypatch.setattr(limits, "TICK", 0.05)
-    state = [leaking()]
-    board = Board(lambda: state[0], "seal")
-
-    async def run() -> list[str]:
-        found = []
-        async for event in Streams(board).one():
-            found.append(event.partition("\n")[0].removeprefix("event: "))
-            if len(found) == 4:
-                state[0] = failing()
-            if len(found) == 6:
-                board.closing.set()
-        return found
-
-    assert ["now", "beat", "beat", "beat", "now", "beat"] == asyncio.run(run())
+    assert client.get("/now").json()["main"] in page
 
 
 @pytest.fixture
@@ -288,23 +261,6 @@ def served() -> Iterator[Page]:
 
 def port_of(page: Page) -> int:
     return int(page.url.rsplit(":", 1)[1].strip("/"))
-
-
-def test_server_counts_pages(served: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that has gone counts no more."""
-    monkeypatch.setattr(limits, "MOST_STREAMS", 1)
-    events = f"{served.url}events"
-    with httpx.stream("GET", events) as stream:
-        lines = stream.iter_lines()  # what is forgotten is closed
-        assert "event: now" == next(lines)
-        assert 503 == httpx.get(events).status_code
-        assert 200 == httpx.get(served.url).status_code
-
-    def let_in() -> bool:
-        with httpx.stream("GET", events) as stream:
-            return stream.status_code == 200
-
-    until(let_in)
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: local"])
@@ -335,21 +291,12 @@ def test_connections_that_ask_nothing_shut_nobody_out(
 
 
 def test_close_sends_everybody_away_and_frees_the_port(served: Page) -> None:
-    started = threading.Event()
-
-    def listen() -> None:
-        with httpx.stream("GET", f"{served.url}events", timeout=5.0) as stream:
-            for _ in stream.iter_lines():
-                started.set()
-
-    listener = threading.Thread(target=listen)
-    listener.start()
-    assert started.wait(5.0)
-    with pytest.raises(OSError, match="in use"):
-        serve(leaking, "127.0.0.1", port_of(served), None, lambda *_: None)
-    since = time.monotonic()
-    served.close()
-    assert time.monotonic() - since < 3.0
-    listener.join(5.0)
-    assert not listener.is_alive()
+    with socket.create_connection(("127.0.0.1", port_of(served))) as idle:
+        with pytest.raises(OSError, match="in use"):
+            serve(leaking, "127.0.0.1", port_of(served), None, lambda *_: None)
+        since = time.monotonic()
+        served.close()
+        assert time.monotonic() - since < 3.0
+        with contextlib.suppress(ConnectionError):
+            assert idle.recv(1) == b""
     serve(leaking, "127.0.0.1", port_of(served), None, lambda *_: None).close()

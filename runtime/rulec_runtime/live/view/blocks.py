@@ -21,13 +21,12 @@ from rulec_runtime.live.view.words import (
     link,
     modules,
     overall,
-    symbol_of,
     unjudged,
     unseen,
 )
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.terminal_findings import COLOURS, explanation
-from rulec_runtime.report.wording import SHOWN, status_in_words
+from rulec_runtime.report.wording import SHOWN, STATUS, status_in_words
 
 BAR_CELLS = 18
 """Length of the bar of a residual, in cells."""
@@ -44,7 +43,7 @@ def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
     if now.remark:
         yield _short(styled("  {}", now.remark), width)
     parts = [
-        styled("{} [{}]{}[/]", name, _colour(one), symbol_of(one) + f" {one}")
+        styled("{} [{}]{}[/]", name, _colour(one), f"{STATUS[one][0]} {one}")
         for name, _, one in modules(now)
     ]
     if parts:
@@ -184,4 +183,4 @@ def _short(text: Text, cells: int) -> Text:
 
 
 def _colour(letter: str) -> str:
-    return COLOURS.get(letter, "default")
+    return COLOURS.get(letter, "default")  # nothing was judged yet

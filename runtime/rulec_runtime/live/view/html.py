@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rulec_runtime.live.episode import QUIET, Event
 from rulec_runtime.live.moment import Now
-from rulec_runtime.live.view.limits import BAR_ENDS, LATEST_EVENTS, RETRY, SILENT, STATIC
+from rulec_runtime.live.view.limits import BAR_ENDS, LATEST_EVENTS, SILENT, STATIC, TICK
 from rulec_runtime.live.view.words import (
     Bar,
     Card,
@@ -18,14 +18,12 @@ from rulec_runtime.live.view.words import (
     link,
     modules,
     overall,
-    symbol_of,
     unjudged,
     unseen,
 )
 from rulec_runtime.report.document import STYLE
-from rulec_runtime.report.html_findings import REMARKS, ground_of
+from rulec_runtime.report.html_findings import REMARKS, badge, ground_of
 from rulec_runtime.report.text import counted, safe
-from rulec_runtime.report.wording import STATUS
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
 LOOK = STYLE + Path(__file__).with_name("page.css").read_text(encoding="utf-8")
@@ -50,7 +48,7 @@ def page_of(now: Now, age: float | None, main: str) -> str:
         '<link rel="icon" href="data:,"/>'
         f'<noscript><meta http-equiv="refresh" content="{STATIC}"/></noscript>'
         f"<title>{safe(title_of(now))}</title><style>{LOOK}</style></head>\n"
-        f'<body data-silent="{1000 * SILENT:.0f}" data-retry="{1000 * RETRY:.0f}">'
+        f'<body data-every="{1000 * TICK:.0f}" data-silent="{1000 * SILENT:.0f}">'
         f'<header><h1>{safe(now.title)}</h1><span class="soft">{safe(now.plant)}</span></header>\n'
         '<p id="lost" role="alert" hidden><strong>✗ Connection lost.</strong> This page is no '
         "longer kept up to date; it is trying again.</p>\n"
@@ -79,19 +77,20 @@ def link_of(now: Now, age: float | None) -> str:
 def main_of(now: Now, seal: str) -> str:
     """Everything that changes, except the connection."""
     symbol, letter, meaning = overall(now)
+    status = badge(letter) if letter else f'<span class="badge is-none">{symbol}</span>'
     found = list(cards(now))
     findings = [card for card in found if card.episode.kind != "blind"]
     blind = [card for card in found if card.episode.kind == "blind"]
     sections = "".join(_card(now, card, seal) for card in findings)
     chips = "".join(
-        f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{mark(one)}</li>'
+        f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{badge(one, True)}</li>'
         for name, title, one in modules(now)
     )
     below = "" if _sentence(meaning) == lead(now) else safe(_sentence(meaning))
     events = "".join(_event(now, event) for event in now.past[:LATEST_EVENTS])
     past = f'<ol class="events">{events}</ol>' if events else ""
     return (
-        f'<div class="status">{_badge(symbol, letter, "badge")}<p role="status">'
+        f'<div class="status">{status}<p role="status">'
         f'<strong>{safe(lead(now))}</strong><span class="soft">{below}</span></p></div>'
         f'<div class="sides"><div>{sections}{_residuals(now)}</div>'
         f"<div>{_section('Modules', f'<ul class=modules>{chips}</ul>' if chips else '')}"
@@ -100,23 +99,9 @@ def main_of(now: Now, seal: str) -> str:
     )
 
 
-def mark(letter: str) -> str:
-    """Small badge for a letter of NE 107."""
-    return _badge(symbol_of(letter), letter, "badge small")
-
-
 def key_of(episode: str) -> str:
     """An episode id for a form: the id itself may contain anything."""
     return hashlib.sha256(episode.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-
-
-def _badge(symbol: str, letter: str, kind: str) -> str:
-    text = safe(f"{symbol} {letter}".strip())
-    return f'<span class="{kind} is-{_known(letter)}">{text}</span>'
-
-
-def _known(letter: str) -> str:
-    return letter if letter in STATUS else "none"
 
 
 def _sentence(text: str) -> str:
@@ -150,7 +135,7 @@ def _card(now: Now, card: Card, seal: str) -> str:
             f"{ground_of(now.diagnosis.ruleset, card.finding)}</div></details>"
         )
     return (
-        f'<section class="finding is-{_known(episode.status)}"><h3>{mark(episode.status)} '
+        f'<section class="finding is-{episode.status}"><h3>{badge(episode.status, True)} '
         f"{safe(card.title)}</h3><dl>{body}</dl>{why}{_note(card, seal)}</section>"
     )
 
@@ -195,7 +180,7 @@ def _residual(bar: Bar) -> str:
 
 def _blind(now: Now, active: list[Card], seal: str) -> str:
     parts = [
-        f'<div class="blind is-C"><p>{mark(c.episode.status)} {safe(c.title)} '
+        f'<div class="blind is-C"><p>{badge(c.episode.status, True)} {safe(c.title)} '
         f'<span class="soft">{safe(c.since)}</span></p>{_note(c, seal)}</div>'
         for c in active
     ]
@@ -216,6 +201,7 @@ def _event(now: Now, event: Event) -> str:
     letter = "ok" if what in QUIET else event.episode.status
     noted = ' <span class="soft">✓ acknowledged</span>'
     return (
-        f'<li><span>{mark(letter)}</span><span><span class="soft">{safe(when)} {safe(what)}</span>'
+        f"<li><span>{badge(letter, True)}</span><span>"
+        f'<span class="soft">{safe(when)} {safe(what)}</span>'
         f"<br/>{safe(text)}{noted if event.episode.id in now.acknowledged else ''}</span></li>"
     )

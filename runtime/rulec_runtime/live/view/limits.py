@@ -9,18 +9,11 @@ TICK = 1.0
 assumed; ages are shown in seconds."""
 
 SILENT = 6.0
-"""Silence of the server after which a page reports a lost connection, s. Origin: assumed; six
-heartbeats, one per `TICK`."""
-
-RETRY = 2.0
-"""Wait of a page before it reconnects, s. Origin: assumed."""
+"""Silence of the server after which a page reports a lost connection, s. Origin: assumed; six times
+`TICK`, with which a page asks for what has changed."""
 
 STATIC = 10
 """Interval at which a browser without scripts reloads the page, s. Origin: assumed."""
-
-MOST_STREAMS = 32
-"""Most pages with live updates. Origin: assumed; a control room and its telephones. Each costs a
-connection."""
 
 MOST_CONNECTIONS = 128
 """Most simultaneous connections; more are refused with 503. Origin: assumed; four per page."""
@@ -35,10 +28,6 @@ server keeps an idle one open."""
 
 LONGEST_FORM = 4096
 """Most bytes of a form. Origin: assumed; a key and a token have a hundred."""
-
-GONE = 20.0
-"""Seconds without an acknowledgement of sent data after which a page counts as gone. Origin:
-assumed; a telephone that left the network must not keep its place among `MOST_STREAMS`."""
 
 SHORTEST_TOKEN = 16
 """Least characters of a token, if other machines can reach the page. Origin: assumed; sixteen

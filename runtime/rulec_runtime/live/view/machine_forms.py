@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from rulec_runtime.live.episode import Episode, form_of
+from rulec_runtime.live.episode import Episode, Event, form_of
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.words import modules
 from rulec_runtime.output.terminal import machine_text, one_line
@@ -31,7 +31,7 @@ def now_form(now: Now, age: float | None) -> dict[str, Any]:
         "remark": now.remark,
         "active": [_episode(now, episode) for episode in now.active],
         "residuals": _residuals(now),
-        "past": [form_of(event, now.plant, now.calendar) for event in now.past],
+        "past": [_event(now, event) for event in now.past],
         "diagnosis": diagnosis_form(now.diagnosis) if now.diagnosis else None,
     }
 
@@ -57,6 +57,12 @@ def _episode(now: Now, episode: Episode) -> dict[str, Any]:
     form["alternatives"] = [{"fault": n, "probability": p} for n, p in episode.alternatives]
     form["acknowledged"] = episode.id in now.acknowledged
     return {**form, **_dates(now.calendar, since=episode.since, until=episode.until)}
+
+
+def _event(now: Now, event: Event) -> dict[str, Any]:
+    form = form_of(event, now.plant, now.calendar)
+    form["episode"]["acknowledged"] = event.episode.id in now.acknowledged
+    return form
 
 
 def _dates(calendar: Calendar | None, **times: float) -> dict[str, str]:

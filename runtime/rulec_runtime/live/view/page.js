@@ -1,13 +1,8 @@
 "use strict";
 (() => {
   const main = document.getElementById("now"), link = document.getElementById("link");
-  const lost = document.getElementById("lost"), { silent, retry } = document.body.dataset;
-  let stream = null, timer = 0, held = false, waiting = null;
-
-  function soon(what, after) { clearTimeout(timer); timer = setTimeout(what, after); }
-  function close() { if (stream) stream.close(); stream = null; }
-  function gone() { lost.hidden = false; close(); soon(start, Number(retry)); }
-  function alive() { lost.hidden = true; soon(gone, Number(silent)); }
+  const lost = document.getElementById("lost"), { every, silent } = document.body.dataset;
+  let seen = "", held = false, waiting = null;
 
   function put(told) {
     if (held) { waiting = told; return; }
@@ -22,13 +17,18 @@
     if (main.querySelector(".events")) main.querySelector(".events").scrollTop = scroll;
   }
 
-  function start() {
-    close();
-    stream = new EventSource("events");
-    stream.addEventListener("now", (event) => { alive(); put(JSON.parse(event.data)); });
-    stream.addEventListener("beat", (event) => { alive(); link.innerHTML = JSON.parse(event.data); });
-    stream.onerror = gone;
-    soon(gone, Number(silent));
+  async function look() {
+    try {
+      const answer = await fetch("now", { signal: AbortSignal.timeout(Number(silent)) });
+      if (!answer.ok) throw new Error(answer.statusText);
+      const told = await answer.json();
+      lost.hidden = true;
+      link.innerHTML = told.link;
+      if (told.main !== seen) { seen = told.main; put(told); }
+    } catch {
+      lost.hidden = false;
+    }
+    setTimeout(look, Number(every));
   }
 
   // A button must not be replaced under the finger that presses it.
@@ -54,7 +54,5 @@
     }
   });
 
-  addEventListener("pagehide", () => { clearTimeout(timer); close(); });
-  addEventListener("pageshow", (event) => { if (event.persisted) start(); });
-  start();
+  look();
 })();

@@ -1,22 +1,20 @@
-"""Serves the page, its events, JSON and metrics; accepts only acknowledgements.
+"""Serves the page, what changes on it, JSON and metrics; accepts only acknowledgements.
 
 Needs the extra `page`.
 """
 
 import asyncio
 import contextlib
-import json
 import socket
 import threading
-import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from dataclasses import replace
 from urllib.parse import parse_qs
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from rulec_runtime.live.moment import Now
@@ -24,7 +22,6 @@ from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.html import key_of, link_of, main_of, page_of, title_of
 from rulec_runtime.live.view.machine_forms import TYPE, metrics, now_text
 from rulec_runtime.live.view.page_access import Door, Gate, Visitor
-from rulec_runtime.live.view.words import news
 
 Acknowledge = Callable[[str, str], None]
 
@@ -41,7 +38,6 @@ class Board:
         self._seal = seal
         self._lock = threading.Lock()
         self._made: tuple[Now, str] | None = None
-        self.closing = threading.Event()
 
     def now(self) -> tuple[Now, float | None]:
         """The present moment, and the age of its last row, s."""
@@ -59,11 +55,9 @@ class Board:
 class Page:
     """A page that is served in its own thread until it is closed."""
 
-    def __init__(
-        self, server: uvicorn.Server, board: Board, bound: socket.socket, url: str
-    ) -> None:
+    def __init__(self, server: uvicorn.Server, bound: socket.socket, url: str) -> None:
         self.url = url
-        self._server, self._board, self._bound = server, board, bound
+        self._server, self._bound = server, bound
         self._thread = threading.Thread(
             target=_serve, args=(server, bound), name="page", daemon=True
         )
@@ -71,7 +65,6 @@ class Page:
 
     def close(self) -> None:
         """Close all connections; returns when the port is free."""
-        self._board.closing.set()
         self._server.should_exit = True
         self._thread.join()
         self._bound.close()
@@ -99,9 +92,6 @@ def serve(
     gate = Gate(host, port, token)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     bound = socket.create_server((host, port), family=family)
-    with contextlib.suppress(OSError, AttributeError):
-        after = int(1000 * limits.GONE)
-        bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, after)
     port = bound.getsockname()[1]
     gate = replace(gate, port=port)
     board = Board(state_of, gate.seal)
@@ -120,21 +110,20 @@ def serve(
         timeout_graceful_shutdown=1,
     )
     shown = f"[{host}]" if ":" in host else host
-    return Page(uvicorn.Server(config), board, bound, f"http://{shown}:{port}/")
+    return Page(uvicorn.Server(config), bound, f"http://{shown}:{port}/")
 
 
 def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
     """All paths behind the gate."""
-    streams = Streams(board)
 
     async def page(_: Request) -> Response:
         now, age = board.now()
         return HTMLResponse(page_of(now, age, board.main(now)))
 
-    async def events(_: Request) -> Response:
-        if streams.count >= limits.MOST_STREAMS:
-            return PlainTextResponse("too many pages are open\n", 503)
-        return StreamingResponse(streams.one(), media_type="text/event-stream")
+    async def changed(_: Request) -> Response:
+        now, age = board.now()
+        parts = {"title": title_of(now), "link": link_of(now, age), "main": board.main(now)}
+        return JSONResponse(parts)
 
     async def data(_: Request) -> Response:
         return Response(now_text(*board.now()), media_type="application/json")
@@ -164,7 +153,7 @@ def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
 
     routes = [
         Route("/", page),
-        Route("/events", events),
+        Route("/now", changed),
         Route("/now.json", data),
         Route("/metrics", measured),
         Route("/acknowledge", noted, methods=["POST"]),
@@ -185,34 +174,3 @@ async def _form(request: Request) -> dict[str, str] | None:
     except ValueError:
         return None
     return {name: values[-1] for name, values in fields.items()}
-
-
-class Streams:
-    """Server-sent events: the page after each change, and a heartbeat."""
-
-    def __init__(self, board: Board) -> None:
-        self.count = 0
-        self._board = board
-
-    async def one(self) -> AsyncIterator[str]:
-        """Events for one page, until it or the server closes."""
-        self.count += 1
-        try:
-            sent, seen, last = "", (), 0.0  # type: tuple[str, tuple[object, ...], float]
-            while not self._board.closing.is_set():
-                now, age = self._board.now()
-                if news(now) != seen or time.monotonic() - last >= limits.TICK:
-                    seen, last = news(now), time.monotonic()
-                    main = self._board.main(now)
-                    if main != sent:
-                        sent = main
-                        yield _event("now", {"main": main, "title": title_of(now)})
-                    yield _event("beat", link_of(now, age))
-                await asyncio.sleep(limits.REDRAWN)
-        finally:
-            self.count -= 1
-
-
-def _event(name: str, data: object) -> str:
-    """One event; JSON contains no line breaks, which would end it."""
-    return f"event: {name}\ndata: {json.dumps(data)}\n\n"

@@ -89,7 +89,7 @@ def _card(now: Now, episode: Episode) -> Card:
     size = f"{degree(episode.degree, episode.unit)} ({ends})" if measured else ""
     return Card(
         episode=episode,
-        symbol=symbol_of(episode.status),
+        symbol=STATUS[episode.status][0],
         title=title,
         size=size,
         meaning=fault.meaning if fault else "",
@@ -117,17 +117,12 @@ def _others(ruleset: Ruleset | None, episode: Episode) -> str:
     )
 
 
-def symbol_of(letter: str) -> str:
-    """Symbol of a letter of NE 107."""
-    return STATUS[letter][0] if letter in STATUS else "?"
-
-
 def overall(now: Now) -> tuple[str, str, str]:
     """Symbol, letter and meaning of the overall status."""
     if now.status == "ok" and not now.judged:
         return NOTHING_YET
-    meaning = STATUS[now.status][1] if now.status in STATUS else ""
-    return symbol_of(now.status), now.status, meaning
+    symbol, meaning = STATUS[now.status]
+    return symbol, now.status, meaning
 
 
 def lead(now: Now) -> str:
@@ -191,7 +186,7 @@ def unseen(now: Now) -> tuple[str, ...]:
 def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
     """Time, symbol and letter, kind of change, and text of an event."""
     letter = "ok" if event.what in QUIET else event.episode.status
-    badge = f"{symbol_of(letter)} {letter}"
+    badge = f"{STATUS[letter][0]} {letter}"
     return moment(now.calendar, event.time), badge, event.what, event.text
 
 
