@@ -37,14 +37,10 @@ def engine_of(where: str, make: bool) -> tuple[sa.Engine, str]:
             "this URL of a journal cannot be read; for example "
             "postgresql+psycopg://name@host/database"
         ) from None
-    if url.drivername in ("sqlite", "sqlite+pysqlite"):
-        if not url.database or url.database == ":memory:" or url.query:
-            raise JournalRefused("a journal needs a file: sqlite:///FILE")
-        return _file(Path(url.database), make), url.database
     if url.drivername in _SERVERS:
         return _server(url.set(drivername="postgresql+psycopg"))
     raise JournalRefused(
-        f"a journal is a file, sqlite:/// or postgresql+psycopg://, not {url.drivername}://"
+        f"a journal is a file or postgresql+psycopg://..., not {url.drivername}://"
     )
 
 

@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Condition, Thread
 from typing import Any, Protocol
@@ -144,16 +144,11 @@ class Outbox:
     ) -> None:
         self._sink, self._plant, self._say, self._noting = sink, plant, say, noting
         self.file, self._ahead, self._clock = file, ahead, clock
-        left = Pending() if file is None else waiting(file, plant)
-        self.dated = left.dated or not left.events
-        """Whether times are s since 1970; a source may know that only from its first rows on."""
+        self._pending = Pending() if file is None else waiting(file, plant)
         self.written = 0
         """Number of the last event that is stored already, and not taken again."""
-        self._events: list[Event] = list(left.events)
-        self._state = left.state
-        self._notes = list(left.notes)
-        self._spilled = bool(left)
-        self._changes = self._kept = 0  # number of calls of `put`; how many of them are in the file
+        self._spilled = bool(self._pending)
+        self._kept = self._pending  # what is in the file, or need not be
         self._trouble: float | None = None  # since when the sink fails, by the clock
         self._wait = limits.FIRST_RETRY
         self._due = self._spill_due = self._written = clock()
@@ -166,9 +161,10 @@ class Outbox:
     def left(self) -> tuple[int, bytes] | None:
         """The pending state and the number of the last event before it; None without one. A watcher
         starts from it, unless the state of the sink is newer."""
-        with self._changed:
-            state = self._state
-            return (self._events[-1].number, state) if self._events and state is not None else None
+        left = self._pending
+        if not left.events or left.state is None:
+            return None
+        return left.events[-1].number, left.state
 
     @property
     def place(self) -> str:
@@ -178,24 +174,23 @@ class Outbox:
     @property
     def newest(self) -> int:
         """Number of the last pending event; 0 without one."""
-        with self._changed:
-            return self._events[-1].number if self._events else 0
+        events = self._pending.events
+        return events[-1].number if events else 0
 
     @property
     def pending(self) -> int:
         """Number of pending events and acknowledgements."""
-        with self._changed:
-            return len(self._events) + len(self._notes)
+        return len(self._pending.events) + len(self._pending.notes)
 
     @property
     def noted(self) -> frozenset[str]:
         """Ids of the episodes whose acknowledgements wait."""
-        with self._changed:
-            return frozenset(note.episode for note in self._notes)
+        return frozenset(note.episode for note in self._pending.notes)
 
     def told(self) -> str:
         """What waits, for people."""
-        counts = ((len(self._events), "event"), (len(self._notes), "acknowledgement"))
+        events, notes = self._pending.events, self._pending.notes
+        counts = ((len(events), "event"), (len(notes), "acknowledgement"))
         return " and ".join(counted(number, what) for number, what in counts if number)
 
     def put(self, news: Sequence[Event], state: bytes | None = None, *, dated: bool = True) -> None:
@@ -207,22 +202,23 @@ class Outbox:
         with self._changed:
             if self._refused is not None:
                 raise JournalRefused(self._refused)
-            self.dated = dated
-            events = [event for event in news if event.number > self.written]
-            if events and len(self._events) + len(events) > limits.MOST_PENDING:
+            before = self._pending
+            new = [event for event in news if event.number > self.written]
+            if new and len(before.events) + len(new) > limits.MOST_PENDING:
                 raise JournalTrouble(
-                    f"{self.place}: {len(self._events)} events wait to be written, no more "
+                    f"{self.place}: {len(before.events)} events wait to be written, no more "
                     "are taken"
                 )
-            self._events.extend(events)
-            self._state = state if state is not None or events else self._state
-            self._changes += 1
+            state = before.state if state is None and not new else state
+            events = (*before.events, *new)
+            self._pending = replace(before, events=events, state=state, dated=dated)
             self._changed.notify_all()
             if self._ahead:
-                self._changed.wait_for(
-                    lambda: self._idle() or self._trouble is not None or self._refused is not None,
-                    limits.BUSY,
-                )
+                self._changed.wait_for(self._settled, limits.BUSY)
+
+    def _settled(self) -> bool:
+        """Whether nothing waits, or nothing is accepted now."""
+        return not self._pending or self._trouble is not None or self._refused is not None
 
     def show(self, now: Now) -> None:
         """Only what has changed is stored."""
@@ -231,8 +227,8 @@ class Outbox:
         """Acknowledge an episode; returns at once."""
         with self._changed:
             if episode not in self.noted:
-                self._notes.append(Note(episode, by, time.time()))
-                self._changes += 1
+                notes = (*self._pending.notes, Note(episode, by, time.time()))
+                self._pending = replace(self._pending, notes=notes)
                 self._changed.notify_all()
 
     def start(self) -> None:
@@ -256,17 +252,16 @@ class Outbox:
 
     def step(self) -> float:
         """Try to write, if that is due; returns the s until the next attempt."""
-        now = self._clock()
-        pending, changes = self._waiting()
+        now, pending = self._clock(), self._pending
         idle = not pending and now < self._written + limits.RENEWED
         if idle or self._refused is not None:
             return limits.RENEWED
         if self._trouble is not None:
-            self._keep(pending, changes)  # before an attempt that may take long
+            self._keep(pending)  # before an attempt that may take long
         if now >= self._due:
             try:
                 if self._ahead and pending.events:
-                    self._save(pending, changes)
+                    self._save(pending)
                 self._sink.commit(self._plant, pending.events, pending.state, dated=pending.dated)
                 self._noting(pending.notes)
             except (JournalTrouble, OSError) as error:
@@ -276,35 +271,25 @@ class Outbox:
             except Exception as error:  # a bug of ours must neither end the diagnosis nor be silent
                 self._stopped(f"{self.place}: {type(error).__name__}: {error}")
             else:
-                self._done(pending, changes, now)
-                return limits.RENEWED if self._idle() else 0.0
-            self._keep(pending, changes)
-        due = self._due if self._kept == changes else min(self._due, self._spill_due)
+                self._done(pending, now)
+                return 0.0 if self._pending else limits.RENEWED
+            self._keep(pending)
+        due = self._due if self._kept is pending else min(self._due, self._spill_due)
         return max(due - self._clock(), 0.0)
 
     def _run(self) -> None:
         while True:
-            with self._changed:
-                changes = self._changes
+            before = self._pending
             wait = self.step()
             with self._changed:
                 closing = self._ends < float("inf")
-                over = self._idle() or self._refused is not None or self._clock() >= self._ends
+                over = not self._pending or self._refused is not None or self._clock() >= self._ends
                 if closing and over:
                     break
-                if self._changes == changes:
+                if self._pending is before:
                     self._changed.wait(min(wait, limits.FIRST_RETRY) if closing else wait)
         self._spill_due = self._clock()  # nothing comes after this: the file must have all
-        self._keep(*self._waiting())
-
-    def _waiting(self) -> tuple[Pending, int]:
-        """What is pending, and the number of calls of `put` until then."""
-        with self._changed:
-            events, notes = tuple(self._events), tuple(self._notes)
-            return Pending(events, self._state, self.dated, notes), self._changes
-
-    def _idle(self) -> bool:
-        return not (self._events or self._notes or self._state is not None)
+        self._keep(self._pending)
 
     def _failed(self, reason: str, now: float) -> None:
         if self._trouble is None:
@@ -324,12 +309,15 @@ class Outbox:
         with self._changed:
             self._changed.notify_all()
 
-    def _done(self, pending: Pending, changes: int, now: float) -> None:
+    def _done(self, pending: Pending, now: float) -> None:
         with self._changed:
-            del self._events[: len(pending.events)]
-            del self._notes[: len(pending.notes)]
-            if self._changes == changes:
-                self._state = None
+            left = self._pending  # others may have come meanwhile
+            self._pending = replace(
+                left,
+                events=left.events[len(pending.events) :],
+                notes=left.notes[len(pending.notes) :],
+                state=None if left.state is pending.state else left.state,
+            )
             self._changed.notify_all()
         self._written = now
         if self._spilled and self.file is not None:
@@ -342,20 +330,20 @@ class Outbox:
             what = f", with {counted(count, 'event')} that waited" if count else ""
             self._say(f"{self.place}: written again after {lasted}{what}")
 
-    def _save(self, pending: Pending, changes: int) -> None:
+    def _save(self, pending: Pending) -> None:
         if self.file is not None:
             spill(self.file, self._plant, pending)
-            self._spilled, self._kept = True, changes
+            self._spilled, self._kept = True, pending
 
-    def _keep(self, pending: Pending, changes: int) -> None:
+    def _keep(self, pending: Pending) -> None:
         """Save what waits in the file as a whole, but only as often as that takes little time."""
         began = self._clock()
-        if self.file is None or not (pending.events or pending.notes) or self._kept == changes:
-            self._kept = changes
+        if self.file is None or not (pending.events or pending.notes) or self._kept is pending:
+            self._kept = pending
             return
         if began < self._spill_due:
             return
         with suppress(OSError):  # if this disk is full as well, memory still has everything
-            self._save(pending, changes)
+            self._save(pending)
         now = self._clock()
         self._spill_due = now + max((now - began) / limits.SPILL_SHARE, limits.SPILL_PAUSE)

@@ -39,7 +39,7 @@ class Saved:
 
 
 def open_journal(where: str, *, make: bool = True, patient: bool = False) -> Journal:
-    """Open a journal at a path, ``sqlite:///FILE`` or ``postgresql+psycopg://...``.
+    """Open a journal at a path or ``postgresql+psycopg://...``.
 
     A missing journal is created, unless `make` is False. Raises `JournalRefused` if something else
     is there, and `JournalTrouble` if the database does not answer now, unless `patient`: then the

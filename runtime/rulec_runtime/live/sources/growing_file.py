@@ -101,7 +101,6 @@ class GrowingFile(TextSource):
         self._file: BinaryIO | None = None
         self._started = self._refused = self._missing = False
         self._replaced: float | None = None
-        self._tail = b""
         self._waiting: list[Rows | Notice] = []
         if resume:
             self._resume(resume)
@@ -119,16 +118,15 @@ class GrowingFile(TextSource):
         """Where reading continues after the rows handed out so far; can be stored as JSON."""
         if self._file is None:
             return {}
-        offset, tail = self._cutter.offset, self._tail
+        offset = self._cutter.offset
         if self._table.head is None:
             # Its lines are read again: rows below a head need it.
             offset = os.fstat(self._file.fileno()).st_size
-            tail = tail_of(self._file, offset)
         return {
             "inode": inode_of(self._file),
             "offset": offset,
             "header": self._table.head is not None,
-            "tail": hashlib.sha256(tail).hexdigest(),
+            "tail": hashlib.sha256(tail_of(self._file, offset)).hexdigest(),
             "time": self._clock.last if self._clock.begun else None,
             "step": self._clock.step,
             "shift": self._clock.shift,
@@ -159,7 +157,7 @@ class GrowingFile(TextSource):
         if self._file is None and not self._path.is_file():
             return self._lost("is not there")
         file = self._file or self._open(self._path)
-        if self._was_cut(file):
+        if os.fstat(file.fileno()).st_size < self._cutter.offset + self._cutter.waiting:
             self._open(self._path)
             return [self._notice("gap", " was cut short; rows not yet read are lost")]
         return self._read(file)
@@ -170,11 +168,7 @@ class GrowingFile(TextSource):
         if not data:
             return self._end_of_file()
         self._replaced = None
-        before = self._cutter.offset
-        lines = self._cutter.feed(data)
-        if self._cutter.offset > before:
-            self._tail = tail_of(file, self._cutter.offset)
-        rows = self._rows(lines)
+        rows = self._rows(self._cutter.feed(data))
         if not self._heard(rows):
             return [*self._found_again(), *rows, *self._stale()]
         again: list[Notice] = self._found_again()
@@ -203,16 +197,11 @@ class GrowingFile(TextSource):
         self.close()
         self._file = file = opened(path, buffering=0)
         self._replaced, self.ended, self._refused = None, False, False
-        self._cutter, self._tail = LineCutter(), b""
+        self._cutter = LineCutter()
         self._packed = tail_of(file, 2) == b"\x1f\x8b"
         self._table = self._new_table()
         self._clock.begins = True
         return file
-
-    def _was_cut(self, file: BinaryIO) -> bool:
-        """Whether the file is shorter now, or was rewritten to beyond the current position."""
-        size, end = os.fstat(file.fileno()).st_size, self._cutter.offset + self._cutter.waiting
-        return size < end or (size > end and tail_of(file, self._cutter.offset) != self._tail)
 
     def _end_of_file(self) -> list[Rows | Notice]:
         """Nothing more has come: the file may have been replaced, or be silent for too long."""
@@ -267,7 +256,7 @@ class GrowingFile(TextSource):
             if head is None:
                 continue
             self._table.begin(head)
-            self._cutter, self._tail = LineCutter(encoding, offset), tail_of(file, offset)
+            self._cutter = LineCutter(encoding, offset)
             file.seek(offset)
             if self._clock.begun:
                 self._table.resume()
