@@ -225,7 +225,7 @@ def test_no_reading_of_a_healthy_tank_is_beyond_its_threshold() -> None:
     assert odd
 
 
-SIGHT = Horizon(since=0.0, until=400.0, settled=400.0, usual=60.0, time=np.arange(401.0), pause=5)
+SIGHT = Horizon(np.arange(401.0), 400.0)
 
 
 def test_a_fault_that_has_ended_is_set_right() -> None:
@@ -242,7 +242,7 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     kept, events = changes(rules, (told,), none, SIGHT, 2)
     assert [(e.number, e.what, e.episode.id) for e in events] == [(3, "withdrawn", told.id)]
     assert changes(rules, kept, none, SIGHT, 3) == ((), ())
-    later = replace(SIGHT, since=150.0, time=np.arange(150.0, 401.0))
+    later = replace(SIGHT, time=np.arange(150.0, 401.0))
     assert changes(rules, (told,), none, later, 2)[1] == ()
 
     pair = (replace(told, id="first", until=120.0), replace(told, id="second", since=160.0))

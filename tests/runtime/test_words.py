@@ -19,7 +19,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.report import html_findings
-from rulec_runtime.report.growth import draw_growth
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.series import detail
 from rulec_runtime.report.terminal_findings import explain
@@ -155,9 +154,7 @@ DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
 @pytest.mark.parametrize("case", DIAGNOSES)
 def test_a_diagnosis_is_told_as_reviewed(case: str) -> None:
     found = DIAGNOSES[case]()
-    growing = [f for f in found.findings if f.growth and f.growth.path]
-    pictures = "".join(f"<p>{draw_growth(found, f).caption}</p>" for f in growing)
-    page = f"<main>{html_findings.told(found)}{pictures}</main>"
+    page = f"<main>{html_findings.told(found)}</main>"
     assert_as_reviewed(f"diagnosis {case}", told(explain, found), page, diagnosis_form(found))
 
 

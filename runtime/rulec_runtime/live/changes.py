@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.growth import next_level
 from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
-from rulec_runtime.limits import HEADLINE_RIVAL
+from rulec_runtime.limits import HEADLINE_RIVAL, SETTLING
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode, Event, Kind, What
 from rulec_runtime.report.blindness import brought_back, told_else, unseen
@@ -25,20 +25,28 @@ from rulec_runtime.report.json_form import growth_form
 from rulec_runtime.report.wording import actions
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Horizon:
-    """The time that a diagnosis covers, s: from `since` to the last row, and the last settled row.
+    """Times of the rows that a diagnosis covers, s, shape (n,), and of the last settled row."""
 
-    `usual` is how long a condition other than a fault must last to be reported, s. `time` are the
-    times of the rows, shape (n,); `pause` is the most rows that may interrupt an episode.
-    """
-
-    since: float
-    until: float
-    settled: float
-    usual: float
     time: Array
-    pause: int
+    settled: float
+
+    @property
+    def since(self) -> float:
+        """Time of the first row, s."""
+        return float(self.time[0])
+
+    @property
+    def until(self) -> float:
+        """Time of the last row, s."""
+        return float(self.time[-1])
+
+    @property
+    def usual(self) -> float:
+        """How long a condition other than a fault must last to be reported, s."""
+        interval = float(np.median(np.diff(self.time))) if len(self.time) > 1 else np.inf
+        return limits.BLIND_ROWS * interval
 
     def rows_between(self, first: float, last: float) -> int:
         """The number of rows after one time and before another."""
@@ -229,7 +237,7 @@ def _same(old: Episode, new: Episode, horizon: Horizon) -> bool:
 def _goes_on(first: Episode, second: Episode, horizon: Horizon) -> bool:
     """Whether the second follows the first with hardly any rows between them."""
     between = horizon.rows_between(first.until, second.since)
-    return first.until < second.since and between <= horizon.pause
+    return first.until < second.since and between <= SETTLING
 
 
 def _may_return(
@@ -256,7 +264,7 @@ def _was_false(old: Episode, found: Sequence[Episode], horizon: Horizon) -> bool
 def _was_earlier(old: Episode, now: Episode, horizon: Horizon) -> bool:
     """Whether a fault that has ended began long before the reported time."""
     ended = old.kind == "fault" and not old.active and not now.active
-    return ended and horizon.rows_between(now.since, old.since) > horizon.pause
+    return ended and horizon.rows_between(now.since, old.since) > SETTLING
 
 
 def _what(old: Episode, now: Episode, found: bool, horizon: Horizon) -> What | None:

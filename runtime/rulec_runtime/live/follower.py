@@ -13,8 +13,6 @@ from itertools import groupby
 
 import numpy as np
 
-from rulec_runtime import limits as common
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.live import limits
@@ -54,26 +52,13 @@ def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
 def _updated(ruleset: Ruleset, memory: Memory) -> Update:
     """Judge the whole memory, then drop the rows that exceed it."""
     diagnosis, settled, kept = judged_memory(ruleset, memory)
-    horizon = _horizon_of(memory.recent.time, settled)
+    time = memory.recent.time
+    horizon = Horizon(time, float(time[-1]) if settled is None else settled)
     episodes, events = changes(ruleset, memory.episodes, diagnosis, horizon, memory.number)
     kept = replace(kept, episodes=episodes, number=memory.number + len(events))
     if ruleset.dynamics is not None and len(kept.recent) >= 2 * limits.KEPT_ROWS:
         kept = replace(kept, recent=reference_and_latest(kept.recent, episodes))
     return Update(kept, events, replace(diagnosis, samples=memory.count))
-
-
-def _horizon_of(time: Array, settled: float | None) -> Horizon:
-    """The horizon of a diagnosis of rows at these times, s, shape (n,); `settled` is the time of
-    the last settled row, if there is any."""
-    interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
-    return Horizon(
-        since=float(time[0]),
-        until=float(time[-1]),
-        settled=float(time[-1]) if settled is None else settled,
-        usual=limits.BLIND_ROWS * interval,
-        time=time,
-        pause=common.SETTLING,
-    )
 
 
 def judged(

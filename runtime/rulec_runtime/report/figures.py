@@ -11,7 +11,6 @@ from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.compare import draw_cases
 from rulec_runtime.report.figure import Figure
-from rulec_runtime.report.growth import draw_growth, grown
 from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, excess
 from rulec_runtime.report.text import counted, listed, number
 from rulec_runtime.report.text import degree as degree_text
@@ -35,9 +34,6 @@ def figures_of(
         yield draw_estimates(curves)
     if np.isfinite(curves.values).any():
         yield draw_residuals(curves)
-    for finding in worst_first(diagnosis.findings):
-        if grown(finding):
-            yield draw_growth(diagnosis, finding)
     if diagnosed := draw_degrees(diagnosis, trace, truth):
         yield diagnosed
     if cases is not None and len(cases):

@@ -1,18 +1,14 @@
-"""Describe a growing fault in words and as a picture: its past, present and future degree."""
+"""Describe a growing fault in words and as a line of blocks: its past, present and future
+degree."""
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec
-from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.recordings.plant_calendar import DAY, duration
-from rulec_runtime.report.chart import Panel, axis
-from rulec_runtime.report.figure import Figure
-from rulec_runtime.report.text import degree as degree_text
-from rulec_runtime.report.time_axis import over, time_plot
 
 LEVELS = "▁▂▃▄▅▆▇█"
 COLUMNS = 32
@@ -66,37 +62,3 @@ def sparkline(growth: Growth) -> str:
     columns = np.interp(np.linspace(time[0], time[-1], COLUMNS), time, degree)
     share = np.clip(columns / max(float(columns.max()), limits.LEAST_U), 0.0, 1.0)
     return "".join(LEVELS[round(float(x) * (len(LEVELS) - 1))] for x in share)
-
-
-def draw_growth(diagnosis: Diagnosis, finding: Finding) -> Figure:
-    """The course of a degree with its 95 % band, extrapolated at the present rate."""
-    growth, fault = finding.growth, finding.fault
-    assert growth is not None
-    time, degree, u = np.array(growth.path).T
-    ahead = np.array([(growth.time, growth.degree, (growth.upper - growth.degree) / 2.0)])
-    if growth.ahead:
-        ahead = np.vstack([ahead, np.array(growth.ahead)])
-    across = over(np.concatenate([time, ahead[:, 0]]), diagnosis.calendar)
-    half = limits.COVERAGE
-    top = float(max((degree + half * u).max(), (ahead[:, 1] + half * ahead[:, 2]).max()))
-    least = float(min(0.0, (degree - half * u).min()))
-    panel = Panel(across, axis(least, 1.05 * top, 4), 180)
-    later, then, apart = ahead.T
-    drawn = [
-        panel.band(time, degree - half * u, degree + half * u, "s0"),
-        panel.curve(time, degree, "s0"),
-        panel.band(later, then - half * apart, then + half * apart, "s1"),
-        panel.curve(later, then, "truth"),
-    ]
-    end = degree_text(growth.degree, fault.unit)
-    fixed = [panel.text(growth.time, growth.upper, f"now {end}", "value", -5)]
-    name = f"{fault.id}, degree [{fault.unit or 1}]"
-    svg = panel.drawn(f"course of {fault.id}", name, drawn, fixed, True)
-    key = ["band: 95 % bounds", "dashed: as it goes on at this rate"]
-    return Figure(
-        name="growth",
-        title=f"How {fault.id} grows",
-        key="; ".join(key if growth.ahead else key[:1]),
-        body=time_plot(svg, True, across, diagnosis.calendar),
-        caption=f"{fault.id}: {grown(finding)}.",
-    )

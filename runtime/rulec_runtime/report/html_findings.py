@@ -79,12 +79,13 @@ def _remarked(letter: str, title: str, periods: Sequence[Period], calendar: Cale
     return f'<div class="finding is-{letter}"><h3>{title}</h3>{remarks(periods, calendar)}</div>'
 
 
-def _card(letter: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
-    """A finding with its NE 107 letter; `title` and texts of the rows are HTML, terms are not."""
+def finding_card(letter: str, title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
+    """A finding with its NE 107 letter; `title`, texts of the rows and what is `below` are HTML,
+    terms are not."""
     body = "".join(f"<dt>{safe(term)}</dt><dd>{text}</dd>" for term, text in rows)
     return (
         f'<section class="finding is-{letter}"><h3>{badge(letter, True)} {title}</h3>'
-        f"<dl>{body}</dl></section>"
+        f"<dl>{body}</dl>{below}</section>"
     )
 
 
@@ -94,7 +95,7 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
         ("What to do", safe(found.condition.action)),
         ("Note", safe(kept_of(found))),
     ]
-    return _card(found.condition.status, safe(found.text), rows)
+    return finding_card(found.condition.status, safe(found.text), rows)
 
 
 def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
@@ -104,7 +105,7 @@ def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
         ("Because", safe(conditions(found))),
         ("What to do", safe(regime.action)),
     ]
-    return _card(regime.status, safe(regime.text), rows)
+    return finding_card(regime.status, safe(regime.text), rows)
 
 
 def _blind(diagnosis: Diagnosis) -> str:
@@ -114,7 +115,7 @@ def _blind(diagnosis: Diagnosis) -> str:
         rows.append((since_when(b, diagnosis.calendar), safe(text)))
     if (more := len(diagnosis.blind) - LISTED) > 0:
         rows.append(("", f"and {counted(more, 'other period')}"))
-    return _card("C", f"{PARTLY}: {hidden(diagnosis)}", rows)
+    return finding_card("C", f"{PARTLY}: {hidden(diagnosis)}", rows)
 
 
 def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
@@ -142,7 +143,7 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
     if finding.remote:
         rows.append(("Fits less well", safe(causes(finding.remote))))
     rows += [("Note", safe(text)) for text in context(ruleset, finding)]
-    return _card(fault.status, safe(headline(ruleset, finding)), rows)
+    return finding_card(fault.status, safe(headline(ruleset, finding)), rows)
 
 
 def _when(diagnosis: Diagnosis, finding: Finding) -> str:

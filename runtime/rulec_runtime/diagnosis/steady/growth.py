@@ -31,8 +31,7 @@ class Growth:
     rate : growth per second with its bounds; None if too few stretches show it.
     grows : whether growth explains the readings better than steps do.
     reaches : the next round degree.
-    path : times, s, degrees and their standard uncertainties, for a plot; `ahead` the same for the
-        future.
+    path : times, s, degrees and their standard uncertainties, for a plot.
     """
 
     time: float
@@ -43,7 +42,6 @@ class Growth:
     grows: bool = False
     reaches: Reaches | None = None
     path: tuple[tuple[float, float, float], ...] = ()
-    ahead: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def per(self) -> tuple[float, str]:
@@ -59,7 +57,6 @@ def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
     rate = by_steps or _between(course.rate)
     growing = (course.grows or by_steps is not None) and rate[1] > 0.0
     reaches = _reaches(fault, course, rate, time) if growing else None
-    ahead = _until(course, reaches.latest) if course.grows and reaches is not None else ()
     return Growth(
         time=time,
         degree=min(max(course.now[0], fault.lowest), fault.highest),
@@ -71,16 +68,7 @@ def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
         path=tuple(
             zip(course.time.tolist(), course.degree.tolist(), course.u.tolist(), strict=True)
         ),
-        ahead=ahead,
     )
-
-
-def _until(course: Course, latest: float) -> tuple[tuple[float, float, float], ...]:
-    """Some of the future times, up to the last reported one, or for as long as it has grown."""
-    time = course.ahead[0]
-    until = min(latest, 2.0 * float(course.time[-1]) - float(course.time[course.onset]))
-    some = course.ahead[:, time <= until][:, :: limits.TIMES_AHEAD // 40]
-    return tuple((float(t), float(x), float(u)) for t, x, u in some.T)
 
 
 def _between(value: Moments) -> tuple[float, float, float]:

@@ -22,7 +22,7 @@ from rulec_runtime.live.view.words import (
     unseen,
 )
 from rulec_runtime.report.document import STYLE
-from rulec_runtime.report.html_findings import REMARKS, badge, ground_of
+from rulec_runtime.report.html_findings import REMARKS, badge, finding_card, ground_of
 from rulec_runtime.report.text import counted, safe
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
@@ -127,17 +127,13 @@ def _card(now: Now, card: Card, seal: str) -> str:
         rows.append(("Probability", safe(card.probability)))
     if card.others:
         rows.append(("Could also be", safe(card.others)))
-    body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
     why = ""
     if card.finding is not None and now.diagnosis is not None:
         why = (
             f'<details id="why-{key_of(episode.id)}"><summary>Why</summary><div class="evidence">'
             f"{ground_of(now.diagnosis.ruleset, card.finding)}</div></details>"
         )
-    return (
-        f'<section class="finding is-{episode.status}"><h3>{badge(episode.status, True)} '
-        f"{safe(card.title)}</h3><dl>{body}</dl>{why}{_note(card, seal)}</section>"
-    )
+    return finding_card(episode.status, safe(card.title), rows, why + _note(card, seal))
 
 
 def _note(card: Card, seal: str) -> str:
