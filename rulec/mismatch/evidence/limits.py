@@ -63,8 +63,8 @@ numerical."""
 MOST_AWAY_FROM_ZERO = 20.0
 """Largest shift of a reading away from zero, in multiples of it. Origin: numerical."""
 
-SINGULAR = 1e10
-"""Condition number above which a system of equations has no solution. Origin: numerical."""
+SINGULAR = 1e-10
+"""Determinant of a scaled system of equations below which it has no solution. Origin: numerical."""
 
 PREDICTOR_STEPS = 12
 """Most Newton steps to solve a relation for a reading. Origin: numerical."""
