@@ -42,12 +42,12 @@ from rulec.mismatch.evidence.steady.repaired_model import (
     with_sensors_as_they_are,
 )
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
-from rulec.mismatch.evidence.steady.screen import alike, noise_scale, suspects
+from rulec.mismatch.evidence.steady.screen import alike, noise_scale
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, rms
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.intermittent_fault import in_periods
-from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
+from rulec.mismatch.search.latent_input import Reconstruction, likeness, reconstruct
 from rulec.mismatch.search.later_refits import (
     ByRecording,
     as_written,
@@ -127,9 +127,7 @@ def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Ex
 def _place(model: SteadyModel, spot: DisturbanceLocation, share: float) -> Location:
     """A place with an unrecorded driver, whose course shows the times."""
     term = model.term(next(c for c in model.joined if c.id == spot.id))
-    found = {s.spot.id: s for s in suspects(model.fitted)}
-    own = found.pop(spot.id, None)
-    also = [s.spot for s in found.values() if own is not None and alike(own, s)]
+    also = alike(model.fitted, spot)
     return replace(location_of_spot(model, spot, share, term, also), periods=())
 
 
@@ -329,10 +327,7 @@ def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> 
     spot = hidden.spot
     near = [m for m in system.builder.missing if m.module == spot.module]
     lacking = [m for m in near if m.place == spot.place] or near
-    text = (
-        f"what drives {_what(spot)} is not recorded; "
-        f"its course: {described(hidden.time, hidden.course)}"
-    )
+    text = f"what drives {_what(spot)} is not recorded"
     if switching:
         lacking, text = [], f"{_what(spot)} {switching}"
     text += "".join(

@@ -181,9 +181,6 @@ PERIOD_TIME = 0.5
 PERIOD_SHARE = 0.8
 """Least share of the mismatch in periods. Origin: assumed."""
 
-SLOW_VALUES = 40
-"""Values of the course of a slow error. Origin: assumed."""
-
 # Gain of each candidate.
 
 MOST_STARTS = 12

@@ -23,24 +23,15 @@ from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
 
-# Locate a mismatch before any effect is named.
-#
-# Every place in turn gets an error, free at each point. Its share is the part of the residuals
-# that it explains, beyond what it would explain of noise.
-#
-# Source: own derivation; the idea of free disturbances per equation is that of Kristensen, Madsen,
-# Jorgensen 2004, for static relations.
-
 
 @dataclass(frozen=True)
 class Suspect:
-    """A place with its error: `course`, shape (n,), SI of its unit, and `share` of the mismatch."""
+    """A place with the error there that explains each point best, shape (n,), SI of its unit, and
+    the weight of each (1/variance)."""
 
     spot: DisturbanceLocation
-    column: Array
     course: Array
     weight: Array
-    share: float
 
 
 def noise_scale(rows: Rows, residual: Array) -> float:
@@ -58,56 +49,15 @@ def noise_scale(rows: Rows, residual: Array) -> float:
     return max(1.0, float(np.sqrt(np.average(spreads**2, weights=counts))))
 
 
-def suspects(fitted: Fitted) -> list[Suspect]:
-    """Places by the share of the mismatch that an error there explains, largest first.
-
-    An error may be free at every point or change slowly: a weak one shows only in the second way, a
-    fast one only in the first.
-    """
-    rows = fitted.rows
-    system = rows.system
-    # Sensors may be better than their class; then the scatter of the residuals counts.
-    noise = min(noise_scale(rows, fitted.residual), fitted.scale) ** 2
-    open_ = fitted.used[rows.point]
-    total = float(np.sum(fitted.residual[open_] ** 2)) - noise * int(open_.sum())
-    found = []
-    for spot in system.builder.spots:
-        column = spot_column(fitted, spot)
-        if column is None:
-            continue
-        suspect = suspect_at(fitted, spot, column)
-        known = np.flatnonzero((suspect.weight > 0) & fitted.used)
-        course, weight = suspect.course[known], suspect.weight[known]
-        gain = max(
-            _explained(-course * weight, weight, noise, k) for k in (len(known), limits.SLOW_VALUES)
-        )
-        found.append((suspect, gain))
-    most = max((gain for _, gain in found), default=0.0)
-    whole = max(total, most, 1e-300)
-    shared = [replace(s, share=float(np.clip(g / whole, 0.0, 1.0))) for s, g in found]
-    return sorted(shared, key=lambda s: (-round(s.share, 3), s.spot.id))
-
-
 def suspect_at(fitted: Fitted, spot: DisturbanceLocation, column: Array) -> Suspect:
-    """A place with the error that explains each point best; `column`, shape (rows,), are the slopes
-    of the residuals. Its share is left at 0."""
+    """A place with the error that explains each point best, by its slopes, shape (rows,)."""
     rows = fitted.rows
     n = len(rows.system.data)
     weight = np.bincount(rows.point, column**2, minlength=n).astype(float)
     moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
         course = np.where(weight > 0, -moment / weight, np.nan)
-    return Suspect(spot, column, course, weight, 0.0)
-
-
-def _explained(moment: Array, weight: Array, noise: float, values: int) -> float:
-    """Squares that a course of `values` values explains beyond what it explains of noise."""
-    count = min(values, len(moment))
-    if count == 0:
-        return 0.0
-    edges = np.linspace(0, len(moment), count + 1).astype(int)[:-1]
-    moments, weights = np.add.reduceat(moment, edges), np.add.reduceat(weight, edges)
-    return float(np.sum(moments**2 / weights)) - noise * count
+    return Suspect(spot, course, weight)
 
 
 def spot_column(fitted: Fitted, spot: DisturbanceLocation) -> Array | None:
@@ -170,11 +120,16 @@ def change_by(fitted: Fitted, candidate: Candidate) -> dict[int, Array]:
     return {i: change for i, change in changes if np.any(change)}
 
 
-def alike(first: Suspect, second: Suspect) -> bool:
-    """Do errors at two places have the same signature?"""
-    cosine = np.abs(first.column @ second.column)
-    cosine /= np.linalg.norm(first.column) * np.linalg.norm(second.column)
-    return bool(cosine > common.SAME_PATTERN)
+def alike(fitted: Fitted, spot: DisturbanceLocation) -> list[DisturbanceLocation]:
+    """Other places at which an error has the same signature; none for a parameter of a law."""
+    columns = {other.id: spot_column(fitted, other) for other in fitted.rows.system.builder.spots}
+    own, found = columns.pop(spot.id, None), []
+    for name, column in columns.items():
+        if own is not None and column is not None:
+            size = float(np.linalg.norm(own) * np.linalg.norm(column))
+            if abs(float(own @ column)) > common.SAME_PATTERN * size:
+                found.append(fitted.rows.system.builder.places[name])
+    return found
 
 
 def variables_of(system: System, module: str) -> dict[str, Array]:
