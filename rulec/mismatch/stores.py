@@ -19,7 +19,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.findings import location_of_curve
 from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants, Reading, Refits
-from rulec.mismatch.evidence.failing_sensors import failing, impossible
+from rulec.mismatch.evidence.failing_sensors import failing, impossible, stuck
 from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
 from rulec.mismatch.evidence.stores.errors_of_form import allowed
 from rulec.mismatch.evidence.stores.evidence import StoresEvidence
@@ -102,7 +102,11 @@ def explanation(
         recording=recording,
         model=model,
         accepted=accepted,
-        failing=(*failing(recording, ruleset), *impossible(recording, ruleset)),
+        failing=tuple(
+            finding
+            for found_in in (failing, stuck, impossible)
+            for finding in found_in(recording, ruleset)
+        ),
         places=places,
         hidden=None,
         posterior=found.posterior,

@@ -175,6 +175,7 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
         panel.bars(z, v - 2.0 * u, v + 2.0 * u, "s1"),
         panel.curve(at, shape.value, "s0"),
     ]
+    means = "; orange: means of operating states, with their 95 % bars" if len(z) else ""
     place = f"{location.module}.{location.place}"
     title = f"What is missing at {place} over {shape.driver}"
     marks = [panel.marks(z, v, "disc", "s1")]
@@ -182,8 +183,7 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
     return Figure(
         name=f"shape{index}",
         title=title,
-        key="blue: what the law would have to add, with its 95 % band; orange: means of "
-        "operating states, with their 95 % bars",
+        key=f"blue: what the law would have to add, with its 95 % band{means}",
         body=plot(svg, True, f"{shape.driver}{_bracketed(shape.driver_unit)}"),
         caption=f"Over {shape.driver} {shape.text}. Hysteresis: {hysteresis(shape)}.",
         narrow=True,

@@ -15,14 +15,10 @@ from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.points import outside_range
 from rulec_runtime.recordings.columns import glitches_in
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.result import Finding, Location, Period
-
-OF_STUCK = ("stuck-reading", "Sensor that is stuck")
-"""Name and title of such a finding."""
 
 
 def coarse_step(values: Array, u: float) -> float:
@@ -72,11 +68,12 @@ def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
     for name, members in found.items():
         text = f"{members[0].text}; these readings are left out"
         periods = tuple(Period(m.since, m.until, 1.0, 0.0) for m in members)
-        yield _failed(ruleset.signal_by_id[name], *OF_STUCK, text, periods)
+        title = "Sensor that is stuck"
+        yield _failed(ruleset.signal_by_id[name], "stuck-reading", title, text, periods)
 
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
-    """Findings for sensors that drop out often, are stuck or have a coarse display."""
+    """Findings for sensors of a plant that stores that drop out often or have a coarse display."""
     shown = ruleset.dynamics.outputs if ruleset.dynamics is not None else ()
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
@@ -89,28 +86,13 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
         odd = glitches_in(values)
         if odd.sum() >= max(limits.DROP_OUT_READINGS, limits.DROP_OUT_SHARE * len(values)):
             yield _dropping_out(signal, values, odd)
-        # Inputs are often set points, and held.
-        u, ends = median_u(signal, values), (signal.lowest, signal.highest)
-        if spans := standing_still(values, u if signal.is_input else np.inf, ends):
-            yield _still(signal, recording.time, values, spans)
         # Inputs may be set in steps.
-        if signal.id in shown and (step := coarse_step(values, u)):
+        if signal.id in shown and (step := coarse_step(values, median_u(signal, values))):
             text = (
                 f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far "
                 "coarser than its class; it shows nothing finer"
             )
             yield _failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
-
-
-def _still(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int, int]]) -> Finding:
-    periods = tuple(Period(float(time[a]), float(time[b - 1]), 1.0, 0.0) for a, b in spans)
-    when = ", ".join(f"{p.since:.0f} to {p.until:.0f} s" for p in periods)
-    shown = (float(values[spans[0][0]]) - signal.offset) / signal.factor
-    text = (
-        f"{signal.id} is stuck from {when}, first at {shown:.4g} {signal.unit}: even its noise "
-        "is gone; these readings are left out"
-    )
-    return _failed(signal, *OF_STUCK, text, periods)
 
 
 def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding:

@@ -15,7 +15,7 @@ from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, inverse_of
-from rulec.mismatch.evidence.stores.noise import hats, score_covariance
+from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.evidence.term import basis_over, ways_there
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import (
@@ -39,16 +39,13 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
     at = np.linspace(low, high, limits.CURVE_POINTS)
     there = drawn.functions_at(at)
     covariance = _covariance(drawn, *drawn.rows)[-count:, -count:]
-    means = _means(drawn)
     axis = axis_of(drawn)
-    means[:, 0] = axis.over(means[:, 0])
     return CurveFound(
         place=place.spot,
         driver=axis.name,
         at=axis.over(at),
         value=there @ drawn.amounts,
         covariance=there @ covariance @ there.T,
-        means=means,
         branches=_branches(drawn),
     )
 
@@ -94,64 +91,6 @@ def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
         per_variance = score_covariance(columns, errors[name], flags)
         middle += per_variance / judged.noise[name].memory
     return np.asarray(inverse @ middle @ inverse)
-
-
-def _means(drawn: FittedCurve) -> Array:
-    """Driver, value and uncertainty in stretches of time beside the curve, shape (stretches, 3).
-
-    The prior of each deviates from the curve by its height; only stretches that determine the value
-    much better are reported.
-    """
-    height = float(np.std(drawn.form.table @ drawn.amounts))
-    table, known = drawn.rows
-    found = _response(drawn)
-    if found is None or not height > 0.0:
-        return np.zeros((0, 3))
-    moved, shapes, size = found
-    columns = drawn.fitter.as_rows(moved * (height / size), drawn.judged)
-    whole = np.column_stack([table, columns])
-    prior = np.concatenate([known, np.ones(len(shapes))])
-    inverse = inverse_of(whole, prior)
-    off = -inverse @ (whole.T @ drawn.left)
-    course = drawn.course()
-    mean = np.stack(shapes) / np.sum(shapes, axis=1)[:, None]
-    ways = np.zeros((len(shapes), whole.shape[1]))
-    first, count = table.shape[1], len(drawn.amounts)
-    ways[:, first - count : first] = mean @ drawn.functions_at(course)
-    ways[:, first:] = height * np.eye(len(shapes))
-    off[first - count : first] = drawn.amounts
-    u = np.sqrt(np.einsum("ij,jk,ik->i", ways, inverse, ways))
-    determined = u**2 < 0.5 * height**2
-    return np.asarray(np.stack([mean @ course, ways @ off, u], axis=1)[determined])
-
-
-def _response(drawn: FittedCurve) -> tuple[Array, list[Array], float] | None:
-    """Effects of unit errors at the place of a curve on all readings, stacked, with the shapes of
-    the errors and the unit, SI; None where there is no effect.
-
-    A constant unit error moves readings by their scatter.
-    """
-    bench, fitted, spot = drawn.fitter.bench, drawn.fitted, drawn.place.spot
-
-    def shown(course: Array) -> Array:
-        inputs = {**fitted.inputs, spot.unknown: course}
-        return bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,)).stacked
-
-    scatter = max(float(np.nanstd(v)) for v in bench.record.measured.values())
-    zero = np.zeros(len(bench.time))
-    try:
-        plain = shown(zero)
-        size = 1e-6 * spot.factor
-        moved = float(np.nanmax(np.abs(shown(zero + size) - plain)))
-        if moved <= 1e-12 * scatter:
-            return None
-        size *= scatter / moved
-        shapes = hats(bench.time, limits.COURSE_KNOTS)
-        step = 0.02 * size
-        columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
-    except RanAway:
-        return None
-    return np.column_stack(columns), shapes, size
 
 
 def _branches(drawn: FittedCurve) -> Branches | None:

@@ -46,10 +46,10 @@ class CurveFound:
     """A term over its driver, SI.
 
     `at` and `value` have shape (n,), `covariance` (n, n), with all else in the model refitted.
-    `means`, shape (m, 3), are driver, value and standard uncertainty of single means. `branches` is
-    None where the recording cannot compare them. `elsewhere` are other places at which a term over
-    this driver explains about as much, `lost` effects that it beat. `says` is what switches a term
-    that comes and goes, or empty.
+    `means`, shape (m, 3), are driver, value and standard uncertainty of single means at settled
+    points. `branches` is None where the recording cannot compare them. `elsewhere` are other places
+    at which a term over this driver explains about as much, `lost` effects that it beat. `says` is
+    what switches a term that comes and goes, or empty.
     """
 
     place: DisturbanceLocation
@@ -57,7 +57,7 @@ class CurveFound:
     at: Array
     value: Array
     covariance: Array
-    means: Array
+    means: Array = field(default_factory=lambda: np.zeros((0, 3)))
     branches: Branches | None = None
     elsewhere: tuple[str, ...] = ()
     lost: tuple[RejectedCandidate, ...] = ()

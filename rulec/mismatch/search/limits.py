@@ -187,6 +187,3 @@ SETS_AGAIN = 16
 
 TIED = 1e-6
 """Difference in log odds, nats, that only the order of sums makes. Origin: numerical."""
-
-COURSE_KNOTS = 48
-"""Knots of an error over a recording. Origin: assumed."""
