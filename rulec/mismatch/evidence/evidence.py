@@ -311,22 +311,13 @@ class Evidence(ABC):
     def likelihood(self, residual: Array, noise: Noise) -> float:
         """Log likelihood of a whitened residual, shape (rows,)."""
 
+    @abstractmethod
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of whitened rows in the normal matrix, shape (rows,)."""
-        return self.scored(residual[:, None], noise)[0][:, 0]
 
     @abstractmethod
     def expected_weights(self, noise: Noise) -> Array:
         """Mean information of each whitened row, shape (rows,)."""
-
-    @abstractmethod
-    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
-        """Random noise of whitened rows, shape (rows, count)."""
-
-    @abstractmethod
-    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        """Weights of whitened rows in the normal matrix, shape (rows, n), and twice their loss of
-        log likelihood, shape (n,); `residuals` has shape (rows, n)."""
 
     @abstractmethod
     def noise_odds(self, noise: Noise) -> float:

@@ -1,28 +1,24 @@
 """The verdict on a replay of a recording, with the weights of the search, to first order.
 
-All is linear: values, errors of form and of sensors are normal with the precision of the model,
-noise has a Student distribution as in the search. So one table of products serves any number of
-replays.
+All is linear: values, errors of form and of sensors are normal with the precision of the model, and
+so is the noise. So one table of products serves any number of replays.
 
-Source: O'Hagan and Forster 2004, 9 (a linear model with normal priors); Huber 1981, 7.8 (residuals
-replaced by their score: robust fits with one normal matrix).
+Source: O'Hagan and Forster 2004, 9 (a linear model with normal priors).
 """
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from scipy.special import gammainc, log_ndtr
+from scipy.special import log_ndtr
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.evidence import Column, Evidence
 from rulec.mismatch.evidence.term import Term
-from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.tolerance import Tolerance, least_beyond
@@ -151,16 +147,6 @@ class Judge:
         return usual, width, np.array([size.freedom for size in every])
 
     @cached_property
-    def widths(self) -> tuple[Array, Array]:
-        """Widths of a mixture of normal distributions that approximates the Student distribution of
-        each amplitude, in its own width, and their log shares, shape (widths, columns)."""
-        freedom, widths = self.sizes[2], np.array(limits.WIDTHS)
-        ends = np.sqrt(widths[1:] * widths[:-1])
-        below = gammainc(freedom / 2.0, freedom / 2.0 / ends[:, None] ** 2)
-        edges = np.concatenate([np.ones((1, len(freedom))), below, np.zeros((1, len(freedom)))])
-        return widths, np.log(np.maximum(-np.diff(edges, axis=0), 1e-300))
-
-    @cached_property
     def ends(self) -> tuple[Array, Array]:
         """The range of each amplitude relative to its null, SI, shape (columns,) each."""
         null = np.array([c.amplitude.null or 0.0 for c in self.columns])
@@ -169,10 +155,10 @@ class Judge:
 
     def judged(self, replays: Array) -> Judged:
         """Probabilities of all explanations; `replays` as drawn, shape (rows, replays)."""
-        clean, more = self._scored(replays)
-        moment = self._shown.T @ clean
+        moment = self._shown.T @ replays
         columns = self._evidence(moment)
-        every = np.concatenate([more[None], columns, self._of_terms(clean)])
+        none = np.zeros((1, replays.shape[1]))
+        every = np.concatenate([none, columns, self._of_terms(replays)])
         share = np.exp(every - np.logaddexp.reduce(every))
         count = 1 + len(columns)
         out = np.abs(moment) >= self._least[:, None] * self._gram[:, None]
@@ -189,69 +175,25 @@ class Judge:
         every = zip(self.columns, sorts, strict=True)
         return np.array([least_beyond(self.evidence, c.rows, off_by[own]) for c, own in every])
 
-    def _scored(self, replays: Array) -> tuple[Array, Array]:
-        """Replays with residuals replaced by their score, with nothing or, if more probable, the
-        best column fitted; and by how much nothing is more probable than it appears there, nats,
-        shape (replays,). So each replay has the Student likelihood, with the same weights for all.
-        """
-        clean, bare = self._fitted(replays, np.zeros_like(replays))
-        more = np.zeros(replays.shape[1])
-        if not self.columns:
-            return clean, more
-        every, with_best = np.arange(len(more)), replays
-        for _ in range(limits.SCORED):
-            size, gain = self._best_sizes(with_best)
-            best = np.argmax(gain, axis=0)
-            with_best, likely = self._fitted(replays, self.rows[:, best] * size[best, every])
-        size, gain = self._best_sizes(with_best)
-        gained = np.maximum(likely - bare, 0.0)
-        taken = gained + self.odds[best] > 0.0
-        shown = gain[best, every] - self.odds[best]
-        more = np.where(taken, np.maximum(shown - gained, 0.0), 0.0)
-        return np.where(taken, with_best, clean), more
-
-    def _best_sizes(self, replays: Array) -> tuple[Array, Array]:
-        """The best size of each column, SI, and its log odds, both shape (columns, replays)."""
-        low, high = self.ends
-        moment, gram = self._shown.T @ replays, self._gram[:, None]
-        size = np.clip(-moment / gram, low[:, None], high[:, None])
-        return size, -(0.5 * gram * size + moment) * size + self.odds[:, None]
-
-    def _fitted(self, replays: Array, shift: Array) -> tuple[Array, Array]:
-        """Replays with `shift` added, of the same shape, and residuals replaced by their score, and
-        their log likelihood with all values fitted, shape (replays,)."""
-        model, clean, likely = self.model, replays, np.zeros(0)
-        for _ in range(limits.SCORED):
-            values = self._solved @ (clean + shift)
-            off = replays + shift + model.table @ values
-            each, lost = self.evidence.scored(off, model.noise)
-            clean = replays - off + off * each / model.weights[:, None]
-            strained = np.sum(values * (model.precision @ values), axis=0)
-            likely = -0.5 * (lost + strained)
-        return clean, likely
-
     def _evidence(self, moment: Array) -> Array:
         """Log odds of each column with amplitudes integrated out within their range, shape
-        (columns, replays), by its moments of the same shape; -inf for negligible ones."""
-        best = 0.5 * moment**2 / self._gram[:, None] + self.odds[:, None]
-        least = np.maximum(best.max(axis=0, initial=0.0) - limits.FAR_BEHIND, limits.CANNOT_COUNT)
-        i, replay = np.nonzero(best > least)
-        (widths, shares), (low, high), gram = self.widths, self.ends, self._gram
-        usual, own, _ = self.sizes
-        parts, inside = [], []
-        for (width, share), sign in product(zip(widths, shares, strict=True), (-1.0, 1.0)):
-            size, middle = width * own, sign * usual
-            precision = gram + size**-2.0
-            root = np.sqrt(precision)
-            before = share - 0.5 * np.log1p(gram * size**2) - 0.5 * (middle / size) ** 2
-            at = ((middle / size**2)[i] - moment[i, replay]) / precision[i]
-            gain = before[i] + 0.5 * precision[i] * at**2
-            gain += _log_between((low[i] - at) * root[i], (high[i] - at) * root[i])
-            parts.append(gain)
-            inside.append(share + _log_between((low - middle) / size, (high - middle) / size))
-        odds = np.full(moment.shape, -np.inf)
-        odds[i, replay] = np.logaddexp.reduce(parts) + (self.odds - np.logaddexp.reduce(inside))[i]
-        return odds
+        (columns, replays), by its moments of the same shape.
+
+        As in the scan of the search, a prior is as wide as the recording asks, which costs as much
+        as the tail of a Student distribution.
+        """
+        usual, own, freedom = (known[:, None] for known in self.sizes)
+        (low, high), gram = (end[:, None] for end in self.ends), self._gram[:, None]
+        found = np.abs(moment) / gram
+        wide = np.maximum((found - usual) / own, 1.0)
+        size, ways = own * wide, []
+        for sign in (-1.0, 1.0):
+            middle, precision = sign * usual, gram + size**-2.0
+            at, root = (middle / size**2 - moment) / precision, np.sqrt(precision)
+            gain = 0.5 * (precision * at**2 - (middle / size) ** 2 - np.log1p(gram * size**2))
+            inside = _log_between((low - middle) / size, (high - middle) / size)
+            ways.append(gain + _log_between((low - at) * root, (high - at) * root) - inside)
+        return np.asarray(np.logaddexp(*ways) - freedom * np.log(wide) + self.odds[:, None])
 
     @cached_property
     def _turned(self) -> tuple[Array, Array, NDArray[np.intp], Array]:

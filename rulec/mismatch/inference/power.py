@@ -81,7 +81,8 @@ class Replayer:
         lower = np.linalg.cholesky(model.precision / np.outer(unit, unit))
         normal = rng.standard_normal((len(unit), count))
         values = np.linalg.solve(lower.T, normal) / unit[:, None]
-        noise = self.evidence.drawn(model.noise, count, rng)
+        size = self.evidence.expected_weights(model.noise) ** -0.5
+        noise = size[:, None] * rng.standard_normal((len(size), count))
         return np.asarray(noise - model.table @ values - shift)
 
 

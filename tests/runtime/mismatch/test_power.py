@@ -51,9 +51,8 @@ def test_replays_scatter_as_the_model_says(judge: Judge) -> None:
     assert called_missing(judge, first) < 100
     model = judge.model
     spread = model.table @ np.linalg.solve(model.precision, model.table.T)
-    # A Student distribution with four degrees of freedom has twice its scale's variance.
-    expected = np.sqrt(np.diag(spread) + 2.0 * model.scale**2)
-    assert np.allclose(1.0, np.std(first, axis=1) / expected, atol=0.25)
+    expected = np.sqrt(np.diag(spread) + 1.0 / model.weights)
+    assert np.allclose(1.0, np.std(first, axis=1) / expected, atol=0.1)
 
 
 def test_coinciding_explanations_are_told_as_one(judge: Judge) -> None:

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from scipy.sparse import csr_array
 from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation, Unknown
@@ -339,24 +338,10 @@ class SteadyEvidence(Evidence):
         each = (limits.FREEDOM + self.rank) / (limits.FREEDOM + self.rank + 2.0) / noise[0] ** 2
         return np.asarray(each[self.group])
 
-    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
-        """Student noise with one scale for all rows of a group."""
-        normal = rng.standard_normal((self.count, count))
-        square = rng.chisquare(limits.FREEDOM, (len(self.rank), count))
-        return np.asarray(noise[0] * normal * np.sqrt(limits.FREEDOM / square)[self.group])
-
-    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        far = self._member @ residuals**2 / noise[0] ** 2
-        rank = self.rank[:, None]
-        each = (limits.FREEDOM + rank) / (limits.FREEDOM + far) / noise[0] ** 2
-        lost = (limits.FREEDOM + rank) * np.log1p(far / limits.FREEDOM)
-        return each[self.group], np.sum(lost, axis=0)
-
-    @cached_property
-    def _member(self) -> csr_array:
-        """Membership of rows in groups, shape (groups, rows)."""
-        at = self.group, np.arange(self.count)
-        return csr_array((np.ones(self.count), at), (len(self.rank), self.count))
+    def weights(self, residual: Array, noise: Noise) -> Array:
+        far = np.bincount(self.group, residual**2) / noise[0] ** 2
+        each = (limits.FREEDOM + self.rank) / (limits.FREEDOM + far) / noise[0] ** 2
+        return np.asarray(each[self.group])
 
 
 def settled(evidence: Evidence) -> SteadyEvidence:

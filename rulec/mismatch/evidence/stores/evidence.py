@@ -226,17 +226,13 @@ class StoresEvidence(Evidence):
         logs = sum(innovations(*own).logs(runs) for own, runs in each)
         return -0.5 * float(residual @ residual) - logs
 
+    def weights(self, residual: Array, noise: Noise) -> Array:
+        """All 1, as outliers were removed before."""
+        return np.ones(self.count)
+
     def expected_weights(self, noise: Noise) -> Array:
         """Mean information of each innovation."""
         return np.ones(self.count)
-
-    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
-        """Innovations are white."""
-        return rng.standard_normal((self.count, count))
-
-    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        """Weights of innovations, all 1 as outliers were removed before, and their squares."""
-        return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
     def plain_prior(self, setting: Configuration) -> Prior:
         return self.bench.prior(setting)
