@@ -1,7 +1,8 @@
 """Faults that come and go: the course of a degree, cut into periods.
 
 The degree that explains the residuals best is estimated at every point. Its course in time is cut
-where a step pays for itself; levels that differ from those at rest are periods of the fault.
+where a step pays for itself. Which levels are periods of the fault, and which are at rest, is what
+explains most, less the price of the periods.
 """
 
 from __future__ import annotations
@@ -70,68 +71,18 @@ def cut(course: Array, penalty: float) -> Segments:
     return Segments(first, level, length)
 
 
-def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
-    """Flag the levels that are not at rest; a share `odd` of the time may be outliers at each end.
-
-    The split leaves the least scatter within both classes. The longer class is at rest, or the
-    lower one if the degree cannot be negative. The class at rest is split again as long as it has
-    two states, since a fault may have several degrees.
-
-    Source: two classes of levels (Otsu 1979).
-    """
-    on = np.zeros(len(segments.level), dtype=bool)
-    order = np.argsort(segments.level)
-    share = np.cumsum(segments.length[order]) / segments.length.sum()
-    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
-    segments = replace(segments, level=np.clip(segments.level, *segments.level[order][ends]))
-    rest = np.flatnonzero(segments.length >= limits.SHORTEST)
-    while True:
-        found = _split(segments, rest)
-        if found is None:
-            return on
-        middle, rest_is_low = found
-        on |= segments.level > middle if rest_is_low else segments.level < middle
-        if not on[rest].any():
-            return on
-        rest = rest[~on[rest]]
-
-
-def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] | None:
-    """The level between two states, and whether the lower one is at rest; None for one state."""
-    level, length = segments.level, segments.length
-    if len(lasting) < 2:
-        return None
-    order = lasting[np.argsort(level[lasting])]
-    scatter = [
-        _scatter(level[order[:i]], length[order[:i]])
-        + _scatter(level[order[i:]], length[order[i:]])
-        for i in range(1, len(order))
-    ]
-    split = int(np.argmin(scatter)) + 1
-    whole = _scatter(level[order], length[order])
-    low, high = order[:split], order[split:]
-    if whole <= 0 or 1.0 - scatter[split - 1] / whole < limits.TWO_STATES:
-        return None
-    # Levels of one state differ by noise: two states must pay for themselves.
-    if whole - scatter[split - 1] < limits.STEP_PENALTY * float(np.log(length.sum())):
-        return None
-    middle = 0.5 * float(level[low].max() + level[high].min())
-    if not _changes_at_once(level, lasting, level > middle):
-        return None
-    # Of a degree that cannot be negative, the lower state is at rest.
-    one_sided = bool(level[order].max() > -level[order].min())
-    return middle, one_sided or length[low].sum() >= length[high].sum()
-
-
-def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:
-    """Is a change of state a step, with at most a short segment in between?"""
-    before, after = lasting[:-1], lasting[1:]
-    changed = above[before] != above[after]
-    if not changed.any():
-        return False
-    steps = np.abs(level[after] - level[before])[changed]
-    distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
-    return float(np.median(steps)) > limits.AT_ONCE * distance
+def states_of(segments: Segments) -> Iterator[np.ndarray]:
+    """Flags of the levels at which a fault may be present: those on either side of each of the
+    largest gaps between levels that last, if most changes are steps: a slow swing is no fault."""
+    lasting = segments.level[segments.length >= limits.SHORTEST]
+    level = np.unique(lasting)
+    gaps = np.argsort(-np.diff(level), kind="stable")[: limits.GAPS]
+    for middle in 0.5 * (level[1:] + level[:-1])[gaps]:
+        above = lasting > middle
+        step = float(np.median(np.abs(np.diff(lasting))[np.diff(above)]))
+        if step > limits.AT_ONCE * float(lasting[above].mean() - lasting[~above].mean()):
+            yield segments.level > middle
+            yield segments.level < middle
 
 
 def _scatter(level: Array, length: NDArray[np.intp]) -> float:
@@ -220,36 +171,18 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
     # Robust against steps.
     noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
     segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
-    states = [apart(segments, odd) for odd in limits.ODD]
-    some = [on for on in states if on.any() and not on.all()]
-    states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
     means = _Means(known, edges, value, sums, noise)
-    ways = list({tuple(np.flatnonzero(on)): (segments, on) for on in states}.values())
-    if len(segments.first) > 1:
+    ways = [(segments, on) for on in states_of(segments)]
+    if ways:
         ways.append(_begun(fitted, tests, unknown, column, means))
     trials = [
         _trial(fitted, tests, candidate, unknown, column, means, *way, levels)
         for way in ways
         for levels in (1, limits.MOST_LEVELS)
-        if way[1].any() and not way[1].all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None]
     return max(found, key=lambda t: _likely(t, each), default=None)
-
-
-def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
-    """The longest period only: the others may be noise."""
-    first, last = max(runs_of(segments, on), key=lambda run: run[1] - run[0])
-    return np.asarray((segments.first >= first) & (segments.first < last) & on)
-
-
-def _hull(on: np.ndarray) -> np.ndarray:
-    """One period from the first to the last: the gaps may be noise as well."""
-    there = np.flatnonzero(on)
-    inside: np.ndarray = np.zeros(len(on), dtype=bool)
-    inside[there[0] : there[-1] + 1] = True
-    return inside
 
 
 def _begun(
