@@ -39,7 +39,6 @@ from rulec.mismatch.inference.prove import confounded, heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
 from rulec.mismatch.structure import hypotheses as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
-from rulec.mismatch.structure.limits import STRUCTURE_ODDS
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.structure_search import Evidence as StructureEvidence
 from rulec.mismatch.structure.structure_search import Structure, structure_of
@@ -75,7 +74,7 @@ def analyse(
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
     checked = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
-    checked, found = _likelier_read(checked, heldout, tell)
+    found = _explained(checked, heldout, tell)
     recording, taken = checked.recording, checked.taken
     ruleset, builder = checked.evidence.ruleset, checked.evidence.builder
     if isinstance(found, NotComparable):
@@ -211,26 +210,6 @@ def _evidence(
     from rulec.mismatch.structure.stores import Stores
 
     return Stores(ruleset, builder, heldout)
-
-
-def _likelier_read(
-    checked: Structure, heldout: Sequence[tuple[float, float]], tell: Progress
-) -> tuple[Structure, Explained[Any] | NotComparable]:
-    """The recording with its clocks corrected or as recorded, whichever the explanation makes
-    likelier: a wrong clock was judged by the plain model, and a delay of the plant can undo it."""
-    found = _explained(checked, heldout, tell)
-    if checked.unshifted is None or isinstance(found, NotComparable) or not found.accepted:
-        return checked, found
-    corrected, rows = found.evidence_per_row()
-    if not rows:
-        return checked, found
-    tell("reading the recording with its clocks as recorded")
-    other = _explained(checked.unshifted, heldout, tell)
-    if isinstance(other, NotComparable):
-        return checked, found
-    recorded, all_rows = other.evidence_per_row()
-    gain = min(rows, all_rows) * (corrected - recorded) + STRUCTURE_ODDS
-    return (checked.unshifted, other) if gain < 0.0 else (checked, found)
 
 
 def _explained(

@@ -22,7 +22,6 @@ from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants
 from rulec.mismatch.evidence.failing_sensors import failing, impossible, stuck
 from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
 from rulec.mismatch.evidence.stores.errors_of_form import allowed
-from rulec.mismatch.evidence.stores.evidence import StoresEvidence
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
 from rulec.mismatch.evidence.stores.model import StoresModel, model_of
 from rulec.mismatch.evidence.stores.noise import no_drift
@@ -141,13 +140,6 @@ class Explanation(Explained[Fitted]):
         own, fitted = self.model, self.model.fitted
         judged = replace(own.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         return allowed(own.bench, fitted, judged)
-
-    def evidence_per_row(self) -> tuple[float, int]:
-        """Log odds of the likeliest set per reading, nats, and the number of readings."""
-        posterior = self.posterior
-        evidence = posterior.evidence
-        assert isinstance(evidence, StoresEvidence)
-        return posterior.odds[posterior.best] / evidence.count - evidence.log_scale, evidence.count
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""

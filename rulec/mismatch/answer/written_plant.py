@@ -143,11 +143,6 @@ class Explained(ABC, Generic[F]):
         """Error of each output that sensors within their class and laws within their accuracy
         explain in 95 % of recordings, SI."""
 
-    def evidence_per_row(self) -> tuple[float, int]:
-        """Log odds of the likeliest set per reading, nats, with readings in SI, and their number;
-        (nan, 0) where other ways to read the recording cannot be compared."""
-        return float("nan"), 0
-
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """Open the held-out blocks, once; one proof per reading, the most significant first."""

@@ -15,7 +15,6 @@ from rulec_runtime.diagnosis.steady.redundancy import patterns_of, residual_basi
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
@@ -26,10 +25,17 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure import limits
+from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock_offset import moving_of, shifts_of, taken_of
 from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Rewiring, rewirings
-from rulec.mismatch.structure.structure_search import Agreement
-from rulec.mismatch.structure.wiring import Comparable, connection_of
+
+
+@dataclass(frozen=True)
+class Comparable:
+    """The possible comparisons of a settled point, `each`, and of all points, `rows`."""
+
+    each: int
+    rows: int
 
 
 @dataclass(frozen=True)
@@ -104,14 +110,8 @@ class Settled:
         moving = moving_of(recording, found.data, system, setting)
         return taken_of(*shifts_of(moving), recording, self.ruleset) if moving else None
 
-    @property
-    def sources(self) -> Sources | None:
-        return self.builder.sources
-
-    def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
-        return connection_of(recording, self, columns)
-
     def rewired(self, rewiring: Rewiring) -> Settled | None:
+        """The same plant with other connections; None if the compiler refuses it."""
         plant = self.builder.network.plant
         try:
             ruleset, builder = self.builder.connected(rewiring.of(plant.connections))
@@ -120,6 +120,7 @@ class Settled:
         return Settled(ruleset, builder, self.heldout)
 
     def comparable(self, recording: Recording) -> Comparable:
+        """The possible comparisons if all settled readings could be read."""
         found = self._fitted(recording, 0)
         if found is None:
             return Comparable(0, 0)
@@ -138,6 +139,7 @@ class Settled:
         return Comparable(len(residual_basis(self.ruleset, np.any(rests, axis=1))), rows)
 
     def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
+        """Other possible connections, near contradictions."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         plant = self.builder.network.plant
         if found is None or not plant.connections:
@@ -147,6 +149,7 @@ class Settled:
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
+        """Agreement with each of the best explanations at some modules, and its unknowns."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         if found is None:
             return []

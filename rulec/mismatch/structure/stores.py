@@ -25,6 +25,7 @@ from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, drift_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.structure import limits
+from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.clock_offset import (
     Shift,
     longest,
@@ -33,8 +34,7 @@ from rulec.mismatch.structure.clock_offset import (
     sizes_of,
     taken_of,
 )
-from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Rewiring
-from rulec.mismatch.structure.structure_search import Agreement, Compared
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis
 
 # Columns of a plant that stores with a wrong clock, where no plant behaves like that.
 #
@@ -140,14 +140,6 @@ class Stores:
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
         shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
         return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
-
-    def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
-        """None: connections of a plant that stores are not doubted."""
-        return None
-
-    def rewired(self, rewiring: Rewiring) -> Stores | None:
-        """None: see `connection`."""
-        return None
 
 
 def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array], float]:

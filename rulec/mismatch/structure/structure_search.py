@@ -8,8 +8,8 @@ reduces it is physics that looks similar.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
@@ -20,85 +20,10 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.structure import limits
-from rulec.mismatch.structure.hypotheses import (
-    CLOCK,
-    AcceptedHypothesis,
-    Hypothesis,
-    Rewiring,
-    hypotheses,
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
-    """Comparisons of readings with the plain model, each in units of its noise.
-
-    `rows` is their number, `count` the number of independent ones (one for each operating state).
-    Per independent comparison: `likelihood`, its log probability, nats; `excess`, the log of its
-    deviation in noise, zero within one; `gross`, whether it deviates grossly. `strain` is how far
-    parameters had to move, as a negative log prior, nats. `idle`: some estimate can hardly ever be
-    used, though all its readings are recorded.
-    """
-
-    rows: int
-    count: float
-    likelihood: float
-    excess: float
-    gross: float
-    strain: float
-    idle: bool
-
-    @classmethod
-    def none(cls) -> Agreement:
-        """Nothing can be compared."""
-        return cls(rows=0, count=0.0, likelihood=0.0, excess=0.0, gross=0.0, strain=0.0, idle=True)
-
-    def over(self, rows: int) -> Agreement:
-        """The same over `rows` comparisons, where missing ones count as far off.
-
-        Otherwise anything that makes a reading impossible would improve the agreement of the rest.
-        """
-        if self.rows >= rows:
-            return self
-        share = self.rows / rows
-        far = float(np.log(limits.UNREAD))
-        return replace(
-            self,
-            rows=rows,
-            likelihood=share * self.likelihood - (1.0 - share) * far,
-            excess=share * self.excess + (1.0 - share) * far,
-        )
-
-
-@dataclass(frozen=True)
-class Compared:
-    """A recording as it is and the same read otherwise, over the same number of rows."""
-
-    recorded: Agreement
-    otherwise: Agreement
-
-    @property
-    def each(self) -> float:
-        """Gain in log probability of one comparison if the recording is read otherwise, nats."""
-        return self.otherwise.likelihood - self.recorded.likelihood
-
-    @property
-    def gain(self) -> float:
-        """Gain in log probability of the whole recording if it is read otherwise, nats."""
-        return self.otherwise.count * self.each + self.recorded.strain - self.otherwise.strain
-
-    @property
-    def left(self) -> float:
-        """Remaining share of the disagreement, in logs of its size."""
-        before = self.recorded.excess
-        return self.otherwise.excess / before if before > 0.0 else 1.0
-
-    @property
-    def left_strained(self) -> float:
-        """The same with the strain, as wrong values partly compensate a wrong network."""
-        count = self.otherwise.count
-        before, after = (count * a.excess + a.strain for a in (self.recorded, self.otherwise))
-        return after / before if before > 0.0 else 1.0
+from rulec.mismatch.structure.agreement import Agreement, Compared
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Hypothesis, hypotheses
+from rulec.mismatch.structure.settled import Settled
+from rulec.mismatch.structure.wiring import connection_of
 
 
 class Evidence(Protocol):
@@ -121,24 +46,14 @@ class Evidence(Protocol):
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
         """Columns with a wrong clock, if any."""
 
-    def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
-        """A wrong connection, if any; `columns` hypotheses on columns were tried besides."""
-
-    def rewired(self, rewiring: Rewiring) -> Self | None:
-        """The plant with other connections; None if that is impossible."""
-
 
 @dataclass(frozen=True)
 class Structure:
-    """The corrected recording, the plant as it is connected, and what was not as stated.
-
-    `unshifted` is the same with all clocks as recorded, if one was corrected.
-    """
+    """The corrected recording, the plant as it is connected, and what was not as stated."""
 
     recording: Recording
     evidence: Evidence
     taken: tuple[AcceptedHypothesis, ...]
-    unshifted: Structure | None = None
 
 
 def structure_of(
@@ -146,20 +61,17 @@ def structure_of(
 ) -> Structure:
     """Correct columns and connections one by one, as long as some are not as stated."""
     found: list[AcceptedHypothesis] = []
-    unshifted = None
     for _ in range(limits.MOST_MISREAD):
         one = _best(recording, evidence, progress) or evidence.clock(recording)
         if one is None:
             break
-        if one.hypothesis.kind == CLOCK and unshifted is None:
-            unshifted = Structure(recording, evidence, tuple(found))
         found.append(one)
         hypothesis = one.hypothesis
         if hypothesis.mending is not None:
             recording = hypothesis.mending.of(recording)
-        elif hypothesis.rewiring is not None:
+        elif hypothesis.rewiring is not None and isinstance(evidence, Settled):
             evidence = evidence.rewired(hypothesis.rewiring) or evidence
-    return Structure(recording, evidence, tuple(found), unshifted)
+    return Structure(recording, evidence, tuple(found))
 
 
 def _best(
@@ -174,10 +86,11 @@ def _best(
         every = list(hypotheses(recording, evidence.ruleset, evidence.read()))
         column, tried = _column(recording, evidence, plain, every), len(every)
     connection = None
-    # Wrong parameters partly compensate a wrong network, unlike a wrong column.
-    if off or plain.strain >= limits.STRAINED:
+    # Wrong parameters partly compensate a wrong network, unlike a wrong column. Connections of a
+    # plant that stores are not doubted.
+    if isinstance(evidence, Settled) and (off or plain.strain >= limits.STRAINED):
         progress("looking for connections that are not as the plant file says")
-        connection = evidence.connection(recording, tried)
+        connection = connection_of(recording, evidence, tried)
     return max((t for t in (column, connection) if t), key=lambda t: t.gain, default=None)
 
 

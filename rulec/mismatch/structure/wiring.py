@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from rulec_runtime.recordings.recording import Recording
@@ -20,41 +19,9 @@ from scipy.special import expit
 from rulec.knowledge.sources import Sources
 from rulec.mismatch import limits as common
 from rulec.mismatch.structure import limits
+from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis, Hypothesis, Rewiring
-from rulec.mismatch.structure.structure_search import Agreement, Compared
-
-
-@dataclass(frozen=True)
-class Comparable:
-    """The possible comparisons of a settled point, `each`, and of all points, `rows`."""
-
-    each: int
-    rows: int
-
-
-class Wired(Protocol):
-    """Settled points of a plant with assumed connections."""
-
-    @property
-    def sources(self) -> Sources | None:
-        """Documents of the plant."""
-
-    def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in `steps` steps."""
-
-    def comparable(self, recording: Recording) -> Comparable:
-        """The possible comparisons if all settled readings could be read."""
-
-    def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
-        """Other possible connections, near contradictions."""
-
-    def rewired(self, rewiring: Rewiring) -> Wired | None:
-        """The same plant with other connections; None if the compiler refuses it."""
-
-    def explained(
-        self, recording: Recording, modules: Sequence[str]
-    ) -> list[tuple[Agreement, int]]:
-        """Agreement with each of the best explanations at some modules, and its unknowns."""
+from rulec.mismatch.structure.settled import Settled
 
 
 @dataclass(frozen=True)
@@ -62,12 +29,12 @@ class _Judged:
     """Other connections, and how much better the recording agrees with them over `rows`."""
 
     rewiring: Rewiring
-    wired: Wired
+    wired: Settled
     rows: int
     compared: Compared
 
 
-def connection_of(recording: Recording, stated: Wired, columns: int) -> AcceptedHypothesis | None:
+def connection_of(recording: Recording, stated: Settled, columns: int) -> AcceptedHypothesis | None:
     """The wrong connection, if any; `columns` hypotheses on columns were tried besides."""
     every = stated.otherwise(recording)
     tried = [(one, wired) for one in every if (wired := stated.rewired(one)) is not None]
@@ -86,7 +53,7 @@ def connection_of(recording: Recording, stated: Wired, columns: int) -> Accepted
         return None
     near = first.compared.gain - float(np.log(common.CERTAIN / (1.0 - common.CERTAIN)))
     alike = [o.rewiring for o in sound if o is not first and o.compared.gain > near]
-    hypothesis = hypothesis_of(first.rewiring, alike, stated.sources)
+    hypothesis = hypothesis_of(first.rewiring, alike, stated.builder.sources)
     return AcceptedHypothesis(hypothesis, first.compared.gain, float(expit(gain + price)))
 
 
@@ -94,7 +61,7 @@ def _sure(odds: float) -> bool:
     return float(expit(odds)) > common.CERTAIN
 
 
-def _beyond_physics(recording: Recording, stated: Wired, judged: _Judged) -> float:
+def _beyond_physics(recording: Recording, stated: Settled, judged: _Judged) -> float:
     """Gain of other connections over the best explanation with the stated ones, nats. A fault may
     be present as well, so each network may have one explanation at the same modules."""
     plain, modules = judged.compared.recorded, judged.rewiring.modules
@@ -113,15 +80,15 @@ def _gains(
 
 
 def _promising(
-    recording: Recording, stated: Wired, tried: Sequence[tuple[Rewiring, Wired]]
-) -> list[tuple[Rewiring, Wired]]:
+    recording: Recording, stated: Settled, tried: Sequence[tuple[Rewiring, Settled]]
+) -> list[tuple[Rewiring, Settled]]:
     found = _judged(recording, stated, tried, 0)
     found = sorted((o for o in found if o.compared.each > 0.0), key=lambda o: -o.compared.each)
     return [(o.rewiring, o.wired) for o in found[: limits.STRUCTURE_REFITTED]]
 
 
 def _judged(
-    recording: Recording, stated: Wired, tried: Sequence[tuple[Rewiring, Wired]], steps: int
+    recording: Recording, stated: Settled, tried: Sequence[tuple[Rewiring, Settled]], steps: int
 ) -> list[_Judged]:
     """Other connections compared with those stated. Settled readings that cannot be used and lost
     comparisons count as far off; new ones do not count against the stated connections."""

@@ -128,12 +128,6 @@ class StoresEvidence(Evidence):
             found.append(own)
         return found
 
-    @property
-    def log_scale(self) -> float:
-        """Mean logarithm of the unit of a row, SI."""
-        sizes = zip(self.white.values(), self._known.values(), strict=True)
-        return float(sum(known.sum() * np.log(white) for white, known in sizes)) / self.count
-
     def _noises(self) -> Iterator[tuple[float, ...]]:
         """Sizes of the wandering error to try, in white noise, correlation times in samples, and
         smoothness, for each signal."""

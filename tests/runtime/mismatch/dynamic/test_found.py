@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +27,6 @@ from rulec.mismatch.search.grow_sets import prune
 from rulec.mismatch.search.posterior import posterior
 from rulec.mismatch.search.simulated import begun, curves_of, likeliest_curve, search
 from rulec.mismatch.stores import Explanation, explanation, prove, until_of
-from rulec.mismatch.structure.structure_search import Structure
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
@@ -215,23 +214,6 @@ def test_no_tick_where_an_explanation_gains(
     now = posterior(was.evidence, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)
     assert expected == verdict(explanation(plain.recording, plain.model, found))
-
-
-@pytest.mark.parametrize(("recorded", "kept"), [(-2.0, True), (-0.9, False)])
-def test_a_clock_is_corrected_only_if_the_explanation_is_likelier_with_it(
-    monkeypatch: pytest.MonkeyPatch, recorded: float, kept: bool
-) -> None:
-    """A clock is judged by the plain model: a delay of the plant may undo a wrong correction."""
-    plain = Structure(made(64), cast(Any, None), ())
-    corrected = replace(plain, unshifted=plain)
-    each = {id(corrected): -1.0, id(plain): recorded}
-
-    def read_as(read: Structure, *_: object) -> Any:
-        return SimpleNamespace(accepted=("a delay",), evidence_per_row=lambda: (each[id(read)], 64))
-
-    monkeypatch.setattr(analyse, "_explained", read_as)
-    found, _ = analyse._likelier_read(corrected, (), lambda text: None)
-    assert found is (corrected if kept else plain)
 
 
 LOSS = "lower.store-loss@inflow"
