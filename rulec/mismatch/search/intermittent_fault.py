@@ -172,41 +172,14 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
     noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
     segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
     means = _Means(known, edges, value, sums, noise)
-    ways = [(segments, on) for on in states_of(segments)]
-    if ways:
-        ways.append(_begun(fitted, tests, unknown, column, means))
     trials = [
-        _trial(fitted, tests, candidate, unknown, column, means, *way, levels)
-        for way in ways
+        _trial(fitted, tests, candidate, unknown, column, means, segments, on, levels)
+        for on in states_of(segments)
         for levels in (1, limits.MOST_LEVELS)
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None]
     return max(found, key=lambda t: _likely(t, each), default=None)
-
-
-def _begun(
-    fitted: Fitted, tests: Sequence[ScoreTest], unknown: Unknown, column: Array, means: _Means
-) -> tuple[Segments, np.ndarray]:
-    """One permanent change, at the time that explains most.
-
-    Values are refitted beside it: those of a plain fit lie between the values before and after the
-    change, and so hide a part of it.
-    """
-    count = len(means.value)
-    begins = np.unique(
-        np.linspace(limits.SHORTEST, count - limits.SHORTEST, limits.BEGINS).astype(int)
-    )
-    since = means.known[means.edges[begins]]
-    terms = column[:, None] * (fitted.rows.point[:, None] >= since)
-    null = unknown.null or 0.0
-    low, high = (np.full(len(begins), end - null) for end in (unknown.lowest, unknown.highest))
-    each = np.arange(len(begins))[:, None]
-    gains = np.max([test.best_of(terms, each, low, high)[1] for test in tests], axis=0)
-    first = np.array([0, begins[int(np.argmax(gains))]])
-    length = np.diff(np.append(first, count))
-    level = np.add.reduceat(means.value, first) / length / means.noise
-    return Segments(first, level, length), np.array([False, True])
 
 
 def _likely(trial: InitialCandidate, each: float) -> float:

@@ -32,9 +32,6 @@ FAINT = 0.01
 PASSING = 0.9
 """Weight of the gain of a fault that is present when the recording begins. Origin: assumed."""
 
-BEGINS = 200
-"""Onsets of a permanent fault to try. Origin: numerical."""
-
 STEP_PENALTY = 4.0
 """Price of a step of a course, in log(means): its time and its level. Origin: assumed."""
 
