@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import Stretches
-from scipy.linalg import block_diag
 
 from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.knowledge import SensorClass
@@ -22,9 +21,8 @@ from rulec.mismatch.evidence.configuration import (
     Configuration,
     reading_and_recording,
 )
-from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, fit_of
+from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
-from rulec.mismatch.evidence.steady.model import slope_by_onset
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.screen import spot_column
@@ -105,7 +103,7 @@ def forecast(
     there = SteadyEvidence(rows)
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
-    off, covariance = zip(*(_residuals_by(evidence, there, m) for m in models), strict=True)
+    off, covariance = zip(*(_residuals_by(there, m) for m in models), strict=True)
     shares = tuple(min(own.scale, 1.0) ** 2 for own in models)
     return Forecast(
         readings=readings,
@@ -212,36 +210,12 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
     return replace(data, points=replace(data.points, values=values))
 
 
-def known_with_onsets(evidence: SteadyEvidence, model: Model) -> Array:
-    """Covariance of all numbers of a model and, behind them, of the onset of each growing fault, s,
-    shape (numbers, numbers).
-
-    A later onset needs faster growth: with a fixed onset, later readings would be predicted with
-    too much certainty. A priori each time in the recording is equally probable.
-    """
-    slopes = _slopes_by_onsets(fit_of(model.point))[evidence.seen]
-    length = max(float(np.ptp(evidence.system.data.time)), 1e-300)
-    before = 12.0 / length**2 * np.eye(slopes.shape[1])
-    table, precision = np.hstack([model.table, slopes]), block_diag(model.precision, before)
-    return replace(model, table=table, precision=precision).solved[1]
-
-
-def _slopes_by_onsets(fitted: Fitted) -> Array:
-    """Slopes of all residuals by the onset of each growing fault, 1/s, shape (rows, faults)."""
-    names = fitted.prior.names
-    growing = [course for course in fitted.setting.courses if course.grows]
-    found = [slope_by_onset(fitted, c, names.index(c.names()[0])) for c in growing]
-    return np.stack(found, axis=1) if found else np.zeros((len(fitted.residual), 0))
-
-
-def _residuals_by(
-    evidence: SteadyEvidence, there: SteadyEvidence, model: Model
-) -> tuple[Array, Array]:
-    """Residuals of readings by a model of `evidence`, shape (rows,), and their covariance, shape
-    (rows, rows), due to noise, values, onsets of growth, terms without a name, errors of form, and
-    new errors of sensors."""
+def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
+    """Residuals of readings by a model, shape (rows,), and their covariance, shape
+    (rows, rows), due to noise, values, terms without a name, errors of form, and new errors of
+    sensors."""
     fitted = _evaluated(there.rows, model)
-    solution, known = model.solved[0], known_with_onsets(evidence, model)
+    solution, known = model.solved
     off = fitted.residual[there.seen]
     kept, stay, added = _kept(model)
     by_value = fitted.jacobian[there.seen]
@@ -251,8 +225,6 @@ def _residuals_by(
         off = off + columns @ solution[own]
         table.append(columns)
         numbers += own.tolist()
-    table.append(_slopes_by_onsets(fitted)[there.seen])
-    numbers += range(len(solution), len(known))
     slopes = np.concatenate(table, axis=1)
     forms = model.sizes.of(there.law) * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
