@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rulec.cli import main as rulec
-from rulec.prove.truth.sealed import Request
 from rulec.prove.truth.settled.detection_limit import visible_outputs
 from rulec.prove.truth.settled.effect import EFFECTS, WIRING
 from rulec.prove.truth.settled.operated_plant import scene
@@ -72,7 +71,6 @@ def head_of(folder: Path) -> str:
 
 
 def test_what_is_not_recorded_has_no_column(tmp_path: Path) -> None:
-    """And its course is in the reference."""
     plan = Planned(
         "test hidden", "unrecorded", "dosing", "steps", ("slip-warm",), 2000.0, small=True
     )
@@ -80,9 +78,6 @@ def test_what_is_not_recorded_has_no_column(tmp_path: Path) -> None:
     assert ("unnamed", "T") == (case.answer.verdict, case.answer.unrecorded)
     case.write(tmp_path)
     assert ".T " not in head_of(tmp_path)
-    driver = case.reference(Request(((0.0, 50.0),))).driver
-    assert driver is not None
-    assert np.ptp(driver[1]) > 5.0
 
 
 @pytest.mark.parametrize("effect", ["slip-warm", "laminar", "power-warm"])
@@ -92,34 +87,7 @@ def test_what_is_visible_grows_with_the_size(effect: str) -> None:
         case = alone(effect, aim=aim)
         (planted,) = case.answer.effects
         assert 0.6 * aim < planted.gain < 1.7 * aim
-        assert planted.margin <= planted.gain * (1 + 1e-9)
     assert visible_outputs(case.scene).gain(()) == pytest.approx(0.0, abs=1e-9)
-
-
-DOSING = ("slip-warm", "laminar", "dp-zero-warm", "copper")
-BENCH = ("cavitation", "npsh", "part-load-head", "worn-rings")
-VALVE = ("percentage", "quick", "open-seat", "late", "stopped", "heavy", "choked", "in-row")
-
-
-@pytest.mark.parametrize(
-    ("family", "effect", "signal", "relation", "unit", "low", "high"),
-    [
-        *(("dosing", effect, "P_el", "power-pump", 1.0, 0.87, 1.46) for effect in DOSING),
-        *(("bench", effect, "dp", "head-flow", BAR, 0.8, 1.25) for effect in BENCH),
-        # With another trim the travel counts more, or less, than in the plain valve.
-        *(("valve", effect, "Q", "valve-flow", 1e3 * LITRE_PER_HOUR, 0.5, 2.0) for effect in VALVE),
-    ],
-)
-def test_the_true_model_errs_by_noise_alone(
-    family: str, effect: str, signal: str, relation: str, unit: float, low: float, high: float
-) -> None:
-    """What is told has the noise of the reading and of those beside it."""
-    case = alone(effect, family)
-    module = case.answer.effects[0].module
-    name = f"{module}.{signal}"
-    error = case.reference(Request(((0.0, 1e9),), {name: f"{module}.{relation}"})).errors[name]
-    noise = float(visible_outputs(case.scene).noise[name].mean()) / unit
-    assert low * noise < error < high * noise
 
 
 def test_a_drawn_plant_runs_at_all_of_its_speeds() -> None:

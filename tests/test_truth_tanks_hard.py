@@ -5,24 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.prove.truth.detection_limit import Measure
 from rulec.prove.truth.kinds import difficulties
 from rulec.prove.truth.smooth import SIZE_OF_FORM, form_error
 from rulec.prove.truth.streams import stream
+from rulec.prove.truth.tanks.balance import integrate
 from rulec.prove.truth.tanks.build import CASCADED, METER_SLOPE, Setup, build, recorded_input
-from rulec.prove.truth.tanks.detection_limit import blurred
+from rulec.prove.truth.tanks.detection_limit import noise_of
 from rulec.prove.truth.tanks.feed import Bend
 from rulec.prove.truth.tanks.laws import outflow, supply
-from rulec.prove.truth.tanks.model import Model, noise_of
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO
 from rulec.prove.truth.tanks.rows import row
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.tanks.suite import HARD, cases
-from rulec.prove.truth.units import Array
 
 ALL = difficulties("tanks", "all")
 METERED = next(r for r in map(row, range(20)) if r.metered)
-DRAWS = 60
 
 
 def hard_setup(*difficulties: str, samples: int = 256, seed: int = 4) -> Setup:
@@ -58,7 +55,7 @@ def test_noise_has_the_memory_that_the_answer_states() -> None:
     setup = hard_setup("coloured", samples=20)
     (sensor,) = setup.plant.sensors
     many = 20000
-    still = replace(Model(setup.time, setup.shown).course(setup.plant), time=np.arange(many * 1.0))
+    still = replace(setup.course, time=np.arange(many * 1.0))
     still = replace(still, sensed=np.full((many, 1), 9.0), fallen=np.zeros((many, 2)))
     readings = (shown(setup.plant, still, seed)["lower"] for seed in (1, None))
     error = np.subtract(*readings)
@@ -72,7 +69,7 @@ def test_sensors_drift_within_their_class() -> None:
         setup = build(METERED, seed, 60, "", ("drift",))
         still = tuple(replace(s, wander=None) for s in setup.plant.sensors)
         bare = replace(setup.plant, sensors=still)
-        course = Model(setup.time, setup.shown).course(bare)
+        course = integrate(bare, setup.time, setup.shown)
         for sensor in setup.plant.sensors:
             off = shown(setup.plant, course)[sensor.tank] - shown(bare, course)[sensor.tank]
             assert np.abs(off + sensor.zero).max() <= 2.0 * LEVEL_ZERO + 1e-12
@@ -95,53 +92,6 @@ def test_tanks_begin_at_any_level() -> None:
     levels = np.array([[tank.level for tank in s.plant.tanks] for s in setups])
     assert np.ptp(levels[:, 0]) > 15.0
     assert all(s.plant.tanks[1].level * s.plant.sensors[0].gain <= 8.0 + 1e-9 for s in setups)
-
-
-def test_the_best_test_scatters_as_its_strength_says() -> None:
-    """Plants with other form errors, drifts and noise, all integrated: the best linear test for a
-    change that is not there has a variance of twice the strength, and of far more where form errors
-    count as known and noise as white."""
-    setup = hard_setup("form", "coloured", "drift")
-    model = Model(setup.time, setup.shown)
-    course = model.course(setup.plant)
-    start = model.readings(setup.plant, course)
-    blur = blurred(setup, model, course)
-    left = np.stack([_left_over(setup, model, start, i) for i in range(DRAWS)], 1)
-    clogged = setup.plant.with_tank(replace(setup.plant.tanks[1], closing=1e-5))
-    change = (model.readings(clogged, model.course(clogged)) - start)[:, None]
-    nothing = np.zeros((start.size, 0))
-    sharp = Measure.beside(nothing, nothing)
-    soft = Measure.beside(blur.over(blur.free), nothing)
-    assert _scatter(sharp, change, left) > 3.0
-    assert _scatter(soft, blur.over(change), blur.over(left)) == pytest.approx(1.0, abs=0.3)
-
-
-def _scatter(measure: Measure, change: Array, left: Array) -> float:
-    """Standard deviation of the best test over what its strength says."""
-    scores = [measure.product(change[:, 0], one) for one in left.T]
-    return float(np.std(scores) / np.sqrt(2.0 * measure.gain(change[:, 0])))
-
-
-def _left_over(setup: Setup, model: Model, start: Array, number: int) -> Array:
-    """Readings of one plant of the same make, less the model, over their noise."""
-    random, plant = stream(number, "another plant"), setup.plant
-
-    def other(form: Bend | None) -> Bend:
-        assert form is not None
-        drawn = Bend.of(form_error(random, form.rms, ((form.low, form.high),)))
-        return form.further(np.array(drawn.series))
-
-    plant = replace(plant, feed=replace(plant.feed, form=other(plant.feed.form)))
-    for tank in plant.tanks:
-        plant = plant.with_tank(replace(tank, form=other(tank.form)))
-    course = model.course(plant)
-    (sensor,) = plant.sensors
-    assert sensor.wander is not None
-    draws = random.standard_normal(len(sensor.wander.draws))
-    first = float(random.standard_normal())
-    moved = replace(sensor, zero=first * LEVEL_ZERO, wander=replace(sensor.wander, draws=draws))
-    reading = shown(plant.with_sensor(moved), course, number)[sensor.tank]
-    return np.asarray(reading / noise_of(sensor) - start)
 
 
 def test_the_suite_draws_tanks_of_all_groups() -> None:

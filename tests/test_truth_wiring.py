@@ -1,15 +1,11 @@
 """Mistakes of wiring and files: what stands in the columns, and what a perfect analysis says."""
 
 import functools
-from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rulec.prove.judge import judge
-from rulec.prove.truth.detection_limit import Rival, margin
 from rulec.prove.truth.settled.effect import WIRING
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.suite import planned
@@ -45,9 +41,7 @@ def test_a_mistake_is_an_error_of_sensors_at_the_columns_that_are_wrong(effect: 
     off = {place for place in right if not np.array_equal(wrong[place], right[place])}
     assert off == set(places)
     assert len(off) == (2 if effect.startswith("swapped") else 1)
-    answer = made(effect).answer
-    assert answer.verdict == "sensor"
-    assert "wiring" in answer.concealed
+    assert made(effect).answer.verdict == "sensor"
 
 
 @pytest.mark.parametrize("effect", ["unit-dp", "unit-power", "unit-speed"])
@@ -81,22 +75,11 @@ def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:
             "parameters": {}, "sort": "sensor",
         }  # fmt: skip
         form = {"verdict": "sensor", "effects": (found,), "locations": ()}
-        result = judge(SimpleNamespace(answer=case.answer), form, Path(), "development")  # type: ignore[arg-type]
+        result = judge(case.answer, form, "development")
         assert (1.0, 1.0, True) == (result.name_right, result.place_right, result.told_right)
         other = {**form, "effects": ({**found, "effect": "gain-error"},)}
-        result = judge(SimpleNamespace(answer=case.answer), other, Path(), "development")  # type: ignore[arg-type]
+        result = judge(case.answer, other, "development")
         assert (0.0, 1.0) == (result.name_right, result.place_right)
-
-
-def test_a_rival_of_a_mistake_is_no_larger_than_it_can_be() -> None:
-    """A gain that is off by 30 % at most is none that is off by a factor of 60."""
-    change = np.ones(50)
-    rival = Rival("gain", 0.01, 0.3, lambda size: size * change, bounded=True)
-    nothing = np.zeros((50, 0))
-    left, _ = margin(change, nothing, nothing, [rival])
-    assert left == pytest.approx(0.5 * 50 * 0.7**2)
-    free = replace(rival, bounded=False)
-    assert margin(change, nothing, nothing, [free])[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_suite_draws_every_mistake() -> None:

@@ -196,6 +196,6 @@ def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]
 
 def _judge(case: Planned, folder: Path, seal: str, partition: str) -> Judged:
     made, form = opened(case, folder, seal)
-    result = judge(made, form, folder, partition)
+    result = judge(made.answer, form, partition)
     write_text(folder / OPENED, made.answer.to_json())
     return result

@@ -1,69 +1,19 @@
 """Compares the tool's answer with the sealed one."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, FEWEST_IN_A_COURSE, MENTIONED
-from rulec.prove.results import Claim, Heldout, Judged
-from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
+from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
+from rulec.prove.results import Claim, Judged
+from rulec.prove.truth.sealed import Answer, Planted
 
-Array = NDArray[np.float64]
-
-TIME = "time [s]"
-NAN = float("nan")
-
-
-def columns_of(text: str) -> dict[str, Array]:
-    """Read a CSV table as columns by header; NaN in cells without a number."""
-    head, *rows = csv.reader(io.StringIO(text))
-
-    def number(cell: str) -> float:
-        try:
-            return float(cell)
-        except ValueError:
-            return NAN
-
-    columns = {name: [number(row[i]) for row in rows] for i, name in enumerate(head)}
-    return {name: np.array(cells, dtype=float) for name, cells in columns.items()}
-
-
-def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
-    """Return the absolute correlation of a reconstructed course with the truth; 0 without one.
-
-    `time` and `course` have shape (n,), `clock` and `driver` shape (m,).
-    """
-    usable = np.isfinite(course)
-    truth = np.interp(time[usable], clock, driver)
-    if usable.sum() < FEWEST_IN_A_COURSE or np.std(course[usable]) == 0 or np.std(truth) == 0:
-        return 0.0
-    return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
-
-
-ERRORS = ("shipped", "recalibrated", "repaired", "noise")
 Form = Mapping[str, Any]
 
 
-def judge(case: Case, form: Form, folder: Path, partition: str) -> Judged:
-    """Score a case."""
-    answer, fit = case.answer, form.get("fit")
-    known = _reference(case, form) if answer.effects and fit else Reference({})
-    said = judged_words(answer, form, partition)
-    return replace(
-        said,
-        ratio=_ratio(form, known, said.verdict),
-        course=_course(known, form, folder) if answer.unrecorded else None,
-    )
-
-
-def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
-    """Score the reported effects, without the scores of a course or a prediction."""
+def judge(answer: Answer, form: Form, partition: str) -> Judged:
+    """Score the reported effects."""
     effects = list(form.get("effects", ()))
     verdict = form.get("verdict", "failed")
     named = [p for p in answer.effects if p.names]
@@ -76,12 +26,10 @@ def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
         partition=partition,
         verdict_true=answer.verdict,
         verdict=verdict,
-        concealed=answer.concealed,
         planted=tuple(f"{p.effect}@{p.module}" for p in answer.effects),
         places=tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
         said=tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
         gain=sum(p.gain for p in answer.effects),
-        margin=min((p.margin for p in answer.effects), default=float("inf")),
         digest=answer.digest,
         place_right=place_right(answer.effects, form) if answer.effects else None,
         name_right=name_right(named, effects) if asked else None,
@@ -94,10 +42,8 @@ def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
         told_right=_is_sort_right(answer, verdict),
         inside=_inside(named, effects),
         claims=_claims(named, effects),
-        errors=_errors(form.get("fit")),
-        seconds=float(form.get("seconds", NAN)),
+        seconds=float(form.get("seconds", float("nan"))),
         error=str(form.get("error", "")),
-        difficulties=tuple(answer.difficulties),
     )
 
 
@@ -213,44 +159,3 @@ def interval_of(effect: Form, name: str, degree: bool = True) -> tuple[float, fl
         middle, reach = float(periods[0]["degree"]), COVERAGE_OF_DEGREES * float(periods[0]["u"])
         return middle - reach, middle + reach, str(periods[0].get("unit", "1"))
     return None
-
-
-def _reference(case: Case, form: Form) -> Reference:
-    """The true model on the samples that the tool held out; empty if it has no solution."""
-    spans = tuple((float(a), float(b)) for a, b in form["split"]["heldout"])
-    relations = {f["signal"]: f["relation"] for f in form["fits"] if f["relation"]}
-    try:
-        return case.reference(Request(spans, relations))
-    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-        return Reference({})
-
-
-def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
-    """Held-out error of the first signal over that of the true model; None without a repair."""
-    fit = form.get("fit")
-    if not fit or verdict not in ("named", "ambiguous", "fault", "sensor"):
-        return None
-    error = known.errors.get(fit["signal"], NAN)
-    # The true model contains faults and sensor errors, so the whole explanation is compared.
-    held = fit["heldout"]
-    repaired = held["repaired"] if held.get("explained") is None else held["explained"]
-    if repaired is None or not error > 0:
-        return None
-    return float(repaired) / error
-
-
-def _course(known: Reference, form: Form, folder: Path) -> float:
-    """Correlation of the reconstructed course with the truth; 0 if there is no course."""
-    hidden = form.get("hidden_driver")
-    if not hidden or not hidden.get("series") or known.driver is None:
-        return 0.0
-    columns = columns_of((folder / hidden["series"]).read_text(encoding="utf-8"))
-    course = next(v for header, v in columns.items() if header.startswith("course"))
-    return likeness(columns[TIME], course, *known.driver)
-
-
-def _errors(fit: Form | None) -> Heldout | None:
-    if not fit:
-        return None
-    held = fit["heldout"]
-    return Heldout(**{name: NAN if held[name] is None else float(held[name]) for name in ERRORS})

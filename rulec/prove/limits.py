@@ -8,10 +8,6 @@ cases are in `partition.py`. The simulator in `truth` has its own numbers.
 
 from collections.abc import Mapping
 
-PLAIN_GAIN, PLAIN_MARGIN = 100.0, 10.0
-"""Least strength and margin of an effect that is plain to see: a gain beyond any doubt, and odds of
-22 000 against the next name. Origin: assumed."""
-
 # Goals -------------------------------------------------------------------------------------------
 
 GOALS: Mapping[str, tuple[float, float]] = {
@@ -26,10 +22,6 @@ GOALS: Mapping[str, tuple[float, float]] = {
     # Of 95 % intervals: the truth is inside. Of names that are reported as certain: false
     "inside": (0.93, 0.97),
     "false": (0.0, 0.02),
-    # Held-out error over that of the true model
-    "ratio": (0.0, 1.05),
-    # Correlation of an unrecorded driver's estimated course with the truth
-    "course": (0.9, 1.0),
     # Of first contacts: sound ones reported sound; other laws named; with a certain, wrong name
     "sound": (0.95, 1.0),
     "other": (0.70, 1.0),
@@ -69,10 +61,6 @@ answer's own rule for its headline."""
 PROBABILITIES = (0.0, 0.5, 0.7, 0.9, 0.99, 1.0)
 """Edges of the bins of probabilities with which names are reported. Origin: assumed; CERTAIN is
 one of them."""
-
-FEWEST_IN_A_COURSE = 3
-"""Least samples of a reconstructed course that is compared with the truth. Origin: numerical, two
-points always lie on a line."""
 
 # Second round ------------------------------------------------------------------------------------
 

@@ -22,16 +22,6 @@ Score = float | None
 """0 is wrong, 1 is right; None if the score does not apply to the case."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Heldout:
-    """Root mean square errors on held-out samples, in the unit of one signal; None: not known."""
-
-    shipped: Score
-    recalibrated: Score
-    repaired: Score
-    noise: Score
-
-
 @dataclass(frozen=True)
 class Claim:
     """A name in an answer: its reported probability, and whether it is right."""
@@ -50,17 +40,13 @@ class Judged:
     places : `module.place` that are right
     said : effects in the tool's answer, as `entry@module.place`
     gain : expected gain in log likelihood of the true model over the plain one: the strength
-    margin : the same over the best wrong model; infinite if none was tried
     name_right : share of names that are right; each of n candidates counts 1/n
     claims : all names in the answer, also those with alternatives
     unnamed_right : an effect without an entry is reported unnamed, at its place
     told_right : a fault or sensor error is distinguished from physics
     inside : number of intervals of parameters that contain the truth, and of all intervals
-    ratio : held-out error over that of the true model
-    course : correlation of the course of an unrecorded driver with the truth
     error : why the tool gave no answer; empty if it gave one
     digest : hash of the sealed answer
-    difficulties : what makes the case harder, as the sealed answer names it
     """
 
     case: str
@@ -70,12 +56,10 @@ class Judged:
     partition: str
     verdict_true: str
     verdict: str
-    concealed: tuple[str, ...]
     planted: tuple[str, ...]
     places: tuple[str, ...]
     said: tuple[str, ...]
     gain: float
-    margin: float
     digest: str
     place_right: Score = None
     name_right: Score = None
@@ -83,12 +67,8 @@ class Judged:
     unnamed_right: Score = None
     told_right: bool | None = None
     inside: tuple[int, int] = (0, 0)
-    ratio: Score = None
-    course: Score = None
-    errors: Heldout | None = None
     seconds: float = 0.0
     error: str = ""
-    difficulties: tuple[str, ...] = ()
     claims: tuple[Claim, ...] = ()
 
     @property

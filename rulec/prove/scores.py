@@ -10,13 +10,6 @@ import numpy as np
 
 from rulec.prove import limits
 from rulec.prove.results import Judged
-from rulec.prove.truth.sealed import DIFFICULTIES
-
-
-def plain(judged: Sequence[Judged]) -> list[Judged]:
-    """Return the cases with an effect that is plain to see: the readings suffice to name it."""
-    least = (limits.PLAIN_GAIN, limits.PLAIN_MARGIN)
-    return [j for j in judged if not j.clean and j.gain >= least[0] and j.margin >= least[1]]
 
 
 @dataclass(frozen=True)
@@ -37,9 +30,8 @@ class Row:
 
     Attributes
     ----------
-    count, hits : number of cases (or intervals), and of right ones; None if nothing is counted
+    count, hits : number of cases (or intervals), and of right ones
     share : the score; `low` and `high` its 95 % interval; NaN without cases
-    is_share : whether the score is between 0 and 1
     met : None without cases
     sure : whether the whole interval is on the same side of the goal
     """
@@ -47,11 +39,10 @@ class Row:
     score: str
     goal: Goal
     count: int
-    hits: float | None
+    hits: float
     share: float
     low: float
     high: float
-    is_share: bool = True
 
     @property
     def met(self) -> bool | None:
@@ -74,12 +65,11 @@ class Row:
 NAN = float("nan")
 
 
-def goal_of(name: str, is_share: bool = True) -> Goal:
+def goal_of(name: str) -> Goal:
     """Return the goal of a score; its text has the ends that can be missed."""
     low, high = limits.GOALS[name]
-    factor, digits, unit = (100, ".0f", " %") if is_share else (1, "g", "")
-    ends = (f"{factor * end:{digits}}" for end in (low, high) if end not in (0.0, 1.0))
-    return Goal(low, high, "–".join(ends) + unit)
+    ends = (f"{100 * end:.0f}" for end in (low, high) if end not in (0.0, 1.0))
+    return Goal(low, high, f"{'–'.join(ends)} %")
 
 
 SHARES = {
@@ -97,14 +87,13 @@ FALSE_NAMES = "false names among all told as certain"
 
 def table(judged: Sequence[Judged]) -> list[Row]:
     """Return all scores in the order of their goals; failed cases count as they were judged."""
-    ratios, error = values_of(judged, "ratio"), "held-out error over the true model's"
-    course = "course of an unrecorded driver, mean correlation"
-    ratio = goal_of("ratio", False)
+    columns = ((title, name, values_of(judged, name)) for name, title in SHARES.items())
+    inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
+    certain = [c.right for j in judged for c in j.claims if c.probability >= limits.CERTAIN]
     return [
-        *_shares(judged),
-        _number(f"{error}, median", ratio, ratios, np.median),
-        _number(f"{error}, mean", ratio, ratios, np.mean),
-        _number(course, goal_of("course", False), values_of(judged, "course"), np.mean),
+        *(of_hits(t, goal_of(name), len(values), sum(values)) for t, name, values in columns),
+        of_hits(COVERAGE, goal_of("inside"), intervals, inside),
+        of_hits(FALSE_NAMES, goal_of("false"), len(certain), certain.count(False)),
     ]
 
 
@@ -144,46 +133,11 @@ def bootstrap(
     return float(low), float(high)
 
 
-@dataclass(frozen=True)
-class Group:
-    """Cases that have something in common, and their shares (no goal is set for them)."""
-
-    title: str
-    count: int
-    shares: tuple[Row, ...]
-
-
-def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
-    """Group cases by difficulty, a case with two in both groups; empty if no case has any."""
-    cases = {w: [j for j in judged if n in j.difficulties] for n, w in DIFFICULTIES.items()}
-    if not any(cases.values()):
-        return []
-    cases["none"] = [j for j in judged if not j.difficulties]
-    return [Group(title, len(own), _shares(own)) for title, own in cases.items() if own]
-
-
-def _shares(judged: Sequence[Judged]) -> tuple[Row, ...]:
-    """Shares of cases, then of intervals and of certain names."""
-    columns = ((title, name, values_of(judged, name)) for name, title in SHARES.items())
-    inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
-    certain = [c.right for j in judged for c in j.claims if c.probability >= limits.CERTAIN]
-    return (
-        *(of_hits(t, goal_of(name), len(values), sum(values)) for t, name, values in columns),
-        of_hits(COVERAGE, goal_of("inside"), intervals, inside),
-        of_hits(FALSE_NAMES, goal_of("false"), len(certain), certain.count(False)),
-    )
-
-
 def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
     """Return a share of cases with its interval."""
     low, high = wilson(hits, count)
     share = hits / count if count else NAN
     return Row(title, goal, count, hits, share, low, high)
-
-
-def _number(title: str, goal: Goal, values: Sequence[float], of: Callable[..., np.ndarray]) -> Row:
-    value, (low, high) = float(of(values)) if values else NAN, bootstrap(values, of)
-    return Row(title, goal, len(values), None, value, low, high, is_share=False)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from rulec_runtime.report.text import counted, percent
 
-from rulec.prove.judge import is_named, judged_words
+from rulec.prove.judge import is_named, judge
 from rulec.prove.results import ARMS, COVERED, RECIPE, RUN, Further, Judged
 from rulec.prove.scores import by_probability, table
 from rulec.prove.tables import Table, value_of
@@ -52,7 +52,7 @@ def further_of(
     for arm, form in after.items():
         stalled = "not_run" in form
         sure[arm] = sure_before if stalled else sure_of(answer, form, known)
-        again[arm] = first if stalled else judged_words(answer, form, first.partition)
+        again[arm] = first if stalled else judge(answer, form, first.partition)
     steps = recipe["steps"]
     covers = all(step["covers"] for step in steps)
     return replace(

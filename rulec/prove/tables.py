@@ -1,6 +1,5 @@
 """Tables of the terminal and of the page, and those of a run: goals, difficulties, worst cases."""
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,10 +12,9 @@ from rulec_runtime.report import tables as of_pages
 from rulec_runtime.report.document import section
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
-from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN, WORST_CASES
+from rulec.prove.limits import WORST_CASES
 from rulec.prove.results import Judged
-from rulec.prove.scores import Group, Row, by_difficulty, plain, reliability, table
-from rulec.prove.truth.sealed import DIFFICULTIES
+from rulec.prove.scores import Row, reliability, table
 
 MARKS = {"✓": ("green", "agrees"), "✗": ("red", "contradicts"), "–": ("dim", "soft")}
 """Styles of cells in the terminal and on a page, by their first character."""
@@ -68,23 +66,18 @@ def _styles(cell: str) -> tuple[str, str]:
 
 
 REMARK = (
-    f"plain to see: strength of {PLAIN_GAIN:.0f} and margin of {PLAIN_MARGIN:.0f} at least. "
-    "“not surely”: the 95 % interval holds values on both sides of the goal. Intervals of shares "
-    "by Wilson, of ratio and course by drawing cases anew; intervals of parameters of one case are "
-    "counted one by one."
+    "“not surely”: the 95 % interval, by Wilson, holds values on both sides of the goal. Intervals "
+    "of parameters of one case are counted one by one."
 )
 
 
 def tables(judged: Sequence[Judged]) -> Iterator[Table]:
     """Yield the tables of a run; those without a row are left out."""
     goals = [
-        (
-            *(row.score, row.goal.text, str(row.count), value_of(row), interval_of(row)),
-            *(verdict_of(row), f"{value_of(own)} of {own.count}" if own.count else "–"),
-        )
-        for row, own in zip(table(judged), table(plain(judged)), strict=True)
+        (row.score, row.goal.text, str(row.count), value_of(row), interval_of(row), verdict_of(row))
+        for row in table(judged)
     ]
-    of_goals = ("score", ".goal", ".cases", ".reached", ".95 % interval", "", ".plain to see")
+    of_goals = ("score", ".goal", ".cases", ".reached", ".95 % interval", "")
     yield Table("", of_goals, goals, REMARK)
     if bins := reliability(judged):
         rows = []
@@ -96,8 +89,6 @@ def tables(judged: Sequence[Judged]) -> Iterator[Table]:
             )
         titles = ("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
         yield Table("Names by their probability", titles, rows)
-    if parts := by_difficulty(judged):
-        yield _by_difficulty(parts)
     if found := worst(judged):
         of_cases = ("case", "planted", "said", "because", ".strength")
         cases = [
@@ -110,20 +101,6 @@ def tables(judged: Sequence[Judged]) -> Iterator[Table]:
         yield Table("The worst cases", of_cases, cases)
 
 
-def _by_difficulty(parts: Sequence[Group]) -> Table:
-    names = {words: name for name, words in DIFFICULTIES.items()}
-    words = [f"{names[part.title]}: {part.title}" for part in parts if part.title in names]
-    titles = ("made harder by", *(f".{names.get(part.title, part.title)}" for part in parts))
-    scores = ("place", "name", "clean", "unnamed", "told", "inside", "false")
-    shares = zip(*(part.shares for part in parts), strict=True)
-    rows = [
-        (score, *(f"{value_of(row)} of {row.count}" if row.count else "–" for row in own))
-        for score, own in zip(scores, shares, strict=True)
-    ]
-    counts = ("cases", *(str(part.count) for part in parts))
-    return Table("By difficulty", titles, [counts, *rows], "; ".join(words))
-
-
 def verdict_of(row: Row) -> str:
     """Return the verdict of a score with its symbol."""
     return f"{SYMBOLS[row.met]} {row.words}"
@@ -131,18 +108,12 @@ def verdict_of(row: Row) -> str:
 
 def value_of(row: Row) -> str:
     """Return a score as text; a dash without cases."""
-    if not math.isfinite(row.share):
-        return "–"
-    return f"{fixed(100 * row.share, 1)} %" if row.is_share else fixed(row.share, 3)
+    return f"{fixed(100 * row.share, 1)} %" if row.count else "–"
 
 
 def interval_of(row: Row) -> str:
     """Return the 95 % interval as text; empty if there is none."""
-    if not (math.isfinite(row.low) and math.isfinite(row.high)):
-        return ""
-    if row.is_share:
-        return f"{fixed(100 * row.low, 1)} to {fixed(100 * row.high, 1)} %"
-    return f"{fixed(row.low, 3)} to {fixed(row.high, 3)}"
+    return f"{fixed(100 * row.low, 1)} to {fixed(100 * row.high, 1)} %" if row.count else ""
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rulec.prove.results import Claim, Heldout, Judged, Run
-from rulec.prove.truth.sealed import CONCEALMENTS, Answer, Planted
+from rulec.prove.results import Claim, Judged, Run
+from rulec.prove.truth.sealed import Answer, Planted
 
 ENTRIES = {
     "slip by viscosity": "slip-temperature",
@@ -31,8 +31,6 @@ LEAK = Planted(
     places=("A.bypass",),
     parameters={},
     gain=50.0,
-    margin=20.0,
-    rival="",
 )
 
 
@@ -46,7 +44,6 @@ def sealed(planted: Planted, verdict: str) -> Answer:
         seed=1,
         samples=300,
         verdict=verdict,
-        concealed=("open",),
         effects=(planted,),
     )
 
@@ -60,12 +57,10 @@ def judged(case: str = "case", **fields: object) -> Judged:
         "partition": "development",
         "verdict_true": "none",
         "verdict": "none",
-        "concealed": ("clean",),
         "planted": (),
         "places": (),
         "said": (),
         "gain": 0.0,
-        "margin": float("inf"),
         "digest": "0" * 64,
     }
     return Judged(case=case, **{**usual, **fields})  # type: ignore[arg-type]
@@ -81,12 +76,10 @@ def planted(
     usual: dict[str, object] = {
         "verdict_true": "named",
         "verdict": "named",
-        "concealed": ("open",),
         "planted": (effect,),
         "places": ("A.Q_geo",),
         "said": named,
         "gain": gain,
-        "margin": gain / 3,
         "place_right": 1.0,
         "name_right": right,
         "claims": tuple(Claim(0.95, right == 1.0) for _ in named),
@@ -115,16 +108,6 @@ def _in(partition: str, case: Judged) -> Judged:
     return judged(**{**vars(case), "case": f"{partition}-{case.case}", "partition": partition})
 
 
-def _errors(random: np.random.Generator, missing: float) -> dict[str, object]:
-    noise = 1.0
-    before = float(np.hypot(noise, missing))
-    after = float(noise * random.uniform(1.0, 1.1))
-    return {
-        "errors": Heldout(shipped=2 * before, recalibrated=before, repaired=after, noise=noise),
-        "seconds": float(random.uniform(3, 40)),
-    }
-
-
 def _usual(i: int) -> dict[str, object]:
     half, plant = (("stationary", "abc"), ("dynamic", "cascaded-tanks"))[i % 2]
     return {"half": half, "plant": plant}
@@ -133,20 +116,19 @@ def _usual(i: int) -> dict[str, object]:
 def _clean(i: int, random: np.random.Generator) -> Judged:
     wrong = i in (3, 50)
     said = {"verdict": "named", "said": ("filling-loss@A.Q_geo",)} if wrong else {}
-    fields = {**_usual(i), **said, **_errors(random, 0.0)}
+    fields = {**_usual(i), **said, "seconds": float(random.uniform(3, 40))}
     return judged(f"clean-{i}", clean_right=float(not wrong), **fields)
 
 
 def _planted(i: int, random: np.random.Generator) -> Judged:
     names, gain = list(ENTRIES), float(10 ** random.uniform(0.3, 3.6))
     effect = names[i % len(names)]
-    fields = {**_usual(i), "concealed": (list(CONCEALMENTS)[1 + i % 8],), **_errors(random, 1.5)}
-    fields |= {"ratio": float(1 + random.exponential(0.03)), "inside": (1 + (i % 18 > 0), 2)}
+    fields = {**_usual(i), "seconds": 9.0, "inside": (1 + (i % 18 > 0), 2)}
     if i % 10 == 9:
         right = float(random.random() < 0.85)
-        fields |= {"name_right": None, "concealed": ("unnamed",), "verdict_true": "unnamed"}
+        fields |= {"name_right": None, "verdict_true": "unnamed"}
         fields |= {"unnamed_right": right, "said": () if right else ("free-form@A.loss",)}
-        fields |= {"course": random.uniform(0.8, 1), "verdict": "unnamed" if right else "named"}
+        fields |= {"verdict": "unnamed" if right else "named"}
         return planted(f"odd-{i}", "jet on a probe", gain, **fields)
     if i == 77:
         fields |= {"error": "no answer within 600 s", "said": (), "name_right": 0.0}

@@ -86,7 +86,7 @@ def checked(only: str, cases: int, clean_ones: int, folder: Path) -> None:
     clean = [j for j in found if not j["planted"]]
     assert len(clean) >= clean_ones
     assert [] == [j["case"] for j in clean if j["verdict"] != "none"]
-    told = [j for j in found if j["name_right"] is not None and float(j["margin"]) > 30]
+    told = [j for j in found if j["name_right"] is not None and float(j["gain"]) > 300]
     assert sum(j["name_right"] for j in told) >= 0.6 * len(told)
     assert "<h1" in page.read_text(encoding="utf-8")
 

@@ -1,8 +1,6 @@
 """An answer held against what was planted: names, places and what is left open."""
 
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,9 +10,7 @@ from rulec.prove.results import Claim, Judged
 from rulec.prove.truth.sealed import Planted
 from tests.prove.made import LEAK, sealed
 
-LOW = replace(
-    LEAK, sort="sensor", module="B", place="sensor", names=("slope",), places=("B.dp",), margin=3.0
-)
+LOW = replace(LEAK, sort="sensor", module="B", place="sensor", names=("slope",), places=("B.dp",))
 
 
 def effect(
@@ -29,7 +25,7 @@ def effect(
 def scored(*effects: dict[str, Any], planted: Planted = LOW) -> Judged:
     """How an answer is judged where that was planted."""
     form = {"verdict": "ambiguous", "effects": effects, "locations": ()}
-    return judge(SimpleNamespace(answer=sealed(planted, "sensor")), form, Path(), "development")  # type: ignore[arg-type]
+    return judge(sealed(planted, "sensor"), form, "development")
 
 
 def other(name: str, id_: str, probability: float) -> dict[str, Any]:

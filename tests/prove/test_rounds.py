@@ -279,7 +279,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     asked_again(run, seals, arms)
     assert [FORM] == [file.name for file in own.iterdir()]
     assert not (folder / ROUND / FIRST).exists()
-    first = [judged(few.cases()[0].name, planted=("leak@A",), concealed=("open",))]
+    first = [judged(few.cases()[0].name, planted=("leak@A",))]
     (found,) = judged_again(run, seals, first, arms)
     assert (found.outcome, found.steps, found.expected) == ("run", 1, (0.55, 0.9))
     assert (found.sure_before == 0.6) == (found.sure["recipe"] == 0.95)

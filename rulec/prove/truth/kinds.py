@@ -17,7 +17,7 @@ def counts(half: str, run: str) -> dict[str, int]:
 
 
 def difficulties(half: str, group: str) -> tuple[str, ...]:
-    """Return what makes a group harder, by the names of `sealed.DIFFICULTIES`."""
+    """Return what makes a group harder, by the names of `cases.yaml`."""
     return tuple(STATED[half].get(group, {}).get("difficulties", ()))
 
 

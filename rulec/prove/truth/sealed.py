@@ -14,11 +14,6 @@ from typing import Protocol
 
 import numpy as np
 
-from .kinds import STATED
-from .units import Array
-
-Periods = tuple[tuple[float, float], ...]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Planted:
@@ -33,10 +28,7 @@ class Planted:
     parameters : true values by entry and parameter, in the unit of the entry; those without an
         exact counterpart are left out
     gain : strength: expected gain in log likelihood of a model with the effect over one without,
-        both refitted (parameters and sensors' errors within their uncertainties, and so form errors
-        and drifts of known size), all else known
-    margin : the same over the best other single effect in its place; infinite if none was tried
-    rival : that other effect
+        both refitted (parameters and sensors' errors within their uncertainties), all else known
     """
 
     effect: str
@@ -48,8 +40,6 @@ class Planted:
     places: tuple[str, ...]
     parameters: Mapping[str, Mapping[str, float]]
     gain: float
-    margin: float
-    rival: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +52,8 @@ class Answer:
     half : `stationary` or `dynamic`
     plant, profile : names of the plant and of its operation
     verdict : `none`, `named`, `sensor`, `fault` or `unnamed`, as in the tool's JSON
-    concealed : ways of concealment, of CONCEALMENTS
     unrecorded : signal that drives an effect and is missing in the recording, or empty
-    difficulties : by the names in DIFFICULTIES, sizes by law or sensor
+    difficulties : of `cases.yaml`, sizes by law or sensor
     """
 
     case: str
@@ -74,7 +63,6 @@ class Answer:
     seed: int
     samples: int
     verdict: str
-    concealed: tuple[str, ...]
     effects: tuple[Planted, ...] = ()
     unrecorded: str = ""
     difficulties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -92,34 +80,9 @@ class Answer:
         return hashlib.sha256(self.to_json().encode()).hexdigest()
 
 
-CONCEALMENTS: Mapping[str, str] = STATED["concealments"]
-"""Ways of concealment, in words."""
-
-DIFFICULTIES: Mapping[str, str] = STATED["difficulties"]
-"""What makes cases harder, in words."""
-
 HIDES = 0.8
 """Effects hide each other if together they change less than this share of their root sum of
 squares."""
-
-
-@dataclass(frozen=True)
-class Reference:
-    """Held-out errors of the true model, by signal, in the signal's unit.
-
-    `driver` is the unrecorded driver, as times and values, or None.
-    """
-
-    errors: Mapping[str, float]
-    driver: tuple[Array, Array] | None = None
-
-
-@dataclass(frozen=True)
-class Request:
-    """The requested errors: held-out periods, and the residual of each signal."""
-
-    heldout: Periods
-    relations: Mapping[str, str] = field(default_factory=dict)
 
 
 class Case(Protocol):
@@ -131,9 +94,6 @@ class Case(Protocol):
 
     def write(self, folder: Path) -> None:
         """Write `plant/` and `recording.csv`, all that the analysis gets."""
-
-    def reference(self, request: Request) -> Reference:
-        """Return the errors of the true model, refitted to all samples that are not held out."""
 
 
 def verdict_of(sorts: list[str]) -> str:

@@ -20,7 +20,7 @@ import yaml
 
 from ..formulas import Names
 from ..recording import write_csv
-from ..sealed import Answer, Reference, Request
+from ..sealed import Answer
 from ..sensors import Sensing, Sensor, read
 from ..settled import drive
 from ..smooth import form_error
@@ -171,7 +171,6 @@ class Planned:
             seed=self.seed,
             samples=SAMPLES,
             verdict="named" if self.other else "none",
-            concealed=("open",) if self.other else ("clean",),
             other=self.kind if self.other else "",
             names=tuple(right["names"]),
             places=tuple(f"{MODULE}.{place}" for place in right["places"]),
@@ -211,10 +210,6 @@ class Contact:
             shown = read(sensor, place, self.true[name], sensing, self.answer.seed)
             columns[f"{place} [{sensor.unit}]"] = shown
         write_csv(folder / "recording.csv", columns)
-
-    def reference(self, request: Request) -> Reference:
-        """Return no reference: first contacts are scored by the accuracy of laws."""
-        return Reference({})
 
 
 def planned(first: int, count: int = CASES) -> Iterator[Planned]:

@@ -2,7 +2,6 @@
 
 It shares no code with the packages it tests. Files in order of data flow: `pumps.yaml`, `rig` (the
 plant), `solve` (its operating points, and terms beyond plain laws), `rigs` (random plants),
-`drive`, `difficulty`, `operated_plant`, `effects.yaml`, `effect`, `detection_limit`, `effect_size`
-(and rivals), `reference` (the true model on held-out samples), `plan` (a case and its answer),
-`further_recording`, `suite`.
+`drive`, `difficulty`, `operated_plant`, `effects.yaml`, `effect`, `detection_limit`, `effect_size`,
+`plan` (a case and its answer), `further_recording`, `suite`.
 """

@@ -1,4 +1,4 @@
-"""A planned case (its effects, their strength and concealment), how it is made, and its answer."""
+"""A planned case (its effects and their strength), how it is made, and its answer."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from ..recording import write_csv
-from ..sealed import HIDES, Answer, Planted, Reference, Request, verdict_of
+from ..sealed import HIDES, Answer, Planted, verdict_of
 from ..smooth import between
 from ..streams import FURTHER, stream
 from ..units import Array
-from .detection_limit import VisibleOutputs, blurred, visible_outputs
+from .detection_limit import VisibleOutputs, visible_outputs
 from .drive import PRODUCTION
-from .effect import WIRING, Made, Placed, effect_of, places_of
-from .effect_size import margin_of, sized
+from .effect import Made, Placed, effect_of, places_of
+from .effect_size import sized
 from .operated_plant import Scene, may_be_set, scene
-from .reference import reference
 from .rig import Rig
 from .rigs import drawn_rig, write_limits, write_plant
 from .solve import Change, Stalled
@@ -49,9 +48,9 @@ class Planned:
     family : `dosing`, `oil`, `warm`, `bench` or `valve`
     effects : names, all in one plant
     aim : target of the expected gain in log likelihood of each effect
-    conceal : further ways of concealment, of `sealed.CONCEALMENTS`
+    conceal : `calibrated` on data that contain the effect, or `correlated` drivers; or neither
     small : at most two pumps, and a short recording
-    difficulties : of `sealed.DIFFICULTIES`
+    difficulties : of `cases.yaml`
     """
 
     name: str
@@ -115,11 +114,6 @@ class SettledCase:
         found = {h: v[part] for h, v in columns.items() if not gone or f".{gone} [" not in h}
         return {**found, "time [s]": found["time [s]"] - self.scene.clock[self.scene.first]}
 
-    def reference(self, request: Request) -> Reference:
-        """Return the errors of the true model on held-out samples, and the unrecorded course."""
-        module = self.answer.effects[0].module if self.answer.effects else ""
-        return reference(self.scene, self.terms, self.answer.unrecorded, request, module)
-
 
 def _attempt(plan: Planned, seed: int) -> SettledCase:
     """Draw one plant; raises Stalled if it cannot have or show an effect, or cannot run so."""
@@ -147,11 +141,8 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
         alone = sum(seen.gain(made.changes) for _, made in found)
         if math.sqrt(seen.gain(terms) / alone) > HIDES:
             raise Stalled("the effects do not hide each other")
-    # Effects are as strong as planned on a plant that obeys its laws. Difficulties hide a part of
-    # them, which the answer states, but nothing makes up for it.
-    limit = blurred(seen) if found and drawn.hard.told else seen
     planted = tuple((one, made.size) for one, made in found)
-    return SettledCase(plan, seen.scene, terms, _answer_of(plan, limit, found), planted)
+    return SettledCase(plan, seen.scene, terms, _answer_of(plan, seen, found), planted)
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
@@ -187,7 +178,6 @@ def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed
     for placed, made in found:
         others = [seen.change(m.changes) for p, m in found if p is not placed]
         flat = np.stack(others, 1) if others else np.zeros((len(seen.sensitivities), 0))
-        margin, rival = margin_of(seen, placed, made, flat, scene.seed)
         effect = placed.effect
         planted.append(
             Planted(
@@ -200,19 +190,9 @@ def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed
                 places=(*placed.places, *made.elsewhere),
                 parameters=made.parameters,
                 gain=seen.gain(made.changes, flat),
-                margin=margin,
-                rival=rival,
             )
         )
     unrecorded, effects = plan.group == "unrecorded", [placed.effect for placed, _ in found]
-    ways = (
-        ("clean", not planted),
-        ("corner", any(effect.corner for effect in effects)),
-        (plan.group, plan.group in ("pair", "hiding", "unrecorded")),
-        ("wiring", any(effect.name in WIRING for effect in effects)),
-        ("unnamed", any(effect.sort == "unnamed" for effect in effects)),
-        ("alike", any(p.margin < 0.1 * p.gain for p in planted)),
-    )
     return Answer(
         case=plan.name,
         half="stationary",
@@ -221,7 +201,6 @@ def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed
         seed=scene.seed,
         samples=scene.time.size,
         verdict="unnamed" if unrecorded else verdict_of([p.sort for p in planted]),
-        concealed=(*plan.conceal, *(way for way, holds in ways if holds)) or ("open",),
         effects=tuple(planted),
         unrecorded=effects[0].driver if unrecorded else "",
         difficulties=scene.hard.told,

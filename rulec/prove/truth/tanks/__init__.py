@@ -2,7 +2,7 @@
 
 It shares no code with the packages it tests. Files in order of data flow: `feed` and `plant`,
 `laws` (flows), `balance` (levels over time), `sensing` (voltages), `drive` (inputs), `build` (true
-parameters by seed, difficulties), `effects.yaml`, `effect`, `effect_size`, `right_answer`, `model`
-(the true plant as a model, and its fit), `detection_limit`, `rows` (random plants, their files),
+parameters by seed, difficulties), `effects.yaml`, `effect`, `effect_size`, `right_answer`,
+`detection_limit`, `rows` (random plants, their files),
 `plan` (a case and its answer), `suite`. All is in cm, s and V.
 """

@@ -5,7 +5,7 @@ sample five times faster than `solve_ivp`, whose LSODA also leaks 2 kB each time
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -31,9 +31,6 @@ SAME = 1e-6
 """s; closer times are one."""
 
 
-Rates = Callable[[float, Sequence[float]], list[float]]
-
-
 @dataclass(frozen=True)
 class Course:
     """The course of a plant at n samples.
@@ -57,11 +54,8 @@ class Course:
     lost: Array
 
 
-def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> Course:
-    """Simulate the plant; an input holds from its sample to the next.
-
-    `quick` takes one step of a fixed rule if that is accurate enough; recordings never use it.
-    """
+def integrate(plant: Plant, time: Array, shown: Array) -> Course:
+    """Simulate the plant; an input holds from its sample to the next."""
     moved = with_play(shown, plant.feed.play) if plant.feed.play else shown
     drive = path(time, moved, plant.feed.rate)
     stops, sampled = _stops(plant, time, [] if drive.stepped else drive.times)
@@ -91,9 +85,6 @@ def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> C
                 given = supply(plant.feed, set_)
             return _rates(plant, tanks, t, x, given)
 
-        if quick and (reached := step(rates, states[i].tolist(), begin, end)) is not None:
-            states[i + 1] = reached
-            continue
         solved, report = odeint(
             lambda t, x, rates=rates: rates(t, x.tolist()),
             states[i],
@@ -210,48 +201,3 @@ def _course(
         picked[:, -2],
         picked[:, -1],
     )
-
-
-NODES = (0.2, 0.3, 0.6, 1.0, 0.875)
-STAGES = (
-    (1 / 5,),
-    (3 / 40, 9 / 40),
-    (3 / 10, -9 / 10, 6 / 5),
-    (-11 / 54, 5 / 2, -70 / 27, 35 / 27),
-    (1631 / 55296, 175 / 512, 575 / 13824, 44275 / 110592, 253 / 4096),
-)
-FIFTH = (37 / 378, 0.0, 250 / 621, 125 / 594, 0.0, 512 / 1771)
-FOURTH = (2825 / 27648, 0.0, 18575 / 48384, 13525 / 55296, 277 / 14336, 1 / 4)
-OFF = tuple(a - b for a, b in zip(FIFTH, FOURTH, strict=True))
-
-ACCEPTED = 1e-5
-"""Largest estimated error of a step, cm; 5 microvolt of a usual sensor."""
-
-
-def step(rates: Rates, state: Sequence[float], begin: float, end: float) -> list[float] | None:
-    """Return the state after one step over a whole sample, or None if that is not accurate enough.
-
-    Source: Cash, Karp 1990, the pair of orders 5 and 4.
-    """
-    width = end - begin
-    slopes = [rates(begin, state)]
-    for node, weights in zip(NODES, STAGES, strict=True):
-        slopes.append(rates(begin + node * width, _moved(state, slopes, weights, width)))
-    if max(map(abs, _moved([0.0] * len(state), slopes, OFF, width))) > ACCEPTED:
-        return None
-    return _moved(state, slopes, FIFTH, width)
-
-
-def _moved(
-    state: Sequence[float],
-    slopes: Sequence[Sequence[float]],
-    weights: Sequence[float],
-    width: float,
-) -> list[float]:
-    """State plus weighted slopes."""
-    result = list(state)
-    for slope, weight in zip(slopes, weights, strict=True):
-        if weight:
-            by = weight * width
-            result = [x + by * k for x, k in zip(result, slope, strict=True)]
-    return result

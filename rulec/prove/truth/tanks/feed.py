@@ -5,12 +5,9 @@ a law in plain numbers. cm, s, V.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from ..smooth import Form, series_of
-from ..units import Array
 
 
 @dataclass(frozen=True)
@@ -42,10 +39,6 @@ class Bend:
                 last,
             )
         return self.series[0] + x * last - 0.5 * before
-
-    def further(self, by: Array) -> Bend:
-        """Add another series, shape (NODES,)."""
-        return replace(self, series=tuple((np.asarray(self.series) + by).tolist()))
 
 
 @dataclass(frozen=True)

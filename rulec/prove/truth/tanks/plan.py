@@ -1,4 +1,4 @@
-"""A planned case (its effects, their strength and concealment), how it is made, and its answer."""
+"""A planned case (its effects and their strength), how it is made, and its answer."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .. import sealed
-from ..kinds import STATED
 from ..recording import write_csv
 from ..streams import FURTHER
 from ..units import Array
 from .build import Layout, Setup, build, recorded_input
-from .detection_limit import detection_limits
+from .detection_limit import gains
 from .effect import Placed, possible_effects
 from .effect_size import Planted, change_of, is_inside, make, most, plant_each, run
-from .model import heldout_errors
 from .plant import Plant
 from .right_answer import right
 from .rows import write_plant
@@ -45,7 +43,7 @@ class Planned:
     strength : RMS change by each effect alone, V; None if it is drawn
     rarely : largest size of an effect, for those whose size is the share of samples in which they
         act
-    difficulties : of `sealed.DIFFICULTIES`
+    difficulties : of `cases.yaml`
     """
 
     name: str
@@ -92,15 +90,6 @@ class Planned:
             found.append(replace(known[name], effect=limited))
         return found
 
-    @property
-    def concealed(self) -> str:
-        """Way of concealment; of a hard case, by its effects."""
-        stated = STATED["tanks"].get(self.group, {})
-        if "concealed" in stated:
-            return str(stated["concealed"])
-        sorts = [placed.effect.sort for placed in self.placed]
-        return "clean" if not sorts else "unnamed" if "unnamed" in sorts else "open"
-
 
 @dataclass(frozen=True)
 class Case:
@@ -121,8 +110,7 @@ class Case:
     def answer(self) -> sealed.Answer:
         """The sealed answer; effects without an entry have the sort `unnamed`."""
         setup, effects = self.setup, []
-        limits = detection_limits(setup, self.planted, self.drawn)
-        for one, (gain, margin, rival) in zip(self.planted, limits, strict=True):
+        for one, gain in zip(self.planted, gains(setup, self.planted), strict=True):
             effect, key = one.placed.effect, right(setup, one)
             effects.append(
                 sealed.Planted(
@@ -133,8 +121,6 @@ class Case:
                     place=effect.at,
                     **vars(key),
                     gain=gain,
-                    margin=margin,
-                    rival=rival,
                 )
             )
         return sealed.Answer(
@@ -145,7 +131,6 @@ class Case:
             seed=self.plan.seed,
             samples=setup.time.size,
             verdict=sealed.verdict_of([one.sort for one in effects]),
-            concealed=(self.plan.concealed,),
             effects=tuple(effects),
             difficulties=setup.told,
         )
@@ -154,11 +139,6 @@ class Case:
         """Write `plant/` and `recording.csv`: names and numbers in them reveal no effect."""
         write_plant(self.setup.layout, folder / "plant")
         write_csv(folder / "recording.csv", self.readings)
-
-    def reference(self, request: sealed.Request) -> sealed.Reference:
-        """Return the errors of the true model, fitted to all samples that are not held out."""
-        found = heldout_errors(self.setup, self.plant, self.readings, request.heldout)
-        return sealed.Reference(found)
 
 
 def _attempt(plan: Planned, wanted: list[Placed], seed: int) -> Case | None:
