@@ -45,31 +45,27 @@ class Blind:
     proof: SelfProof
 
     @property
-    def groups(self) -> tuple[tuple[str, list[Detectability]], ...]:
-        """Groups of effects by how often they are reported at their usual size, in that order."""
-        many = self.proof.replays
-        shown = sorted(self._shown, key=lambda e: (-e.told_usual, e.id))
-        often = [e for e in shown if e.told_usual >= OFTEN * many]
-        times = [e for e in shown if SOMETIMES * many <= e.told_usual < OFTEN * many]
-        larger = [e for e in shown if e.told_usual < SOMETIMES * many and e.seen_from is not None]
-        every = (("Told as a rule", often), ("Told at times", times), ("Told where larger", larger))
-        return tuple((title, effects) for title, effects in every if effects)
+    def told(self) -> list[Detectability]:
+        """Effects that are reported at some size, the surest at their usual size first."""
+        return sorted(
+            (e for e in self.proof.effects if e.usual > 0.0 and self._shows(e)),
+            key=lambda e: (-e.told_usual, e.id),
+        )
 
-    @property
-    def _shown(self) -> list[Detectability]:
-        return [e for e in self.proof.effects if e.usual > 0.0]
+    def _shows(self, effect: Detectability) -> bool:
+        return effect.seen_from is not None or effect.told_usual >= SOMETIMES * self.proof.replays
 
     @property
     def unseen(self) -> list[str]:
         """Titles of effects that are not reported at any size."""
-        there = {e.id for _, effects in self.groups for e in effects}
+        there = {e.id for e in self.told}
         return [title_of(e) for e in self.proof.effects if e.id not in there]
 
     @property
     def headline(self) -> str:
         """The result in one sentence."""
         least, count = OFTEN * self.proof.replays, len(self.proof.effects)
-        often = sum(e.told_usual >= least for e in self._shown)
+        often = sum(e.told_usual >= least for e in self.told)
         return (
             f"This recording would tell {often} of {counted(count, 'effect')} at their usual size; "
             f"with nothing missing it would tell something in {self.proof.called_missing} of "
@@ -117,18 +113,16 @@ def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
     return (title_of(seen), usual, f"{seen.told_usual} of {replays}", least, ", ".join(instead))
 
 
-def tables(found: Blind) -> list[Table]:
-    """Return one table per group."""
-    return [
-        Table(title, COLUMNS, [cells(seen, found.proof.replays) for seen in effects])
-        for title, effects in found.groups
-    ]
+def table(found: Blind) -> Table:
+    """Return a row per effect that is reported at some size."""
+    replays = found.proof.replays
+    return Table("", COLUMNS, [cells(seen, replays) for seen in found.told])
 
 
 def show(out: Console, found: Blind) -> None:
     """Print the result, then the tables."""
     out.print(styled("[bold]{}[/]", found.headline))
-    tell(out, tables(found))
+    tell(out, [table(found)])
     count = len(found.unseen)
     if count:
         out.print(styled("\n[bold]{}[/]", NEVER.format(counted(count, "effect"))), end=" ")
@@ -138,7 +132,7 @@ def show(out: Console, found: Blind) -> None:
 
 def page(found: Blind, made: Made | None = None) -> str:
     """Write the page; the same result gives the same text."""
-    body = sections(tables(found))
+    body = sections([table(found)], "What would be told")
     if found.unseen:
         never = NEVER.format(counted(len(found.unseen), "effect"))
         body += section(never, f"<p>{safe('; '.join(found.unseen))}.</p>")

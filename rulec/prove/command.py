@@ -149,7 +149,7 @@ def _made(options: argparse.Namespace, work: Path) -> Run:
     notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
     return Run(
         tuple(found),
-        seeds={partition.name: str(partition.seed)},
+        seed=partition.seed,
         openings=openings,
         digest=digest,
         version=version("rulec"),

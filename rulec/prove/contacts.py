@@ -1,7 +1,7 @@
 """Scores of first contacts: is the report on a plant from its data sheet believable?
 
-Five figures: reported parameters near the truth, ticks without an error, sound plants reported
-sound, laws of another form named, and names that are certain and wrong.
+Three figures: sound plants reported sound, laws of another form named, and names that are certain
+and wrong.
 """
 
 import dataclasses
@@ -15,18 +15,15 @@ from rulec_runtime.report.text import number
 
 from rulec.prove.campaign import Campaign, opened
 from rulec.prove.judge import class_probability
-from rulec.prove.limits import BELIEVED, CERTAIN
+from rulec.prove.limits import CERTAIN
 from rulec.prove.partition import Planned
-from rulec.prove.scores import Goal, Row, goal_of, of_hits
+from rulec.prove.scores import Row, goal_of, of_hits
 from rulec.prove.tables import Table, interval_of, tell, verdict_of
 from rulec.prove.truth.contacts import Contact, ContactAnswer
 
 TICK = "none"
-WITHOUT_VALUES = ("unsure", "unnamed", "failed")
-"""Verdicts that themselves declare the values not believable."""
-
-FIGURES = "believed", "ticks", "sound", "others", "wrong"
-"""Names of the five figures in JSON."""
+FIGURES = "sound", "others", "wrong"
+"""Names of the figures in JSON."""
 
 Form = Mapping[str, Any]
 
@@ -39,9 +36,6 @@ class Judged:
     ----------
     other : the law of another form; empty on a sound plant
     said : findings with the probability of their class
-    far : largest distance of a reported parameter from the truth, in u of the data sheet
-    beyond : largest error of an output with a tick, noise subtracted, over what class and accuracy
-        explain; None without a tick
     found : the sound plant is reported sound, or the other law is named in a certain class
     wrong : findings that are certain and of which no member is right
     """
@@ -50,8 +44,6 @@ class Judged:
     other: str
     verdict: str
     said: tuple[tuple[str, float], ...]
-    far: float
-    beyond: float | None
     found: bool
     wrong: tuple[str, ...]
     seconds: float
@@ -72,8 +64,6 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
         answer.other,
         verdict,
         tuple((str(e["id"]), class_probability(e)) for e in effects),
-        0.0 if verdict in WITHOUT_VALUES else _far(answer, form),
-        _beyond(answer, form) if verdict == TICK else None,
         found,
         tuple(str(e["id"]) for e, good in zip(sure, right, strict=True) if not good),
         float(form.get("seconds", 0.0)),
@@ -85,22 +75,6 @@ def _in_class(names: Sequence[str], effect: Form) -> bool:
     """Whether the finding, or one that coincides with it, is right; there is one module."""
     same = {str(a["effect"]) for a in effect["alternatives"] if a.get("same")}
     return bool({str(effect["effect"]), *same} & set(names))
-
-
-def _far(answer: ContactAnswer, form: Form) -> float:
-    # A parameter that is not strained is near the data sheet, as the truth is.
-    strain = (s for s in form["strain"] if s["parameter"] in answer.values)
-    return max(
-        (abs(s["value"] - answer.values[s["parameter"]]) / s["u"] for s in strain), default=0
-    )
-
-
-def _beyond(answer: ContactAnswer, form: Form) -> float:
-    def over(fit: Form) -> float:
-        off = max(fit["heldout"]["recalibrated"] ** 2 - fit["heldout"]["noise"] ** 2, 0.0)
-        return float(off**0.5 / answer.allowed[fit["signal"]])
-
-    return max((over(fit) for fit in form["fits"]), default=0.0)
 
 
 def judged(run: Campaign, seals: Sequence[str]) -> list[Judged]:
@@ -115,15 +89,10 @@ def _opened(case: Planned, folder: Path, seal: str) -> Judged:
 
 
 def figures(found: Sequence[Judged]) -> list[Row]:
-    """Return the five figures with their goals."""
-    ticks = [j.beyond for j in found if j.beyond is not None]
+    """Return the figures with their goals."""
     sound, others = ([j.found for j in found if bool(j.other) == other] for other in (False, True))
-    near, wrong = sum(j.far <= BELIEVED for j in found), sum(bool(j.wrong) for j in found)
-    believable = sum(beyond <= 1 for beyond in ticks)
-    always = Goal(1.0, 1.0, "100 %")
+    wrong = sum(bool(j.wrong) for j in found)
     return [
-        of_hits(f"parameters within {BELIEVED:g} u of truth", always, len(found), near),
-        of_hits("ticks with an error within accuracy", always, len(ticks), believable),
         of_hits("sound called sound", goal_of("sound"), len(sound), sum(sound)),
         of_hits("other law named", goal_of("other"), len(others), sum(others)),
         of_hits(f"wrong at {CERTAIN:g}", goal_of("wrong"), len(found), wrong),
@@ -132,11 +101,7 @@ def figures(found: Sequence[Judged]) -> list[Row]:
 
 def why(judged: Judged) -> str:
     """Return the mistakes of an answer as text; empty without any."""
-    mistakes = [f"parameter {judged.far:.1f} u off the truth"] if judged.far > BELIEVED else []
-    if judged.beyond is not None and judged.beyond > 1.0:
-        mistakes.append(f"tick at {judged.beyond:.1f} times the accuracy")
-    if judged.wrong:
-        mistakes.append(f"wrong at {CERTAIN:g}: {', '.join(judged.wrong)}")
+    mistakes = [f"wrong at {CERTAIN:g}: {', '.join(judged.wrong)}"] if judged.wrong else []
     if not judged.found:
         mistakes.append(f"not {'named' if judged.other else 'called sound'}")
     return "; ".join([*mistakes, judged.error] if judged.error else mistakes)

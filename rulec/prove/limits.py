@@ -29,10 +29,6 @@ GOALS: Mapping[str, tuple[float, float]] = {
 }
 """Least and largest value of each score that is good enough. Origin: assumed."""
 
-BELIEVED = 4.0
-"""Largest distance of a reported parameter from the truth, in standard uncertainties of the data
-sheet. Origin: distribution: both are within two of them from the sheet."""
-
 # Scores ------------------------------------------------------------------------------------------
 
 NORMAL_QUANTILE = 1.959963984540054

@@ -69,7 +69,7 @@ def _measured(run: Run) -> str:
         [
             ("Partition", [f"{run.partition}: {partition_words(run)}"]),
             ("Cases", [f"{len(judged)}, {clean} of them clean; {failed} without an answer"]),
-            ("Seeds", [f"{name}: {text}" for name, text in run.seeds.items()]),
+            ("Seed", [str(run.seed)]),
             ("Openings of the final cases", [str(run.openings)]),
             ("Hash of the sealed answers", [run.digest] if run.digest else []),
             ("Version of the tool", [run.version] if run.version else []),

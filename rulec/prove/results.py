@@ -89,7 +89,6 @@ class Further:
     steps, minutes : of the recipe
     expected : the recipe's probability of the true explanation before and after; empty if the
         recipe only covers
-    stood : whether the recipe distinguishes the true explanation from others
     sure_before : probability of the true explanation in the first answer
     sure : the same with a second recording, by arm
     after : judged answers with a second recording, by arm; the first one if the plant stalled
@@ -101,7 +100,6 @@ class Further:
     steps: int = 0
     minutes: float = 0.0
     expected: tuple[float, ...] = ()
-    stood: bool = False
     sure_before: float = 0.0
     sure: Mapping[str, float] = field(default_factory=dict)
     after: Mapping[str, Judged] = field(default_factory=dict)
@@ -113,7 +111,7 @@ class Run:
 
     Attributes
     ----------
-    seeds : by partition, as text
+    seed : of the cases
     openings : how often the final partition was opened, this time included
     digest : hash over all sealed answers, shown before the first analysis
     version : of the tool
@@ -123,7 +121,7 @@ class Run:
 
     judged: tuple[Judged, ...]
     _: KW_ONLY
-    seeds: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
     openings: int = 0
     digest: str = ""
     version: str = ""

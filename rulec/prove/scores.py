@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeVar
 
-import numpy as np
-
 from rulec.prove import limits
 from rulec.prove.results import Judged
 
@@ -118,19 +116,6 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
         / (1 + z2)
     )
     return max(middle - half, 0.0), min(middle + half, 1.0)
-
-
-def bootstrap(
-    values: Sequence[float] | np.ndarray, of: Callable[..., np.ndarray]
-) -> tuple[float, float]:
-    """Return the 95 % interval of a mean or median by bootstrap; NaN below two cases."""
-    if len(values) < 2:
-        return NAN, NAN
-    drawn = np.random.default_rng(0).choice(
-        np.asarray(values), (limits.BOOTSTRAP_SAMPLES, len(values))
-    )
-    low, high = np.quantile(of(drawn, axis=1), limits.TAILS)
-    return float(low), float(high)
 
 
 def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:

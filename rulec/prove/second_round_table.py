@@ -32,8 +32,6 @@ def further_of(
         for effect in form.get("effects", ())
         for one in (effect, *effect["alternatives"])
     }
-    candidates = recipe.get("explanations", before.get("standing", ()))
-    right = [right_set(answer, one["names"], known) for one in candidates]
     sure_before = sure_of(answer, before, known)
     # The tool's message without the text that the proof adds around it.
     error = str(recipe.get("error", ""))
@@ -43,7 +41,6 @@ def further_of(
         outcome="refused" if "error" in recipe else "alike",
         why=message or error,
         sure_before=sure_before,
-        stood=any(right),
     )
     if not after:
         return judged
@@ -115,21 +112,14 @@ OUTCOMES = {
 }
 
 
-STOOD = "truth stood: the true explanation was among those that the recipe tells apart"
-
-
 def gained(further: Sequence[Further]) -> Iterator[tuple[str, ...]]:
     """Yield predicted against realised certainty by bins of the former: the bin, the number of
-    recipes, both means, how many recipes distinguish the truth from others, and their mean."""
+    recipes, and both means."""
     ran = [f for f in further if f.outcome == RUN]
     for low, high, own in by_probability(ran, lambda f: f.expected[1]):
         said, realised = (fmean(f.expected[1] for f in own), fmean(f.sure[RECIPE] for f in own))
-        stood = [f.sure[RECIPE] for f in own if f.stood]
-        yield (
-            f"{percent(low)} to {percent(high)}",
-            *(str(len(own)), percent(said), percent(realised), str(len(stood))),
-            percent(fmean(stood)) if stood else "–",
-        )
+        bin_ = f"{percent(low)} to {percent(high)}"
+        yield bin_, str(len(own)), percent(said), percent(realised)
 
 
 def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> Iterator[Table]:
@@ -141,15 +131,12 @@ def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> It
     found = [(str(outcomes[name]), words) for name, words in OUTCOMES.items() if outcomes[name]]
     found += [(str(count), why) for why, count in reasons.items()]
     yield Table(headline(further), (".", ""), found)
-    first = {j.case: j for j in judged}
     if not (ran := [f for f in further if f.outcome in (RUN, COVERED)]):
         return
     arms = "; ".join(f"{a}: {words}" for a, words in ARMS.items() if any(a in f.after for f in ran))
-    yield _scores("Of cases that were run again", [first[f.case] for f in ran], ran)
     yield replace(_scores("Of all cases", judged, further), note=arms)
-    titles = (".predicted", ".recipes", ".mean", ".realised", ".truth stood", ".realised")
     title = "How sure of the true explanation: predicted and realised"
-    yield Table(title, titles, list(gained(further)), STOOD)
+    yield Table(title, (".predicted", ".recipes", ".mean", ".realised"), list(gained(further)))
 
 
 def headline(further: Sequence[Further]) -> str:

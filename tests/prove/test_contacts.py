@@ -63,11 +63,9 @@ def test_module_types_say_the_ordinary_laws(kind: str, tmp_path: Path) -> None:
         assert (found[f"{MODULE}.{name}"] - offset) / factor == pytest.approx(expected)
 
 
-def form(verdict: str, *effects: dict[str, Any], off: float = 0.0, **more: Any) -> dict[str, Any]:
-    """An answer as `--json` tells it; the error is `off` times what is allowed."""
-    error = off * SOUND.allowed[f"{MODULE}.Q"]
-    fit = {"signal": f"{MODULE}.Q", "heldout": {"recalibrated": error, "noise": 0.0}}
-    return {"verdict": verdict, "effects": effects, "fits": [fit], "strain": (), **more}
+def form(verdict: str, *effects: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """An answer as `--json` tells it."""
+    return {"verdict": verdict, "effects": effects, **more}
 
 
 def effect(name: str, sure: float, *same: str) -> dict[str, Any]:
@@ -102,24 +100,13 @@ def test_names_count_with_their_class(
     assert (found, wrong) == (judged.found, bool(judged.wrong))
 
 
-def test_a_parameter_is_far_by_the_uncertainty_of_the_sheet() -> None:
-    """But for verdicts that say that the values are not to be believed."""
-    name = f"{MODULE}.Kv"
-    strain = [{"parameter": name, "value": SOUND.values[name] - 5.0, "u": 1.0}]
-    assert judge(SOUND, form("named", strain=strain)).far == pytest.approx(5.0)
-    assert judge(SOUND, form("unsure", strain=strain)).far == 0.0
-
-
 def test_figures_count_what_they_say() -> None:
-    right = judge(SOUND, form("none", off=0.5))
-    loose, far = judge(SOUND, form("none", off=1.5)), replace(right, far=4.5)
+    right, silent = judge(SOUND, form("none")), judge(SOUND, form("unsure"))
     named = judge(OTHER, form("named", effect("equal-percentage", 0.95)))
     false = judge(OTHER, form("named", effect("quick-opening", 0.95)))
-    rows = figures([right, loose, far, named, false])
-    assert [(4, 5), (2, 3), (3, 3), (1, 2), (1, 5)] == [(r.hits, r.count) for r in rows]
-    assert [False, True, False, True, False] == [
-        not why(j) for j in (loose, right, far, named, false)
-    ]
+    found = [right, silent, named, false]
+    assert [(1, 2), (1, 2), (1, 4)] == [(r.hits, r.count) for r in figures(found)]
+    assert [True, False, True, False] == [not why(j) for j in found]
 
 
 def test_a_law_without_an_entry_is_found_where_it_is_called_unnamed() -> None:

@@ -77,10 +77,9 @@ def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
     rms = {"shipped": 4.0, "recalibrated": 2.0, "adopted": 1.0}
     rows = list(map(float, range(9)))
     errors: dict[str, Any] = {"unit": "m3/h", "rows": 9, **rms}
-    errors["windows"] = {n: [e * (1.0 + 0.1 * i) for i in range(5)] for n, e in rms.items()}
     errors["course"] = {n: [i + e for i in rows] for n, e in rms.items()}
     errors["course"] |= {"time": rows, "measured": rows}
-    told = {"form": found, "error": "", "refused": "", "cpu": 3.0}
+    told = {"form": found, "error": "", "refused": ""}
     return told | {"predicted": {"boiler.Q": errors}}
 
 

@@ -208,7 +208,7 @@ def test_gain_is_told_beside_what_was_expected() -> None:
     found = further_of(OPEN, MISSED, recipe_of(before, 120.0), before, arms)
     assert (found.outcome, found.steps, found.minutes) == ("run", 1, 2.0)
     assert (found.sure_before, found.sure) == (0.4, {"recipe": 0.9, "same": 0.4})
-    assert (found.stood, found.expected) == (True, (0.55, 0.9))
+    assert found.expected == (0.55, 0.9)
     assert found.after["recipe"].name_right == 1.0
     assert found.after["same"] == MISSED
 
@@ -241,15 +241,15 @@ def test_a_second_round_is_told_within_80_columns() -> None:
         judged("clean"),
     ]
     better, worse = cases[1], replace(cases[0], case="named")
-    usual: dict[str, Any] = {"steps": 6, "minutes": 4.5, "expected": (0.6, 0.92), "stood": True}
+    usual: dict[str, Any] = {"steps": 6, "minutes": 4.5, "expected": (0.6, 0.92)}
     arms = [dict.fromkeys(ARMS, one) for one in (0.8, replace(better, case="missed"), 0.2, worse)]
     ran = [
         Further(case=name, outcome="run", sure_before=before, sure=sure, after=after, **usual)
         for name, before, sure, after in (("missed", 0.3, *arms[:2]), ("named", 0.5, *arms[2:]))
     ]
-    further = (ran[0], replace(ran[1], stood=False), Further(case="clean", outcome="refused"))
+    further = (*ran, Further(case="clean", outcome="refused"))
     (bin_,) = gained(further)
-    assert " ".join(bin_[1:]).replace("\N{NO-BREAK SPACE}", "") == "2 92% 50% 1 80%"
+    assert " ".join(bin_[1:]).replace("\N{NO-BREAK SPACE}", "") == "2 92% 50%"
     out = Terminal(file=io.StringIO(), width=80, color_system=None)
     tell(out, tables_of_rounds(cases, further))
     assert isinstance(out.file, io.StringIO)

@@ -131,7 +131,7 @@ def test_hostile_names_are_escaped() -> None:
     bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, **names)
     lost = replace(bad, error=HOSTILE)
     told = {"digest": HOSTILE, "version": HOSTILE, "notes": (HOSTILE,)}
-    written = page(Run((bad, lost), seeds={HOSTILE: HOSTILE}, openings=1, **told))
+    written = page(Run((bad, lost), openings=1, **told))
     tree(written)
     assert "<b>x" not in written
     assert "<script" not in written

@@ -33,11 +33,8 @@ TOOL = "rulec.prove.real.tool_process"
 ASKED = "asked.json"
 MODELS = ("shipped", "recalibrated", "adopted")
 FOLDERS = {"shipped": "plant", "recalibrated": "recalibrated", "adopted": "adopted"}
-NOTHING: Mapping[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}, "cpu": 0.0}
+NOTHING: Mapping[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}}
 """The result before anything is answered."""
-
-WINDOWS = 40
-"""Successive parts of the unseen rows whose errors count as independent."""
 
 DRAWN = 400
 """Most unseen rows in a picture."""
@@ -102,17 +99,16 @@ def lay_out(rig: Rig, folder: Path) -> None:
 
 
 def ask(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
-    """Return the tool's answer, its plants' predictions of `test` and CPU time; kept in the folder.
+    """Return the tool's answer and its plants' predictions of `test`; kept in the folder.
 
     Keys: `form` (the JSON of `rulec mismatch`, None without an answer), `error`, `refused` (why
-    nothing was adopted), `predicted` by signal, `cpu` and `seconds`.
+    nothing was adopted), `predicted` by signal, and `seconds`.
     """
     return {**NOTHING, **answered(folder / ASKED, lambda: _asked(folder, test, limit))}
 
 
 def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
-    begin, commands = _cpu(), Commands(folder, limit)
-    found: dict[str, Any] = dict(NOTHING)
+    commands, found = Commands(folder, limit), dict[str, Any](NOTHING)
     try:
         _calibrate(commands)
         shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
@@ -123,7 +119,6 @@ def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
     if test is not None:
         found["refused"] = _adopted(commands) if found["form"] else ""
         found["predicted"] = predicted(commands, test)
-    found["cpu"] = _cpu() - begin
     return found
 
 
@@ -152,8 +147,7 @@ def _calibrate(commands: Commands) -> None:
 def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
     """Return by signal: unit, number of rows that every plant predicts, and each plant's RMS error.
 
-    `windows` has the errors in windows of time, shape (windows,), and `course` some of the rows. A
-    plant that was not written predicts as the one before it.
+    `course` has some of the rows. A plant that was not written predicts as the one before it.
     """
     rules = compile_plant(commands.folder / FOLDERS["shipped"] / PLANT)
     copy = commands.folder / f"{TEST}{_suffix(test)}"
@@ -203,23 +197,14 @@ def _errors(signal: SignalSpec, measured: Recording, off: Mapping[str, Array]) -
     rows = np.flatnonzero(known)
     some = rows[np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))]
     reading = (measured.values[signal.id] - signal.offset) / signal.factor
-    windows, course = {}, {"time": measured.time[some], "measured": reading[some]}
+    course = {"time": measured.time[some], "measured": reading[some]}
     own = off["shipped"]
     for model in MODELS:
         own = off.get(model, own)
-        square = own[rows] ** 2
-        found[model] = float(np.sqrt(np.mean(square)))
-        parts = np.array_split(square, min(WINDOWS, len(rows)))
-        windows[model] = [float(np.sqrt(np.mean(part))) for part in parts]
+        found[model] = float(np.sqrt(np.mean(own[rows] ** 2)))
         course[model] = reading[some] + own[some]
-    return {**found, "windows": windows, "course": {k: v.tolist() for k, v in course.items()}}
+    return {**found, "course": {k: v.tolist() for k, v in course.items()}}
 
 
 def _suffix(file: Path) -> str:
     return ".csv.gz" if file.name.endswith(".gz") else ".csv"
-
-
-def _cpu() -> float:
-    """CPU time of child processes that have ended, s."""
-    times = os.times()
-    return times.children_user + times.children_system

@@ -9,13 +9,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 
 from rulec.language.units import UnitTable
 from rulec.prove.judge import class_probability, interval_of
-from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
+from rulec.prove.limits import (
+    BOOTSTRAP_SAMPLES,
+    CERTAIN,
+    COVERAGE_OF_DEGREES,
+    MENTIONED,
+    TAILS,
+)
 from rulec.prove.real.rig_folder import FalseAlarm, Missing, Rig, Size, Truth
-from rulec.prove.scores import bootstrap
 
 SILENT = "none"
 UNNAMED = "unnamed"
@@ -84,7 +88,6 @@ class Scored:
     signal: str
     refused: str
     error: str
-    cpu: float
 
     @property
     def sure(self) -> tuple[ScoredFinding, ...]:
@@ -98,26 +101,9 @@ class Scored:
         return errors["adopted"] / other if other and errors.get("adopted") else None
 
     @property
-    def within(self) -> tuple[float, float]:
-        """95 % interval of the error of the adopted plant over that of the recalibrated one, by
-        bootstrap over windows of time; NaN without any."""
-        windows = self.predicted.get(self.signal, {}).get("windows")
-        if not windows:
-            return math.nan, math.nan
-        pairs = np.array([windows["adopted"], windows["recalibrated"]]) ** 2
-        return bootstrap(pairs.T, _ratio)
-
-    @property
     def grey_box(self) -> float | None:
         """Error of a hand-made model, on the signal that counts."""
         return next((g.error for g in self.rig.grey_box if g.signal == self.signal), None)
-
-
-def _ratio(pairs: Array, axis: int) -> Array:
-    """Root of the ratio of mean squares, shape (samples,); `pairs` (samples, windows, 2)."""
-    adopted, other = np.moveaxis(pairs.mean(axis=axis), -1, 0)
-    ratio: Array = np.sqrt(adopted / other)
-    return ratio
 
 
 def scored(rig: Rig, asked: Form) -> Scored:
@@ -149,7 +135,6 @@ def scored(rig: Rig, asked: Form) -> Scored:
         signal=next((str(name) for name in wanted if name in asked["predicted"]), ""),
         refused=asked["refused"],
         error=asked["error"],
-        cpu=asked["cpu"],
     )
 
 
@@ -325,9 +310,18 @@ def _total(title: str, values: Sequence[float | None], *, exponent: bool) -> Tot
     there = [float(v) for v in values if v is not None]
     if not there:
         return Total(title, math.nan, math.nan, math.nan, 0)
-    ends = (float(np.mean(there)), *bootstrap(there, np.mean))
+    ends = (float(np.mean(there)), *_bootstrap(there))
     value, low, high = map(math.exp, ends) if exponent else ends
     return Total(title, value, low, high, len(there))
+
+
+def _bootstrap(values: Sequence[float]) -> tuple[float, float]:
+    """95 % interval of a mean; NaN below two values."""
+    if len(values) < 2:
+        return math.nan, math.nan
+    drawn = np.random.default_rng(0).choice(values, (BOOTSTRAP_SAMPLES, len(values)))
+    low, high = np.quantile(drawn.mean(axis=1), TAILS)
+    return float(low), float(high)
 
 
 @dataclass(frozen=True)

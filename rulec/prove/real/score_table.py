@@ -22,15 +22,15 @@ from rulec.prove.real.run_tool import MODELS
 from rulec.prove.real.score import Alarm, Scored, ScoredFinding, Total, alarms, totals
 from rulec.prove.tables import Table, sections
 
-SCORES = (".place", ".name", ".class", ".p", ".size", ".false", ".sure", ".utility", ".CPU s")
-ERRORS = ("rig", "reading", *(f".{model}" for model in MODELS), ".ratio", ".noise", ".grey box")
+SCORES = (".place", ".name", ".class", ".p", ".size", ".false", ".sure", ".utility")
+ERRORS = ("rig", "reading", *(f".{model}" for model in MODELS), ".noise", ".grey box")
 
 NOTE = (
     "name: share of what is missing whose id is the headline of a finding; class: whose id is in "
     "the set that a finding leaves open; p: probability told for that set; size: intervals that "
     "hold the truth; utility: of the ambiguity set, as the DX competition 2026 scores it. Errors: "
     "root mean square on rows that were never shown; a plant that was not written predicts as the "
-    "one before it; ratio: adopted over recalibrated, 95 % by bootstrap over windows of time."
+    "one before it."
 )
 
 
@@ -133,7 +133,7 @@ def _answer_row(s: Scored) -> list[str]:
         scores = ["–", "silent" if s.silent else "no", "–", "–"]
     false = [str(len(found)) if s.rig.truth else "–" for found in (s.false, s.sure)]
     utility = "–" if s.utility is None else f"{s.utility:.2f}"
-    return [s.rig.name, *scores, inside, *false, utility, f"{s.cpu:.0f}"]
+    return [s.rig.name, *scores, inside, *false, utility]
 
 
 def _said(s: Scored) -> str:
@@ -149,7 +149,6 @@ def _error_rows(s: Scored) -> Iterator[list[str]]:
         errors, counts = s.predicted[name], name == s.signal
         cells = [_number(errors[model]) for model in MODELS]
         cells[-1] += " *" if s.refused or s.error else ""
-        cells.append(_ends(*s.within) if counts and not s.refused else "–")
         cells += [_number(s.noise.get(name)), _number(s.grey_box) if counts else "–"]
         yield [s.rig.name, f"{name} [{errors['unit']}]", *cells]
 
@@ -167,7 +166,7 @@ def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str
         name: getattr(s, name)
         for name in (
             *("verdict", "place", "headline", "named", "probability", "inside", "silent"),
-            *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error", "cpu"),
+            *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error"),
         )
     }
     found["predicted"] = {

@@ -117,8 +117,6 @@ class ContactAnswer(Answer):
     other : the law of another form; empty on a sound plant
     names, places : right entries and `module.place`
     form, values : true sizes of the other form, and parameters by `module.parameter`
-    allowed : RMS error of each output over the recording that laws within their accuracy and
-        sensors within their class explain
     """
 
     other: str
@@ -126,7 +124,6 @@ class ContactAnswer(Answer):
     places: tuple[str, ...]
     form: Numbers
     values: Numbers
-    allowed: Numbers
 
 
 @dataclass(frozen=True)
@@ -176,7 +173,6 @@ class Planned:
             places=tuple(f"{MODULE}.{place}" for place in right["places"]),
             form=form,
             values={f"{MODULE}.{name}": true[name] for name in sheet},
-            allowed=_allowed(kind, true, given),
         )
         return Contact(kind, sheet, answer, {**given, **kind.law(true, given, off, form)})
 
@@ -228,22 +224,3 @@ def _operated(kind: Kind, random: np.random.Generator) -> dict[str, Array]:
     if "T" in kind.sensors:
         given["T"] = drive.temperature(random, SAMPLES) - ZERO_CELSIUS
     return given
-
-
-def _allowed(kind: Kind, true: Numbers, given: Arrays) -> dict[str, float]:
-    """RMS error of each output, by one step of each law and sensor. Source: GUM, 5.1.2."""
-    one = {law: np.ones(SAMPLES) for law in kind.accuracy}
-    plain = kind.law(true, given, one, {})
-
-    def step(name: str, values: Array) -> Array:
-        sensor = kind.sensors[name]
-        return sensor.bound * (np.abs(values) if sensor.relative else np.ones(SAMPLES))
-
-    moved = [kind.law(true, given, {**one, n: one[n] + a}, {}) for n, a in kind.accuracy.items()]
-    for name, values in given.items():
-        moved.append(kind.law(true, {**given, name: values + step(name, values)}, one, {}))
-    squares = {
-        out: sum(((m[out] - value) ** 2 for m in moved), step(out, value) ** 2)
-        for out, value in plain.items()
-    }
-    return {f"{MODULE}.{out}": float(np.sqrt(np.mean(s))) for out, s in squares.items()}

@@ -97,11 +97,6 @@ class Scene:
         return np.arange(self.time.size, dtype=np.float64) * self.pace
 
     @property
-    def recorded_clock(self) -> Array:
-        """Time since the recording began, s, shape (n - first,)."""
-        return np.asarray(self.clock[self.first :] - self.clock[self.first])
-
-    @property
     def warmth(self) -> Array:
         """Temperature of the liquid at the first pump, K."""
         return self.plain[f"{next(iter(self.rig.pumps))}.T"]
