@@ -11,7 +11,6 @@ from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks.balance import integrate
 from rulec.prove.truth.tanks.build import CASCADED, METER_SLOPE, Setup, build, recorded_input
 from rulec.prove.truth.tanks.detection_limit import noise_of
-from rulec.prove.truth.tanks.feed import Bend
 from rulec.prove.truth.tanks.laws import outflow, supply
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO
 from rulec.prove.truth.tanks.rows import row
@@ -30,9 +29,9 @@ def hard_setup(*difficulties: str, samples: int = 256, seed: int = 4) -> Setup:
 def test_a_form_error_in_plain_numbers_is_the_one_that_was_drawn() -> None:
     """Over its range; beyond it, it stays."""
     form = form_error(stream(1, "form"), 0.01, ((0.0, 30.0),))
-    bend, levels = Bend.of(form), np.linspace(0.0, 30.0, 50)
-    assert [bend.at(float(v)) for v in levels] == pytest.approx(form(levels).tolist(), abs=1e-8)
-    assert bend.at(40.0) == bend.at(30.0)
+    levels = np.linspace(0.0, 30.0, 50)
+    assert [form.at(float(v)) for v in levels] == pytest.approx(form(levels).tolist(), abs=1e-12)
+    assert form.at(40.0) == form.at(30.0)
 
 
 def test_every_outlet_and_the_pump_are_off_by_their_form_errors() -> None:

@@ -1,11 +1,11 @@
 """Smooth random courses: form errors of laws, coloured noise, slow drifts."""
 
+import functools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legvander
 
 from .streams import stream
 from .units import Array
@@ -59,6 +59,22 @@ class Form:
             angle = sum(w * x for w, x in zip(wave, scaled, strict=True))
             total = total + weight * np.cos(angle + phase)
         return np.asarray(self.factor * (total - self.middle))
+
+    def at(self, value: float) -> float:
+        """Return the share by the only argument, constant beyond its range.
+
+        It is in plain numbers, as an integrator asks for one at a time.
+        """
+        ((low, high),) = self.ranges
+        share = min(max((value - low) / (high - low), 0.0), 1.0)
+        total = sum(w * math.cos(a * share + p) for a, p, w in self._cosines)
+        return self.factor * (total - self.middle)
+
+    @functools.cached_property
+    def _cosines(self) -> list[tuple[float, float, float]]:
+        """Angle per range, phase and weight of each cosine of the only argument."""
+        parts = (self.waves[:, 0].tolist(), self.phases.tolist(), self.weights.tolist())
+        return list(zip(*parts, strict=True))
 
 
 def form_error(
@@ -166,15 +182,3 @@ def colours(seed: int, sensors: Iterable[str]) -> dict[str, float]:
 def drifts(seed: int, sensors: Iterable[str]) -> dict[str, Drift]:
     """Draw the drift of each sensor."""
     return {s: drift(stream(seed, f"drift {s}")) for s in sensors}
-
-
-NODES = 12
-"""Gauss nodes: a polynomial of degree 11 follows one period to 1e-6."""
-
-
-def series_of(form: Form) -> Array:
-    """Expand a form error of one argument in Legendre polynomials, shape (NODES,)."""
-    nodes, weights = leggauss(NODES)
-    ((low, high),) = form.ranges
-    shares, basis = form(low + 0.5 * (nodes + 1.0) * (high - low)), legvander(nodes, NODES - 1)
-    return np.asarray((weights * shares) @ basis / (weights @ basis**2))

@@ -17,7 +17,7 @@ from ..streams import stream
 from ..units import Array
 from .balance import Course, integrate
 from .drive import DRAWN, PROFILES
-from .feed import Bend, Feed
+from .feed import Feed
 from .laws import GRAVITY
 from .plant import LEVEL_ZERO, LevelSensor, Plant, Tank
 
@@ -239,8 +239,8 @@ def hardened(
         laws = (
             (law, ((0.0, ABOVE * ranges[law]),)) for law in ranges if law != feed or not metered
         )
-        forms = {law: Bend.of(form) for law, form in form_errors(seed, laws).items()}
-        told["form"] = {law: bend.rms for law, bend in forms.items()}
+        forms = form_errors(seed, laws)
+        told["form"] = {law: form.rms for law, form in forms.items()}
         tanks = tuple(replace(tank, form=forms[tank.name]) for tank in plant.tanks)
         plant = replace(plant, feed=replace(plant.feed, form=forms.get(feed)), tanks=tanks)
     places = [s.tank for s in plant.sensors] + [feed] * metered

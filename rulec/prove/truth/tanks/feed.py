@@ -1,44 +1,11 @@
-"""The feed of the first tank: a pump by its voltage, or a pipe with a flow meter; the form error of
-a law in plain numbers. cm, s, V.
-"""
+"""The feed of the first tank: a pump by its voltage, or a pipe with a flow meter. cm, s, V."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from ..smooth import Form, series_of
-
-
-@dataclass(frozen=True)
-class Bend:
-    """The relative error of a law: a series of Legendre polynomials from `low` to `high` of its
-    argument, constant beyond. `rms` is its root mean square."""
-
-    rms: float
-    low: float
-    high: float
-    series: tuple[float, ...]
-
-    @classmethod
-    def of(cls, form: Form) -> Bend:
-        """Convert a form error of one argument."""
-        ((low, high),) = form.ranges
-        return cls(form.rms, low, high, tuple(series_of(form).tolist()))
-
-    def at(self, value: float) -> float:
-        """Return the share, 1.
-
-        Source: Clenshaw 1955.
-        """
-        x = min(max(2.0 * (value - self.low) / (self.high - self.low) - 1.0, -1.0), 1.0)
-        last = before = 0.0
-        for k in range(len(self.series) - 1, 0, -1):
-            last, before = (
-                self.series[k] + (2 * k + 1) / (k + 1) * x * last - (k + 1) / (k + 2) * before,
-                last,
-            )
-        return self.series[0] + x * last - 0.5 * before
+from ..smooth import Form
 
 
 @dataclass(frozen=True)
@@ -107,7 +74,7 @@ class Feed:
     curve: Curve | None = None
     decline: float = 0.0
     warming: Warming | None = None
-    form: Bend | None = None
+    form: Form | None = field(default=None, compare=False)
     play: float = 0.0
     rate: float = math.inf
     pocket: float = 0.0

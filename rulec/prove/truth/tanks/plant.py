@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from ..smooth import Drift
-from .feed import Bend, Feed
+from ..smooth import Drift, Form
+from .feed import Feed
 
 BODY_EDGE = 0.05
 """cm over which a body ends; a step would slow the solver down."""
@@ -110,7 +110,7 @@ class Tank:
     side: Opening | None = None
     link: float = 0.0
     closing: float = 0.0
-    form: Bend | None = None
+    form: Form | None = field(default=None, compare=False)
 
     def at(self, time: float) -> Tank:
         """Return the tank with the faults of that time, as constant properties."""
