@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,18 +26,16 @@ from rulec_runtime.fleet.plant_day import Row, Task, fetched, reason_of
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.output.write_file import write_data, write_text
+from rulec_runtime.output.write_file import write_text
 
 from rulec.commands.arguments import ruleset_of
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import chosen
-from rulec.engines.engine import run as run_on
 from rulec.fleet.fleet_file import Fleet, read_fleet
-from rulec.fleet.plant_days import judged, tasks_of
+from rulec.fleet.plant_days import judged, tasks_of, worked_off
 from rulec.fleet.ranking import NOT_JUDGED, Ranked, fleet_page, ranked, verdict
-from rulec.fleet.store import PlantDays, Store, parquet_of, tables
+from rulec.fleet.store import ANSWERS, MISMATCH, Store, tables, write_table
 from rulec.fleet.trends import Trend, trends_of
-from rulec.limits import WORKER_DEATHS
 
 JUDGING, WRITING, ASKING = "judging plant-days", "writing the tables", "asking plant-days"
 
@@ -59,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if options.mismatch:
         return _ask(options, fleet, engine)
     tasks = tasks_of(fleet)
-    store = Store(fleet.results, fleet.plant_key, fleet.day_key)
+    store = Store(fleet)
     days = list(dict.fromkeys(task.day for task in tasks))
     count = plural(len({task.plant for task in tasks}), "plant", "plants")
     counted = f"{fleet.name}: {count} on {plural(len(days), 'day', 'days')}, "
@@ -71,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
         _work_off(options, tasks, store, judge, partial(progress, JUDGING), counted)
         rows = tables(store, tasks, lambda number: progress(WRITING, number, len(days)))
     plants = ranked(rows)
-    trends = [*trends_of(store.rows(tasks), fleet.rulesets)]
+    trends = [*trends_of(store.results(tasks), fleet.rulesets)]
     page = fleet.results / "ranking.html"
     write_text(page, fleet_page(fleet, plants, days, trends))
     write_json(options, _form(fleet, plants, rows, trends))
@@ -82,8 +79,8 @@ def run(options: argparse.Namespace) -> int:
 def _work_off(
     options: argparse.Namespace,
     tasks: Sequence[Task],
-    store: Store | Answers,
-    work: Callable[[Sequence[Task]], Iterable[tuple[Task, Any]]],
+    store: Store,
+    work: Callable[[Sequence[Task]], Iterable[tuple[Task, Row]]],
     progress: Callable[[float, float], None],
     counted: str,
 ) -> None:
@@ -140,15 +137,16 @@ def _ask(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
     """Ask about the open plant-days, write the table, report what was found."""
     _check(Path(options.fleet), fleet)
     tasks = tasks_of(fleet)
-    answers = Answers(fleet.results, fleet.plant_key, fleet.day_key)
+    answers = Store(fleet, ANSWERS)
 
-    def ask(left: Sequence[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
+    def ask(left: Sequence[Task]) -> Iterator[tuple[Task, Row]]:
         return asked(engine, left, fleet)
 
     with progress_of(options, ASKING) as progress:
         _work_off(options, tasks, answers, ask, partial(progress, ASKING), f"{fleet.name}: ")
-    rows = answers.rows(tasks)
-    table = answers.write_table(rows)
+    rows = [*map(answer_of, tasks, answers.results(tasks))]
+    table = fleet.results / "mismatch.parquet"
+    write_table(table, MISMATCH, rows)
     write_json(
         options,
         {
@@ -156,7 +154,7 @@ def _ask(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
             "verdict": summary(rows),
             "results": str(fleet.results),
             "plant_days": [
-                asdict(row) | {"answer": str(answers.file(task))}
+                row | {"answer": str(answers.file(task))}
                 for task, row in zip(tasks, rows, strict=True)
             ],
         },
@@ -165,20 +163,10 @@ def _ask(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
     return 0
 
 
-def asked(
-    engine: Engine, tasks: Sequence[Task], fleet: Fleet
-) -> Iterator[tuple[Task, dict[str, Any]]]:
-    """Answers as they arrive, in JSON form.
-
-    If processes died at a plant-day, its answer says so.
-    """
+def asked(engine: Engine, tasks: Sequence[Task], fleet: Fleet) -> Iterator[tuple[Task, Row]]:
+    """Answers in JSON form as they arrive."""
     calls = [Call((task, fleet.judged_by[task.ruleset])) for task in tasks]
-
-    def died(_: int) -> dict[str, Any]:
-        return {"reason": f"{WORKER_DEATHS} processes died at it; is there enough memory?"}
-
-    for number, form in run_on(engine, ask_day, calls, died=died):
-        yield tasks[number], form
+    return worked_off(engine, ask_day, tasks, calls, lambda _: {})
 
 
 def _check(file: Path, fleet: Fleet) -> None:
@@ -196,15 +184,16 @@ def _check(file: Path, fleet: Fleet) -> None:
         )
 
 
-def _show_answers(out: Console, rows: Sequence[Answer], written: Path) -> None:
+def _show_answers(out: Console, rows: Sequence[Row], written: Path) -> None:
     out.print(styled("\n[bold]{}[/]\n", summary(rows)))
     off = differing(rows)
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     for title in ("plant", "day", "verdict", "what", "probability"):
         table.add_column(title, justify="right" if title == "probability" else "left")
-    for row in [*off, *(r for r in rows if r.verdict in UNTOLD)][:PLANT_DAYS_SHOWN]:
-        sure = "" if row.probability is None else f"{100 * row.probability:.0f} %"
-        table.add_row(row.plant, row.day, row.verdict, row.text or row.reason, sure)
+    for row in [*off, *(r for r in rows if r["verdict"] in UNTOLD)][:PLANT_DAYS_SHOWN]:
+        sure = "" if row["probability"] is None else f"{100 * row['probability']:.0f} %"
+        shown = (row["plant"], row["day"], row["verdict"], row["text"] or row["reason"], sure)
+        table.add_row(*shown)
     if table.row_count:
         out.print(table)
     if len(off) > PLANT_DAYS_SHOWN:
@@ -250,109 +239,51 @@ UNTOLD = ("cannot judge", UNASKED)
 """Verdicts that say nothing about a model."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Answer:
-    """The result of `rulec mismatch` for a plant-day.
+def answer_of(task: Task, form: Row) -> Row:
+    """The row of a table of an answer in JSON form, or of a reason why there is none.
 
-    Attributes
-    ----------
-    verdict : of `rulec mismatch`, or ``unread``, with a `reason`.
-    text : the answer in a sentence or two.
-    module, place, effect, title : of the first explanation; empty if there is none.
-    probability : of that explanation; None if there is none.
-    signal, unit : the predicted signal, and the unit of its errors at held-out points.
-    shipped, recalibrated, repaired, noise : root mean square errors of the model as it is, with
-        other values, with what it left out, and of readings alone; None if nothing was compared.
+    Its place is the first one, its effect that of the first explanation; `shipped`, `recalibrated`,
+    `repaired` and `noise` are errors of the predicted `signal` at held-out points, in its `unit`,
+    None if nothing was compared.
     """
-
-    plant: str
-    day: str
-    verdict: str
-    text: str = ""
-    reason: str = ""
-    module: str = ""
-    place: str = ""
-    effect: str = ""
-    title: str = ""
-    probability: float | None = None
-    signal: str = ""
-    unit: str = ""
-    shipped: float | None = None
-    recalibrated: float | None = None
-    repaired: float | None = None
-    noise: float | None = None
-
-
-def answer_of(task: Task, form: Mapping[str, Any]) -> Answer:
-    """The row of an answer in JSON form, or of a reason why there is none."""
-    if "reason" in form:
-        return Answer(plant=task.plant, day=task.day, verdict=UNASKED, reason=form["reason"])
-    none: dict[str, Any] = {}
-    first = next(iter(form["effects"]), none)
-    where = next(iter(form["locations"]), none)
-    fit = form["fit"] or none
-    heldout = fit.get("heldout") or none
-    names = ("shipped", "recalibrated", "repaired", "noise")
-    errors: dict[str, Any] = {name: heldout.get(name) for name in names}
-    return Answer(
-        plant=task.plant,
-        day=task.day,
-        verdict=form["verdict"],
-        text=form["headline"],
-        module=where.get("module", ""),
-        place=where.get("place", ""),
-        effect=first.get("effect") or "",
-        title=first.get("title", ""),
-        probability=first.get("probability"),
-        signal=fit.get("signal", ""),
-        unit=fit.get("unit", ""),
-        **errors,
-    )
+    where, first = ([*form.get(part, ()), {}][0] for part in ("locations", "effects"))
+    fit = form.get("fit") or {}
+    heldout = fit.get("heldout") or {}
+    errors = ("shipped", "recalibrated", "repaired", "noise")
+    return {
+        "plant": task.plant,
+        "day": task.day,
+        "verdict": form.get("verdict", UNASKED),
+        "text": form.get("headline", ""),
+        "reason": form.get("reason", ""),
+        "module": where.get("module", ""),
+        "place": where.get("place", ""),
+        "effect": first.get("effect") or "",
+        "title": first.get("title", ""),
+        "probability": first.get("probability"),
+        "signal": fit.get("signal", ""),
+        "unit": fit.get("unit", ""),
+        **{name: heldout.get(name) for name in errors},
+    }
 
 
-class Answers(PlantDays):
-    """Answers in a folder."""
-
-    def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
-        super().__init__(folder, plant_key, day_key, "mismatch-answers", ".json")
-
-    def keep(self, task: Task, form: Mapping[str, Any]) -> None:
-        """Write an answer."""
-        self.put(task, (json.dumps(form, indent=1, ensure_ascii=False) + "\n").encode())
-
-    def rows(self, tasks: Iterable[Task]) -> list[Answer]:
-        """Rows of plant-days that are done."""
-        return [
-            answer_of(task, json.loads(self.file(task).read_text(encoding="utf-8")))
-            for task in tasks
-        ]
-
-    def write_table(self, rows: Sequence[Answer]) -> Path:
-        """Write all rows as one Parquet file; returns its path."""
-        numbers = ("probability", "shipped", "recalibrated", "repaired", "noise")
-        names = Answer.__dataclass_fields__
-        fields = [(name, "double" if name in numbers else "string") for name in names]
-        file = self.folder / "mismatch.parquet"
-        write_data(file, parquet_of(map(asdict, rows), fields))
-        return file
-
-
-def differing(rows: Iterable[Answer]) -> list[Answer]:
+def differing(rows: Iterable[Row]) -> list[Row]:
     """Plant-days that differ from their models."""
-    return [row for row in rows if row.verdict not in (SOUND, *UNTOLD)]
+    return [row for row in rows if row["verdict"] not in (SOUND, *UNTOLD)]
 
 
-def summary(rows: Sequence[Answer]) -> str:
+def summary(rows: Sequence[Row]) -> str:
     """All answers in a sentence: how many plants differ, and by what most often."""
-    plants = {row.plant for row in rows}
+    plants = {row["plant"] for row in rows}
     off = differing(rows)
-    which = {row.plant for row in off}
+    which = {row["plant"] for row in off}
     if not which:
-        sound = {row.plant for row in rows if row.verdict == SOUND}
+        sound = {row["plant"] for row in rows if row["verdict"] == SOUND}
         agree = plural(len(sound), "plant agrees with its model", "plants agree with their models")
         return agree if sound else "no recording says anything of a model"
     differ = "differs from its model" if len(which) == 1 else "differ from their models"
     text = f"{len(which)} of {plural(len(plants), 'plant', 'plants')} {differ}"
-    each = Counter(title for title, _ in {(row.title, row.plant) for row in off if row.title})
+    titles = {(row["title"], row["plant"]) for row in off if row["title"]}
+    each = Counter(title for title, _ in titles)
     title, count = min(each.items(), key=lambda one: (-one[1], one[0]), default=("", 0))
     return f"{text}; most often by: {title} ({count} plants)" if count > 1 else text

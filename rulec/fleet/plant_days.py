@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -106,15 +106,27 @@ def _elsewhere(place: str) -> Iterator[Found]:
 def judged(
     engine: Engine, tasks: Sequence[Task], rulesets: Mapping[str, str]
 ) -> Iterator[tuple[Task, Row]]:
-    """Rows as they are done; `rulesets` are texts by hash.
+    """Rows as they are done; `rulesets` are texts by hash."""
+    calls = [Call((task,), task.ruleset) for task in tasks]
+    return worked_off(engine, judge_day, tasks, calls, blank, rulesets)
 
-    If processes die repeatedly at a plant-day, its row says so.
+
+def worked_off(
+    engine: Engine,
+    work: Callable[..., Row],
+    tasks: Sequence[Task],
+    calls: Sequence[Call],
+    undone: Callable[[Task], Row],
+    shared: Mapping[str, str] | None = None,
+) -> Iterator[tuple[Task, Row]]:
+    """Results of plant-days as they are done, by a call of `work` for each.
+
+    If processes die repeatedly at a plant-day, the reason stands in its `undone` result.
     """
 
     def died(number: int) -> Row:
         reason = f"{WORKER_DEATHS} processes died at it; is there enough memory?"
-        return blank(tasks[number]) | {"reason": reason}
+        return undone(tasks[number]) | {"reason": reason}
 
-    calls = [Call((task,), task.ruleset) for task in tasks]
-    for number, row in run(engine, judge_day, calls, rulesets, died):
+    for number, row in run(engine, work, calls, shared, died):
         yield tasks[number], row

@@ -5,42 +5,53 @@ work is not done twice, and other work (a new ruleset, a changed recording) repl
 """
 
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from rulec_runtime.fleet.plant_day import POINTS, Row, Task
 from rulec_runtime.output.refusal import Refusal, to_install
-from rulec_runtime.output.write_file import write_data
+from rulec_runtime.output.write_file import write_data, write_text
+
+from rulec.fleet.fleet_file import Fleet
 
 DONE, HEALTH, FINDINGS, TRACE = "plant-days", "health", "findings", "trace"
+ANSWERS, MISMATCH = "mismatch-answers", "mismatch"
 
 COLUMNS = {
-    HEALTH: "plant day status: string; health coverage: double; samples judged: int64; "
-    "reason ruleset: string",
-    FINDINGS: "kind fault module status text action: string; "
+    HEALTH: "plant status: string; health coverage: double; samples judged: int64; "
+    "reason ruleset: string; notes: strings",
+    FINDINGS: "plant kind fault module status text action: string; "
     "degree lower upper probability since until: double; active: bool",
-    TRACE: "since until: double; samples: int64; verdict: string; largest_degree: double",
-    POINTS: "signal: string; since until: double; samples: int64; value u: double",
+    TRACE: "plant: string; since until: double; samples: int64; verdict: string; "
+    "largest_degree: double",
+    MISMATCH: "plant day verdict text reason module place effect title: string; "
+    "probability: double; signal unit: string; shipped recalibrated repaired noise: double",
 }
 """Columns of each table, and their types as pyarrow names them."""
 
-Fields = list[tuple[str, Any]]
+Fields = list[tuple[str, str]]
 """Names of columns, each with its type."""
 
 
-def _fields(table: str) -> Fields:
+def fields_of(table: str) -> Fields:
+    """Return the columns of a table."""
     groups = (group.split(": ") for group in COLUMNS[table].split("; "))
     return [(name, kind) for names, kind in groups for name in names.split(" ")]
 
 
-class PlantDays:
-    """Files of plant-days below `room` of a folder, with names that end in `suffix`."""
+class Store:
+    """Results of the plant-days of a fleet: JSON files below `room` of its folder."""
 
-    def __init__(self, folder: Path, plant_key: str, day_key: str, room: str, suffix: str) -> None:
-        self.folder, self._plant, self._day = folder, plant_key, day_key
-        self._room, self._suffix = room, suffix
+    def __init__(self, fleet: Fleet, room: str = DONE) -> None:
+        self._fleet, self._room = fleet, room
+        if find_spec("pyarrow") is None:
+            raise Refusal(
+                "results of a fleet are Parquet files; install what they need: "
+                f"{to_install('fleet', 'rulec')}"
+            )
 
     def is_done(self, task: Task) -> bool:
         """Whether this very work was done."""
@@ -48,69 +59,55 @@ class PlantDays:
 
     def file(self, task: Task) -> Path:
         """The file for the result of a plant-day."""
-        day, plant = (quote(part, safe="") for part in (task.day, task.plant))
-        folder = self.folder / self._room / f"{self._day}={day}" / f"{self._plant}={plant}"
-        return folder / f"{task.key}{self._suffix}"
+        return (
+            self._folder(self._room, task.day)
+            / _part(self._fleet.plant_key, task.plant)
+            / (f"{task.key}.json")
+        )
 
-    def put(self, task: Task, data: bytes) -> None:
+    def _folder(self, room: str, day: str) -> Path:
+        return self._fleet.results / room / _part(self._fleet.day_key, day)
+
+    def keep(self, task: Task, result: Row) -> None:
         """Write the result of a plant-day; it replaces an earlier one."""
         file = self.file(task)
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_data(file, data)
-        for other in file.parent.glob(f"*{self._suffix}"):
+        write_text(file, json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+        for other in file.parent.glob("*.json"):
             if other != file:
                 other.unlink()
 
-
-class Store(PlantDays):
-    """Results in a folder."""
-
-    def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
-        super().__init__(folder, plant_key, day_key, DONE, ".parquet")
-        try:
-            import pyarrow.parquet
-        except ModuleNotFoundError:
-            raise Refusal(
-                "results of a fleet are Parquet files; install what they need: "
-                f"{to_install('fleet', 'rulec')}"
-            ) from None
-        self._arrow = pyarrow
-        self._health = [*_fields(HEALTH), ("notes", pyarrow.list_(pyarrow.string()))]
-
-    def keep(self, task: Task, row: Row) -> None:
-        """Write the row of a plant-day; it replaces an earlier one."""
-        list_, struct = self._arrow.list_, self._arrow.struct
-        parts = [(name, list_(struct(_fields(name)))) for name in (FINDINGS, TRACE, POINTS)]
-        self.put(task, parquet_of([row], [*self._health, *parts]))
-
-    def rows(self, tasks: Iterable[Task]) -> list[Row]:
-        """The rows of plant-days that are done."""
-        read = self._arrow.parquet.ParquetFile
-        return [row for task in tasks for row in read(self.file(task)).read().to_pylist()]
+    def results(self, tasks: Iterable[Task]) -> list[Row]:
+        """The results of plant-days that are done."""
+        return [json.loads(self.file(task).read_text(encoding="utf-8")) for task in tasks]
 
     def write_tables(self, day: str, rows: Sequence[Row]) -> None:
-        """Flat tables of a day: health, findings and trace."""
-        self._table(HEALTH, day, rows, self._health)
-        for kind in (FINDINGS, TRACE):
-            flat = [{"plant": row["plant"], **part} for row in rows for part in row[kind]]
-            self._table(kind, day, flat, [("plant", "string"), *_fields(kind)])
-
-    def _table(self, kind: str, day: str, rows: Sequence[Row], fields: Fields) -> None:
-        file = self.folder / kind / f"{self._day}={quote(day, safe='')}" / f"{kind}.parquet"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        # The name of the folder contains the day.
-        write_data(file, parquet_of(rows, [field for field in fields if field[0] != "day"]))
+        """Flat tables of a day: health, findings and trace. The folder's name contains the day."""
+        flat = {
+            kind: [{"plant": row["plant"], **part} for row in rows for part in row[kind]]
+            for kind in (FINDINGS, TRACE)
+        }
+        for kind, own in {HEALTH: rows, **flat}.items():
+            file = self._folder(kind, day) / f"{kind}.parquet"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_table(file, kind, own)
 
 
-def parquet_of(rows: Iterable[Mapping[str, Any]], fields: Fields) -> bytes:
-    """A table as a Parquet file."""
+def _part(key: str, value: str) -> str:
+    return f"{key}={quote(value, safe='')}"
+
+
+def write_table(file: Path, kind: str, rows: Iterable[Row]) -> None:
+    """Write rows as a table of a kind, Parquet."""
     import pyarrow.parquet
 
+    types = {"strings": pyarrow.list_(pyarrow.string())}
+    fields = [(name, types.get(type_, type_)) for name, type_ in fields_of(kind)]
     kept = [{name: row[name] for name, _ in fields} for row in rows]
     buffer = io.BytesIO()
     table = pyarrow.Table.from_pylist(kept, schema=pyarrow.schema(fields))
     pyarrow.parquet.write_table(table, buffer)
-    return buffer.getvalue()
+    write_data(file, buffer.getvalue())
 
 
 def tables(store: Store, tasks: Sequence[Task], advance: Callable[[int], None]) -> list[Row]:
@@ -120,7 +117,7 @@ def tables(store: Store, tasks: Sequence[Task], advance: Callable[[int], None]) 
         days.setdefault(task.day, []).append(task)
     found: list[Row] = []
     for number, (day, own) in enumerate(days.items(), 1):
-        rows = store.rows(own)
+        rows = store.results(own)
         store.write_tables(day, rows)
         found += [_short(row) for row in rows]
         advance(number)

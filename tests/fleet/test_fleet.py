@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 from rulec.cli import main
 from rulec.commands import fleet as command
 from rulec.commands.arguments import ruleset_of
-from rulec.commands.fleet import Answer, answer_of, ask_day, summary
+from rulec.commands.fleet import answer_of, ask_day, summary
 from rulec.engines.call import DASK, Engine
 from rulec.fleet import plant_days as fleet_judged
 from rulec.fleet.fleet_file import Fleet, read_fleet
@@ -257,22 +256,23 @@ def test_rows_and_their_sentence(tasks: dict[str, Task]) -> None:
     counts plants by what most of them differ, whatever the number of days; a row holds place,
     name, proof."""
     few = answer_of(tasks["west"], ask_day(tasks["west"], str(ABC)))
-    assert few.verdict == "cannot judge"
-    assert few.text.startswith("Cannot judge")
+    assert few["verdict"] == "cannot judge"
+    assert few["text"].startswith("Cannot judge")
     broken = answer_of(tasks["east"], ask_day(tasks["east"], str(ABC)))
-    assert broken.verdict == "unread"
-    assert "broken.parquet" in broken.reason
+    assert broken["verdict"] == "unread"
+    assert "broken.parquet" in broken["reason"]
     full = answer_of(tasks["south"], FORM)
-    assert (full.module, full.place, full.effect) == ("A", "Q_geo", "slip")
-    assert (full.probability, full.signal, full.shipped, full.repaired) == (0.97, "C.dp", 3.0, 1.0)
-    row = Answer(plant="a", day="1", verdict="named", title="Slip")
-    rows = [row, replace(row, day="2"), replace(row, plant="b"), replace(row, plant="c", title="X")]
-    sound = replace(row, plant="d", verdict="none", title="")
+    assert (full["module"], full["place"], full["effect"]) == ("A", "Q_geo", "slip")
+    assert (full["probability"], full["signal"]) == (0.97, "C.dp")
+    assert (full["shipped"], full["repaired"]) == (3.0, 1.0)
+    row = {"plant": "a", "day": "1", "verdict": "named", "title": "Slip"}
+    rows = [row, row | {"day": "2"}, row | {"plant": "b"}, row | {"plant": "c", "title": "X"}]
+    sound = row | {"plant": "d", "verdict": "none", "title": ""}
     assert summary([*rows, sound]) == (
         "3 of 4 plants differ from their models; most often by: Slip (2 plants)"
     )
     assert summary([sound]) == "1 plant agrees with its model"
-    blind = replace(sound, verdict="cannot judge")
+    blind = sound | {"verdict": "cannot judge"}
     assert summary([blind]) == "no recording says anything of a model"
 
 

@@ -82,7 +82,7 @@ def cpu() -> float:
 
 
 def kept(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
-    store, found = Store(fleet.results, fleet.plant_key, fleet.day_key), {}
+    store, found = Store(fleet), {}
     for task, row in results:
         store.keep(task, row)
         found[task] = row
