@@ -18,7 +18,6 @@ from threading import Thread
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
@@ -30,12 +29,11 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.terminal_findings import explain
 
 from rulec.commands.matrix import show
-from rulec.commands.simulate import parse_fault, simulate
+from rulec.commands.simulate import simulate
 from rulec.demo import limits
 from rulec.demo.played_recording import free_port, planted, write_inputs
 from rulec.knowledge.layers import shipped
 from rulec.passes.compile_cache import ruleset_of_plant
-from rulec.simulation.prediction import Injected
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,18 +65,16 @@ def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
         raise SourceRefused(f"--speed {options.speed:g}: give a number up to {limits.FASTEST:g}")
     with tempfile.TemporaryDirectory(prefix="rulec-demo-") as folder:
         place = Path(folder)
-        ruleset, faults = _made(place, plant, out)
-        began = _watched(place, ruleset, 1 / options.speed, out)
-        out.rule("3. what the journal says, against what was planted")
-        if began is None:
+        ruleset = _made(place, plant, out)
+        if not _watched(place, ruleset, 1 / options.speed, out):
             out.print("the watch ended before the first row")
             return 1
-        _compared(place, ruleset, faults, began, 1 / options.speed, out)
+        _list_journal(place / "journal.db", out)
     return 0
 
 
-def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injected]]:
-    """Write the ruleset and the recording to play as files; returns the ruleset and the faults."""
+def _made(place: Path, plant: Path, out: Console) -> Ruleset:
+    """Write the ruleset and the recording to play as files; returns the ruleset."""
     out.rule("1. simulate: a recording with faults, which the modules' servers play")
     texts = planted()
     out.print("$ rulec simulate abc.json inputs.csv -o played.csv --noise 1 \\")
@@ -87,14 +83,13 @@ def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injecte
     ruleset = ruleset_of_plant(plant)
     write_text(place / "abc.json", ruleset.to_json())
     write_inputs(plant / "examples", place / "inputs.csv")
-    faults = [parse_fault(text) for text in texts]
-    played = simulate(place / "abc.json", place / "inputs.csv", faults=faults, noise=limits.NOISE)
+    played = simulate(place / "abc.json", place / "inputs.csv", faults=texts, noise=limits.NOISE)
     played.write(place / "played.csv")
-    return ruleset, faults
+    return ruleset
 
 
-def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float | None:
-    """Play to the end, or until the watch ends; returns the time of the first row, s since 1970."""
+def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> bool:
+    """Play to the end, or until the watch ends; returns whether the first row was played."""
     out.rule("2. watch: one OPC UA server per module, and the diagnosis beside them")
     with ExitStack() as stack:
         playing = stack.enter_context(servers(place / "played.csv", step))
@@ -122,57 +117,18 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float 
             began = playing.wait_for("began", limits.STARTING, watching)
             if began is not None:
                 playing.wait_for("ended", limits.ROWS * step + limits.STARTING, watching)
-        return began
+        return began is not None
 
 
-def _compared(
-    place: Path,
-    ruleset: Ruleset,
-    faults: Sequence[Injected],
-    began: float,
-    step: float,
-    out: Console,
-) -> None:
-    """Print each planted fault with what was told of it, and what was told that nobody planted.
-
-    An event belongs to a fault of its name that it overlaps. Times are in s since `began`.
-    """
+def _list_journal(file: Path, out: Console) -> None:
+    """Print what the watch wrote, as `rulec journal` does."""
+    from rulec_runtime.live.journal.listing import tell
     from rulec_runtime.live.journal.store import open_journal
 
-    with closing(open_journal(str(place / "journal.db"), make=False)) as journal:
-        events = [entry.event for entry in journal.events(ruleset.plant)]
-    lasting = [e for e in events if e.episode.kind in ("fault", "sensor", "unknown")]
-    table = Table(box=None, pad_edge=False)
-    table.add_column("")
-    titles = ("planted", "degree", "from", "to", "told after", "as", "95 % bounds", "over after")
-    for title in titles:
-        table.add_column(title, justify="left" if title == "planted" else "right", no_wrap=True)
-    taken, count = set[str](), 0
-    for fault in faults:
-        since, until = began + fault.since * step, began + fault.until * step
-        own = [
-            e
-            for e in lasting
-            if e.episode.subject == fault.fault
-            and e.episode.since <= until
-            and since <= e.episode.until
-        ]
-        taken |= {e.episode.id for e in own}
-        count += bool(own)
-        row = [fault.fault, f"{fault.degree:g}", f"{since - began:.1f} s", f"{until - began:.1f} s"]
-        if not own:
-            table.add_row(styled("[bold]✗[/]"), *row, "not told", "", "", "")
-            continue
-        one, after = own[-1].episode, f"{own[0].time - since:.1f} s"
-        over = f"{own[-1].time - until:.1f} s" if own[-1].what == "ended" else "active"
-        bounds = f"{one.lower:.3f}-{one.upper:.3f}"
-        table.add_row("✓", *row, after, f"{one.degree:.3f}", bounds, over)
-    out.print(table)
-    others = [e for e in lasting if e.what == "began" and e.episode.id not in taken]
-    text = "{} of {} planted faults found, {} told that nobody planted"
-    out.print(styled(text, count, len(faults), len(others)))
-    for event in others:
-        out.print(styled("  {} s  {}", f"{event.time - began:.1f}", event.text))
+    out.rule("3. the journal: what began, grew and ended")
+    out.print("$ rulec journal journal.db")
+    with closing(open_journal(str(file), make=False)) as journal:
+        tell(out, list(journal.events(active=True)), list(journal.events()), several=False)
 
 
 Process = subprocess.Popen[Any]
