@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from rulec_runtime.output.refusal import Refusal, to_install
 
 from rulec.engines.call import Call, Engine
-from rulec.limits import SCHEDULER_CONNECT, WORK_AHEAD, WORKER_DEATHS
+from rulec.limits import SCHEDULER_CONNECT, WORKER_DEATHS
 
 B = TypeVar("B")
 
@@ -40,25 +40,13 @@ def run(
         client = _client(distributed, engine, stack)
         # Tasks and not scattered data, as the scheduler repeats tasks that a dead worker lost.
         there = {name: client.submit(type(value), value) for name, value in shared.items()}
-        waiting = list(reversed(range(len(calls))))
-        under_way: dict[str, int] = {}
-
-        def next_one() -> Any:
-            number = waiting.pop()
-            call = calls[number]
+        numbers = {}
+        for number, call in enumerate(calls):
             more = () if call.shared is None else (there[call.shared],)
-            future = client.submit(work, *call.words, *more, pure=False)
-            under_way[future.key] = number
-            return future
-
-        workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-        ahead = min(len(waiting), WORK_AHEAD * workers)
-        coming = distributed.as_completed([next_one() for _ in range(ahead)])
-        for future in coming:
-            number = under_way.pop(future.key)
-            yield number, _result(distributed, future, number, died)
-            if waiting:
-                coming.add(next_one())
+            numbers[client.submit(work, *call.words, *more, pure=False)] = number
+        for future in distributed.as_completed(list(numbers)):
+            yield numbers[future], _result(distributed, future, numbers[future], died)
+            future.release()  # so that workers do not keep what is done
 
 
 def _result(distributed: Any, future: Any, number: int, died: Callable[[int], B]) -> B:
