@@ -10,10 +10,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from queue import Empty, Queue
 from threading import Thread
 from typing import Any
 
@@ -66,9 +65,7 @@ def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
     with tempfile.TemporaryDirectory(prefix="rulec-demo-") as folder:
         place = Path(folder)
         ruleset = _made(place, plant, out)
-        if not _watched(place, ruleset, 1 / options.speed, out):
-            out.print("the watch ended before the first row")
-            return 1
+        _watched(place, ruleset, 1 / options.speed, out)
         _list_journal(place / "journal.db", out)
     return 0
 
@@ -88,17 +85,13 @@ def _made(place: Path, plant: Path, out: Console) -> Ruleset:
     return ruleset
 
 
-def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> bool:
-    """Play to the end, or until the watch ends; returns whether the first row was played."""
+def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> None:
+    """Play to the end, or until the watch ends. Raises `SourceRefused` if no server starts."""
     out.rule("2. watch: one OPC UA server per module, and the diagnosis beside them")
-    with ExitStack() as stack:
-        playing = stack.enter_context(servers(place / "played.csv", step))
-        endpoints = playing.wait_for("servers", limits.STARTING)
-        if endpoints is None:
-            raise SourceRefused(
-                f"the servers of the demo did not start within {limits.STARTING:.0f} s; "
-                "is this machine busy?"
-            )
+    with servers(place / "played.csv", step) as playing:
+        if not (message := _next_message(playing)):
+            raise SourceRefused("the servers of the demo ended; is there no loopback?")
+        endpoints = message["servers"]
         names = [s.id for s in ruleset.signals if s.id in ruleset.read]
         write_map(place / "map.yaml", endpoints, names, step)
         for module, endpoint in endpoints.items():
@@ -111,13 +104,10 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> bool:
         out.print(f"{limits.ROWS * step:.0f} s; Ctrl-C, or q on a terminal, ends it")
         if out.is_terminal:
             time.sleep(limits.READ_FIRST)
-        watching = stack.enter_context(watch(place, ["abc.json", "--source", "opcua", *arguments]))
-        began = None
-        with suppress(KeyboardInterrupt):
-            began = playing.wait_for("began", limits.STARTING, watching)
-            if began is not None:
-                playing.wait_for("ended", limits.ROWS * step + limits.STARTING, watching)
-        return began is not None
+        options = ["abc.json", "--source", "opcua", *arguments]
+        with watch(place, options) as watching, suppress(KeyboardInterrupt):
+            Thread(target=_interrupt_at_end, args=(playing, watching), daemon=True).start()
+            watching.wait()
 
 
 def _list_journal(file: Path, out: Console) -> None:
@@ -134,37 +124,25 @@ def _list_journal(file: Path, out: Console) -> None:
 Process = subprocess.Popen[Any]
 
 
-class Servers:
-    """The servers of all modules, in a process of their own."""
+def _next_message(playing: Process) -> dict[str, Any]:
+    """What the servers say next; empty if they have ended."""
+    assert playing.stdout is not None
+    return dict(json.loads(playing.stdout.readline() or "{}"))
 
-    def __init__(self, process: Process) -> None:
-        self._process = process
-        self._messages: Queue[Mapping[str, Any]] = Queue()
-        Thread(target=self._listen, name="servers", daemon=True).start()
 
-    def wait_for(self, what: str, seconds: float, watching: Process | None = None) -> Any:
-        """The content of their next message; None after `seconds` without one, or if the watch ends
-        before. Raises `SourceRefused` if the servers end."""
-        until = time.monotonic() + seconds
-        while time.monotonic() < until and (watching is None or watching.poll() is None):
-            try:
-                message = self._messages.get(timeout=limits.LOOK)
-            except Empty:
-                continue
-            if what not in message:
-                raise SourceRefused("the servers of the demo ended; is there no loopback?")
-            return message[what]
-        return None
+def _interrupt_at_end(playing: Process, watching: Process) -> None:
+    """Interrupt the watch as soon as the recording has ended, or the servers have."""
+    _next_message(playing)
+    _interrupt(watching)
 
-    def _listen(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            self._messages.put(json.loads(line))
-        self._messages.put({})
+
+def _interrupt(process: Process) -> None:
+    """As Ctrl-C does; nothing happens if it has ended."""
+    process.terminate() if sys.platform == "win32" else process.send_signal(signal.SIGINT)
 
 
 @contextmanager
-def servers(recording: Path, step: float) -> Iterator[Servers]:
+def servers(recording: Path, step: float) -> Iterator[Process]:
     """Servers that play a recording, a row every `step` s, as soon as a client has subscribed."""
     process = subprocess.Popen(
         [sys.executable, "-m", "rulec.demo.servers", str(recording), str(step)],
@@ -173,7 +151,7 @@ def servers(recording: Path, step: float) -> Iterator[Servers]:
         text=True,
     )
     try:
-        yield Servers(process)
+        yield process
     finally:
         assert process.stdin is not None
         process.stdin.close()
@@ -187,8 +165,7 @@ def watch(folder: Path, options: Sequence[str]) -> Iterator[Process]:
     try:
         yield process
     finally:
-        if process.poll() is None:
-            process.terminate() if sys.platform == "win32" else process.send_signal(signal.SIGINT)
+        _interrupt(process)
         _ended(process)
 
 

@@ -7,10 +7,6 @@ FASTEST = 50.0
 """Largest speed. Origin: assumed; a row every 20 ms, about as fast as three servers in one process
 publish."""
 
-STARTING = 60.0
-"""Time for servers to start, and for the watch to subscribe, s. Origin: assumed; both take some
-seconds on a busy machine."""
-
 READ_FIRST = 3.0
 """Time for which the address of the page stays before the screen covers it, s. Origin: assumed;
 long enough to read a line."""
@@ -25,6 +21,3 @@ journal may take to close."""
 
 NOISE = 1
 """Seed of the sensor errors. Origin: assumed; the first."""
-
-LOOK = 0.1
-"""Interval at which processes are checked, s. Origin: assumed."""

@@ -84,7 +84,6 @@ async def _play(
     while not all(server.iserver.subscription_service.subscriptions for server in servers):
         await asyncio.sleep(step)
     began = time.time() + step
-    _tell(began=began)
     for k in count():
         if k == len(rows):
             # The recording starts again: constant readings would look like broken sensors.
