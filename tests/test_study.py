@@ -133,9 +133,8 @@ def test_summary_says_what_the_counts_mean() -> None:
     for part in (
         "Detected and identified (first or as an alternative) from 20 % on: Internal leakage of ",
         "Cannot be seen: P_el reads low of dosing-pcp.",
-        "Detected but not identified: Clogging of static-mixer in 1 of 1 recordings",
-        "Internal leakage of dosing-pcp is taken for Widening of the same module in 1 of 4",
-        "Internal leakage of dosing-pcp is taken for Widening of another module (static-mixer)",
+        "Internal leakage of dosing-pcp is taken for Widening of dosing-pcp in 1 of 4",
+        "Internal leakage of dosing-pcp is taken for Widening of static-mixer in 1 of 4",
         "off by 0.020 on average (bias -0.010); its bounds hold the true one in 1 of 2",
         "False alarms: 1 of 2 healthy recordings (40 samples)",
         "Left out: 1 recordings",

@@ -161,7 +161,7 @@ def _announced(
 ) -> str:
     """Size and expected duration of the study, from a few of its recordings."""
     faulty, healthy = size_of(ruleset, points, settings)
-    one = Points({name: values[:1] for name, values in points.given.items()}, 1)
+    one = Points({name: values[:1] for name, values in points.given.items()})
     largest = replace(settings, degrees=settings.degrees[-1:])
     ids = [f.id for f in ruleset.faults]
 
@@ -177,10 +177,9 @@ def _announced(
     where = f"{len(points)} operating point{'s' * (len(points) > 1)}"
     outside = [f for f in ids if not degrees_of(ruleset, f, settings)]
     without = f"; without {listed(outside)}, which cannot have such a degree" if outside else ""
-    lost = f" ({points.tried - len(points)} more have none)" if points.tried > len(points) else ""
     return (
-        f"{ruleset.plant}: {faulty} faulty and {healthy} healthy recordings at {where}{lost}"
-        f"{without}; about {max(total, 1.0):.0f} s on {jobs} process{'es' * (jobs > 1)}"
+        f"{ruleset.plant}: {faulty} faulty and {healthy} healthy recordings at {where}{without}; "
+        f"about {max(total, 1.0):.0f} s on {jobs} process{'es' * (jobs > 1)}"
     )
 
 

@@ -2,6 +2,6 @@
 
 Files in order of data flow: `command` (options), `partition` (cases), `campaign` (seal, analyse,
 judge; with `analyst`), `judge`, `results` (a judged case, a run), `scores` (against the goals in
-`limits`), `tables` and `page` (also the terminal). `second_round` runs plants again, `contacts`
-scores first contacts, `real` is for real recordings. `truth` is the independent simulator.
+`limits`), `tables` and `page` (also the terminal). `second_round` runs plants again,
+`real` is for real recordings. `truth` is the independent simulator.
 """

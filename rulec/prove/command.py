@@ -23,11 +23,11 @@ from rulec_runtime.report.page_origin import Made, made_now
 
 from rulec.engines.call import Engine
 from rulec.engines.engine import chosen
-from rulec.prove import contacts
 from rulec.prove.campaign import Campaign, Workers, digest_of, unusable
 from rulec.prove.page import page, show
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Further, Run
+from rulec.prove.scores import scores_form
 from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.truth.settled.plan import Planned as Settled
 
@@ -39,21 +39,11 @@ def run(options: argparse.Namespace) -> int:
     """Run; returns 0 whatever the scores. Raises Changed if the folder holds another run."""
     if (mistake := _mistake(options)) is not None:
         raise Misused(mistake)
-    out, done = console(options), _contacts if options.contacts else _run
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
         # Absolute, because the workers of a cluster run in other working directories.
         work = Path(options.keep or temporary).absolute()
-        done(options, work, out)
+        _run(options, work, console(options))
     return 0
-
-
-def _contacts(options: argparse.Namespace, work: Path, out: Console) -> None:
-    with Progress("rulec prove", "sealing", is_quiet(options)) as on_progress:
-        run = Campaign(partition_of(options)[0], work, Workers(engine_of(options), on_progress))
-        run.analysed(seals := run.sealed())
-        found = contacts.judged(run, seals)
-    contacts.show(out, found)
-    write_json(options, contacts.form_of(found))
 
 
 def _mistake(options: argparse.Namespace) -> str | None:
@@ -69,9 +59,6 @@ def _mistake(options: argparse.Namespace) -> str | None:
         "--final: the final cases were not drawn yet; --seed N draws cases of your own": undrawn,
         "--hidden-names: this is for real recordings; add --real DIR": options.hidden_names,
         "--limit: this is for real recordings; add --real DIR": options.limit is not None,
-        "--report: there is no page of first contacts, a table and --json only": (
-            contacts_ and options.report
-        ),
         f"--only {options.only}: no case has this in its name": not cases,
         "--baselines: they are asked beside a second recording; add --rounds 2": (
             options.baselines is not None and not again
@@ -118,7 +105,7 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 def _run(options: argparse.Namespace, work: Path, out: Console) -> None:
     made = _made(options, work)
     show(out, made)
-    write_json(options, made.form())
+    write_json(options, {"scores": scores_form(made.judged), **made.form()})
     write_page(options, out, lambda origin: page(made, origin))
 
 

@@ -47,11 +47,6 @@ def judge(answer: Answer, form: Form, partition: str) -> Judged:
     )
 
 
-def class_probability(effect: Form) -> float:
-    """Return the probability of a finding together with those that coincide with it."""
-    return float(effect.get("class_probability") or effect["probability"] or 0.0)
-
-
 def _candidates(effect: Form) -> list[tuple[str, str]]:
     """Names and ids that a finding leaves open, its own first."""
     names = [(str(effect["effect"]), str(effect["id"]))]

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from typing import Any
 
 from rulec.prove.truth.sealed import plain_form
 
@@ -134,6 +135,7 @@ class Run:
         """Cases to improve the tool with, or those that are opened once to measure it."""
         return next((j.partition for j in self.judged), "development")
 
-    def form(self) -> object:
+    def form(self) -> dict[str, Any]:
         """Return the machine form; infinite and undefined numbers are strings."""
-        return plain_form(dataclasses.asdict(self), float)
+        fields = dataclasses.asdict(self)
+        return {name: plain_form(value, float) for name, value in fields.items()}

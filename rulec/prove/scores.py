@@ -95,6 +95,18 @@ def table(judged: Sequence[Judged]) -> list[Row]:
     ]
 
 
+def scores_form(judged: Sequence[Judged]) -> dict[str, dict[str, float | None]]:
+    """Return all scores in the machine form, by the names of their goals."""
+    return {
+        name: {
+            "share": row.share if row.count else None,
+            "count": int(row.hits) if float(row.hits).is_integer() else row.hits,
+            "of": row.count,
+        }
+        for name, row in zip(limits.GOALS, table(judged), strict=True)
+    }
+
+
 def values_of(judged: Sequence[Judged], name: str) -> list[float]:
     """Return the values of an attribute, of the cases that have one."""
     values = (getattr(j, name) for j in judged)

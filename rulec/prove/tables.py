@@ -94,7 +94,7 @@ def tables(judged: Sequence[Judged]) -> Iterator[Table]:
         cases = [
             (
                 *(bad.judged.case, planted_words(bad.judged), said_words(bad.judged), bad.why),
-                "" if bad.judged.clean else number(bad.judged.gain, 3),
+                number(bad.judged.gain, 3) if bad.judged.gain > 0.0 else "",
             )
             for bad in found
         ]

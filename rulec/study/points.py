@@ -16,12 +16,10 @@ from rulec.study.limits import HIGHEST_INPUT, LOWEST_INPUT, POINT_ROUNDS, STUDY_
 class Points:
     """Operating points at which the healthy plant can run.
 
-    `given` holds an array per input, shape (n,), SI; the first is the reference point. `tried`
-    counts the points that were drawn to find them.
+    `given` holds an array per input, shape (n,), SI; the first is the reference point.
     """
 
     given: Mapping[str, Array]
-    tried: int
 
     def __len__(self) -> int:
         return min((len(v) for v in self.given.values()), default=1)
@@ -41,7 +39,7 @@ def operating_points(equations: Equations, count: int) -> Points:
     first = simulate_with(equations, _named(equations, np.clip(reference, low, high)[None]), {})
     if not first.solved[0]:
         raise SimulationRefused(first.why(0))
-    found, tried = [np.clip(reference, low, high)], 1
+    found = [np.clip(reference, low, high)]
     random = np.random.default_rng(STUDY_SEED)
     for _ in range(POINT_ROUNDS if np.any(high > low) else 0):
         if len(found) >= count:
@@ -51,11 +49,8 @@ def operating_points(equations: Equations, count: int) -> Points:
         share = (slices + random.random((count - 1, len(ranges)))) / (count - 1)
         candidates = low + share * (high - low)
         solved = simulate_with(equations, _named(equations, candidates), {}).solved
-        for point, runs in zip(candidates, solved, strict=True):
-            if len(found) < count:
-                tried += 1
-                found += [point] if runs else []
-    return Points(_named(equations, np.array(found)), tried)
+        found += list(candidates[solved])
+    return Points(_named(equations, np.array(found[:count])))
 
 
 def range_of(signal: SignalSpec) -> tuple[float, float]:

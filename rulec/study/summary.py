@@ -62,7 +62,6 @@ def sentences(tally: Tally) -> Iterator[str]:
     rows = rows_of(tally)
     yield from _reliable(rows)
     yield from _unreliable(rows)
-    yield from _unexplained(rows)
     frequent = [c for c in tally.confusions if c.count >= CONFUSED * c.of]
     yield from map(_confused, frequent[:MOST_CONFUSIONS])
     yield from _degrees(tally.cells)
@@ -111,17 +110,6 @@ def _names(kinds: Sequence[FaultKind]) -> str:
     return "; ".join(f"{', '.join(titles)} of {name}" for name, titles in by_type.items())
 
 
-def _unexplained(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
-    """Faults that are often taken for an unknown one."""
-    for kind, cells in rows.items():
-        count, of = sum(c.kinds[Kind.UNKNOWN] for c in cells), sum(c.recordings for c in cells)
-        if of and count >= CONFUSED * of:
-            yield (
-                f"Detected but not identified: {kind.title} of {kind.type} in {count} of {of} "
-                "recordings (no law fits, or readings leave the calibrated range)."
-            )
-
-
 def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
     """Errors of the degrees, over all faults that were named first."""
     named = sum(c.named for c in cells)
@@ -137,10 +125,9 @@ def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
 
 
 def _confused(c: Confusion) -> str:
-    other = "the same module" if c.same_module else f"another module ({c.taken_for.type})"
     return (
-        f"Confused: {c.fault.title} of {c.fault.type} is taken for {c.taken_for.title} of {other} "
-        f"in {c.count} of {c.of} recordings."
+        f"Confused: {c.fault.title} of {c.fault.type} is taken for {c.taken_for.title} of "
+        f"{c.taken_for.type} in {c.count} of {c.of} recordings."
     )
 
 

@@ -60,7 +60,6 @@ class Confusion:
 
     fault: FaultKind
     taken_for: FaultKind
-    same_module: bool
     count: int
     of: int
 
@@ -111,7 +110,7 @@ def tally(
     early = sum(o.early for o in faulty)
     return Tally(
         tuple(_cell(kind, degree, part) for (kind, degree), part in groups.items() if part),
-        _confusions(ruleset, kinds, faulty),
+        _confusions(kinds, faulty),
         _alarms(alarms, len(healthy), samples + lead_in),
         _alarms(early, len(faulty) if lead_in else 0, lead_in),
     )
@@ -132,19 +131,15 @@ def _cell(fault: FaultKind, degree: float, outcomes: Sequence[Outcome]) -> Cell:
     )
 
 
-def _confusions(
-    ruleset: Ruleset, kinds: Mapping[str, FaultKind], faulty: Iterable[Outcome]
-) -> tuple[Confusion, ...]:
+def _confusions(kinds: Mapping[str, FaultKind], faulty: Iterable[Outcome]) -> tuple[Confusion, ...]:
     """Which fault was named first instead of which, the most frequent confusion first."""
     total: Counter[FaultKind] = Counter()
-    count: Counter[tuple[FaultKind, FaultKind, bool]] = Counter()
+    count: Counter[tuple[FaultKind, FaultKind]] = Counter()
     for outcome in faulty:
         total[kinds[outcome.fault]] += 1
         if outcome.kind == Kind.OTHER:
-            true, first = (ruleset.fault_by_id[f] for f in (outcome.fault, outcome.first))
-            same = true.module == first.module
-            count[kinds[outcome.fault], kinds[outcome.first], same] += 1
-    found = [Confusion(a, b, same, n, total[a]) for (a, b, same), n in count.items()]
+            count[kinds[outcome.fault], kinds[outcome.first]] += 1
+    found = [Confusion(a, b, n, total[a]) for (a, b), n in count.items()]
     return tuple(sorted(found, key=lambda c: (-c.count / c.of, -c.count, c.fault.name)))
 
 

@@ -53,7 +53,7 @@ def every_page() -> dict[str, tuple[str, str]]:
     abc = compiled("abc")
     leaking = dated(judge(EXAMPLES / "leakage_A.csv", abc, EXAMPLES / "leakage_A.truth.csv"))
     healthy = judge(EXAMPLES / "healthy.csv", abc)
-    points = Points({"A.n": np.array([10.0]), "B.n": np.array([10.0])}, 1)
+    points = Points({"A.n": np.array([10.0]), "B.n": np.array([10.0])})
     study, proof, experiment = counted(), run(60), made_by_hand()
     of_study = StudyResult(
         ruleset=abc, types=TYPES, points=points, settings=Settings(), counts=study

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rulec.language.units import UnitTable
-from rulec.prove.judge import class_probability, interval_of
+from rulec.prove.judge import interval_of
 from rulec.prove.limits import (
     BOOTSTRAP_SAMPLES,
     CERTAIN,
@@ -136,6 +136,11 @@ def scored(rig: Rig, asked: Form) -> Scored:
         refused=asked["refused"],
         error=asked["error"],
     )
+
+
+def class_probability(effect: Form) -> float:
+    """Return the probability of a finding together with those that coincide with it."""
+    return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 
 def scored_finding(effect: Form) -> ScoredFinding:

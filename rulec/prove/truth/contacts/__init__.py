@@ -20,7 +20,7 @@ import yaml
 
 from ..formulas import Names
 from ..recording import write_csv
-from ..sealed import Answer
+from ..sealed import Answer, Planted
 from ..sensors import Sensing, Sensor, read
 from ..settled import drive
 from ..smooth import form_error
@@ -108,24 +108,6 @@ KINDS: Mapping[str, Kind] = {name: Kind(stated) for name, stated in _TABLE["kind
 """In the order of the issue that asked for them."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ContactAnswer(Answer):
-    """The truth of a first contact.
-
-    Attributes
-    ----------
-    other : the law of another form; empty on a sound plant
-    names, places : right entries and `module.place`
-    form, values : true sizes of the other form, and parameters by `module.parameter`
-    """
-
-    other: str
-    names: tuple[str, ...]
-    places: tuple[str, ...]
-    form: Numbers
-    values: Numbers
-
-
 @dataclass(frozen=True)
 class Planned:
     """A first contact to be made; the same seed gives the same bytes."""
@@ -159,8 +141,18 @@ class Planned:
         form = form if self.other else {}
         given = _operated(kind, random)
         off = {law: 1.0 + forms[law](*(given[a] for a in kind.arguments[law])) for law in forms}
-        right = kind.kind if self.other else {"names": (), "places": ()}
-        answer = ContactAnswer(
+        planted = Planted(
+            effect=self.kind,
+            title=self.kind,
+            sort="physics",
+            module=MODULE,
+            place=kind.kind["places"][0],
+            names=tuple(kind.kind["names"]),
+            places=tuple(f"{MODULE}.{place}" for place in kind.kind["places"]),
+            parameters={},
+            gain=float("nan"),
+        )
+        answer = Answer(
             case=self.name,
             half="stationary",
             plant=kind.type,
@@ -168,22 +160,20 @@ class Planned:
             seed=self.seed,
             samples=SAMPLES,
             verdict="named" if self.other else "none",
-            other=self.kind if self.other else "",
-            names=tuple(right["names"]),
-            places=tuple(f"{MODULE}.{place}" for place in right["places"]),
-            form=form,
-            values={f"{MODULE}.{name}": true[name] for name in sheet},
+            effects=(planted,) * self.other,
         )
-        return Contact(kind, sheet, answer, {**given, **kind.law(true, given, off, form)})
+        return Contact(kind, sheet, answer, true, {**given, **kind.law(true, given, off, form)})
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A first contact; `sheet` has value and u of each parameter, `true` all signals."""
+    """A first contact; `sheet` has value and u of each parameter, `values` and `true` are true
+    parameters and signals."""
 
     kind: Kind
     sheet: Mapping[str, tuple[float, float]]
-    answer: ContactAnswer
+    answer: Answer
+    values: Numbers
     true: Arrays = field(repr=False)
 
     def write(self, folder: Path) -> None:
