@@ -75,10 +75,10 @@ def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:
             "parameters": {}, "sort": "sensor",
         }  # fmt: skip
         form = {"verdict": "sensor", "effects": (found,), "locations": ()}
-        result = judge(case.answer, form, "development")
+        result = judge(case.answer, form)
         assert (1.0, 1.0, True) == (result.name_right, result.place_right, result.told_right)
         other = {**form, "effects": ({**found, "effect": "gain-error"},)}
-        result = judge(case.answer, other, "development")
+        result = judge(case.answer, other)
         assert (0.0, 1.0) == (result.name_right, result.place_right)
 
 

@@ -133,8 +133,7 @@ class Campaign:
 
     def judged(self, seals: Sequence[str]) -> list[Judged]:
         """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
-        todo = [(*one, self.partition.name) for one in self.kept(seals)]
-        return self.workers.each("judging", _judge, todo)
+        return self.workers.each("judging", _judge, self.kept(seals))
 
 
 def owned(work: Path, whose: str) -> list[str]:
@@ -194,8 +193,8 @@ def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]
     return made, read_form(folder / FORM)
 
 
-def _judge(case: Planned, folder: Path, seal: str, partition: str) -> Judged:
+def _judge(case: Planned, folder: Path, seal: str) -> Judged:
     made, form = opened(case, folder, seal)
-    result = judge(made.answer, form, partition)
+    result = judge(made.answer, form)
     write_text(folder / OPENED, made.answer.to_json())
     return result

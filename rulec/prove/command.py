@@ -136,6 +136,7 @@ def _made(options: argparse.Namespace, work: Path) -> Run:
     notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
     return Run(
         tuple(found),
+        partition=partition.name,
         seed=partition.seed,
         openings=openings,
         digest=digest,

@@ -12,7 +12,7 @@ from rulec.prove.truth.sealed import Answer, Planted
 Form = Mapping[str, Any]
 
 
-def judge(answer: Answer, form: Form, partition: str) -> Judged:
+def judge(answer: Answer, form: Form) -> Judged:
     """Score the reported effects."""
     effects = list(form.get("effects", ()))
     verdict = form.get("verdict", "failed")
@@ -20,17 +20,12 @@ def judge(answer: Answer, form: Form, partition: str) -> Judged:
     asked = bool(named) and answer.verdict != "unnamed"
     return Judged(
         case=answer.case,
-        half=answer.half,
-        plant=answer.plant,
-        profile=answer.profile,
-        partition=partition,
         verdict_true=answer.verdict,
         verdict=verdict,
         planted=tuple(f"{p.effect}@{p.module}" for p in answer.effects),
         places=tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
         said=tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
         gain=sum(p.gain for p in answer.effects),
-        digest=answer.digest,
         place_right=place_right(answer.effects, form) if answer.effects else None,
         name_right=name_right(named, effects) if asked else None,
         clean_right=None if answer.effects else float(verdict == "none"),

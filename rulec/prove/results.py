@@ -47,21 +47,15 @@ class Judged:
     told_right : a fault or sensor error is distinguished from physics
     inside : number of intervals of parameters that contain the truth, and of all intervals
     error : why the tool gave no answer; empty if it gave one
-    digest : hash of the sealed answer
     """
 
     case: str
-    half: str
-    plant: str
-    profile: str
-    partition: str
     verdict_true: str
     verdict: str
     planted: tuple[str, ...]
     places: tuple[str, ...]
     said: tuple[str, ...]
     gain: float
-    digest: str
     place_right: Score = None
     name_right: Score = None
     clean_right: Score = None
@@ -87,7 +81,6 @@ class Further:
     outcome : `run`; `covered`: run with steps that only cover the allowed range; `alike`: the
         recipe has no step; `refused`: the tool plans nothing; `stalled`: the plant cannot be run
         as proposed
-    steps, minutes : of the recipe
     expected : the recipe's probability of the true explanation before and after; empty if the
         recipe only covers
     sure_before : probability of the true explanation in the first answer
@@ -98,8 +91,6 @@ class Further:
     case: str
     outcome: str
     why: str = ""
-    steps: int = 0
-    minutes: float = 0.0
     expected: tuple[float, ...] = ()
     sure_before: float = 0.0
     sure: Mapping[str, float] = field(default_factory=dict)
@@ -112,6 +103,7 @@ class Run:
 
     Attributes
     ----------
+    partition : `development`, to improve the tool with; `final`, opened once to measure it
     seed : of the cases
     openings : how often the final partition was opened, this time included
     digest : hash over all sealed answers, shown before the first analysis
@@ -122,6 +114,7 @@ class Run:
 
     judged: tuple[Judged, ...]
     _: KW_ONLY
+    partition: str = "development"
     seed: int = 0
     openings: int = 0
     digest: str = ""
@@ -129,11 +122,6 @@ class Run:
     seconds: float = 0.0
     notes: tuple[str, ...] = ()
     further: tuple[Further, ...] = ()
-
-    @property
-    def partition(self) -> str:
-        """Cases to improve the tool with, or those that are opened once to measure it."""
-        return next((j.partition for j in self.judged), "development")
 
     def form(self) -> dict[str, Any]:
         """Return the machine form; infinite and undefined numbers are strings."""

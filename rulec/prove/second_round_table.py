@@ -49,15 +49,12 @@ def further_of(
     for arm, form in after.items():
         stalled = "not_run" in form
         sure[arm] = sure_before if stalled else sure_of(answer, form, known)
-        again[arm] = first if stalled else judge(answer, form, first.partition)
-    steps = recipe["steps"]
-    covers = all(step["covers"] for step in steps)
+        again[arm] = first if stalled else judge(answer, form)
+    covers = all(step["covers"] for step in recipe["steps"])
     return replace(
         judged,
         outcome="stalled" if "not_run" in after[RECIPE] else COVERED if covers else RUN,
         why=str(after[RECIPE].get("not_run", "")),
-        steps=len(steps),
-        minutes=float(steps[-1]["until"]) / 60.0,
         expected=() if covers else tuple(float(recipe["certainty"][end]) for end in (0, -1)),
         sure=sure,
         after=again,

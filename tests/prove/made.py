@@ -51,17 +51,12 @@ def sealed(planted: Planted, verdict: str) -> Answer:
 def judged(case: str = "case", **fields: object) -> Judged:
     """A clean case of which nothing wrong was said, but for what is given."""
     usual: dict[str, object] = {
-        "half": "stationary",
-        "plant": "abc",
-        "profile": "tour",
-        "partition": "development",
         "verdict_true": "none",
         "verdict": "none",
         "planted": (),
         "places": (),
         "said": (),
         "gain": 0.0,
-        "digest": "0" * 64,
     }
     return Judged(case=case, **{**usual, **fields})  # type: ignore[arg-type]
 
@@ -92,9 +87,9 @@ def run(count: int = 400, seed: int = 0, partition: str = "final") -> Run:
     random = np.random.default_rng(seed)
     cases = [_clean(i, random) for i in range(count // 2)]
     cases += [_planted(i, random) for i in range(count // 2)]
-    final = tuple(_in(partition, j) for j in cases)
     return Run(
-        final,
+        tuple(cases),
+        partition=partition,
         seed=771,
         openings=1,
         digest="ab" * 32,
@@ -104,26 +99,17 @@ def run(count: int = 400, seed: int = 0, partition: str = "final") -> Run:
     )
 
 
-def _in(partition: str, case: Judged) -> Judged:
-    return judged(**{**vars(case), "case": f"{partition}-{case.case}", "partition": partition})
-
-
-def _usual(i: int) -> dict[str, object]:
-    half, plant = (("stationary", "abc"), ("dynamic", "cascaded-tanks"))[i % 2]
-    return {"half": half, "plant": plant}
-
-
 def _clean(i: int, random: np.random.Generator) -> Judged:
     wrong = i in (3, 50)
     said = {"verdict": "named", "said": ("filling-loss@A.Q_geo",)} if wrong else {}
-    fields = {**_usual(i), **said, "seconds": float(random.uniform(3, 40))}
+    fields = {**said, "seconds": float(random.uniform(3, 40))}
     return judged(f"clean-{i}", clean_right=float(not wrong), **fields)
 
 
 def _planted(i: int, random: np.random.Generator) -> Judged:
     names, gain = list(ENTRIES), float(10 ** random.uniform(0.3, 3.6))
     effect = names[i % len(names)]
-    fields = {**_usual(i), "seconds": 9.0, "inside": (1 + (i % 18 > 0), 2)}
+    fields = {"seconds": 9.0, "inside": (1 + (i % 18 > 0), 2)}
     if i % 10 == 9:
         right = float(random.random() < 0.85)
         fields |= {"name_right": None, "verdict_true": "unnamed"}

@@ -25,7 +25,7 @@ def effect(
 def scored(*effects: dict[str, Any], planted: Planted = LOW) -> Judged:
     """How an answer is judged where that was planted."""
     form = {"verdict": "ambiguous", "effects": effects, "locations": ()}
-    return judge(sealed(planted, "sensor"), form, "development")
+    return judge(sealed(planted, "sensor"), form)
 
 
 def other(name: str, id_: str, probability: float) -> dict[str, Any]:

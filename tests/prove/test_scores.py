@@ -127,7 +127,7 @@ def test_every_run_gives_a_sound_page(made: Run) -> None:
 
 def test_hostile_names_are_escaped() -> None:
     """Wherever a text of a case may stand."""
-    names = {"plant": HOSTILE, "places": (HOSTILE,), "half": "dynamic"}
+    names = {"places": (HOSTILE,)}
     bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, **names)
     lost = replace(bad, error=HOSTILE)
     told = {"digest": HOSTILE, "version": HOSTILE, "notes": (HOSTILE,)}

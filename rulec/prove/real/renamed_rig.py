@@ -5,6 +5,7 @@ New names are in the opposite order of the old ones, to reveal any dependence on
 
 import csv
 import io
+import json
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -52,7 +53,8 @@ def hide(folder: Path) -> dict[str, str]:
 def differences(open_: Mapping[str, Any], hidden: Mapping[str, Any], modules: Names) -> list[str]:
     """Return the differences of an answer under other names, each with its place in the JSON."""
     back = {new: old for old, new in modules.items()}
-    return list(_differ(_compared(open_), _compared(_back(hidden, back)), ""))
+    renamed = json.loads(_renamed(json.dumps(hidden), back))
+    return list(_differ(_compared(open_), _compared(renamed), ""))
 
 
 def _retitle(file: Path, modules: Names, titles: Names) -> None:
@@ -103,14 +105,6 @@ def _untitled(entry: Mapping[str, Any]) -> dict[str, Any]:
 def _renamed(text: str, names: Names) -> str:
     """Replace every whole word that is a name."""
     return re.sub(r"[A-Za-z]\w*", lambda word: names.get(word.group(), word.group()), text)
-
-
-def _back(data: Any, names: Names) -> Any:
-    if isinstance(data, Mapping):
-        return {_renamed(k, names): _back(v, names) for k, v in data.items()}
-    if isinstance(data, list):
-        return [_back(entry, names) for entry in data]
-    return _renamed(data, names) if isinstance(data, str) else data
 
 
 def _compared(form: Mapping[str, Any]) -> dict[str, Any]:
