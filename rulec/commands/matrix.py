@@ -29,6 +29,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.matrix_html import ANY_ERROR, Named, marked, matrix_of
 from rulec_runtime.report.page_origin import Made, made_now
+from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import counted, listed, safe
@@ -290,6 +291,7 @@ def matrix_page(
         meaning=_meaning(ruleset),
         facts=tuple(Subject(ruleset=ruleset).facts()),
         made=made,
+        sketch=sketch(ruleset, {}),
     )
     return document(head, "".join(sections))
 

@@ -10,6 +10,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document, facts, section
 from rulec_runtime.report.page_origin import Made, made_now
+from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import safe
@@ -75,6 +76,7 @@ class StudyResult(PageResult):
             verdict=verdict(self.counts),
             facts=tuple(Subject(ruleset=self.ruleset).facts()),
             made=made or made_now("rulec"),
+            sketch=sketch(self.ruleset, {}),
         )
         return document(head, "".join(sections))
 

@@ -1,4 +1,4 @@
-"""Pages: axes, thinned curves, truth, courses; all in a real browser."""
+"""Pages: axes, thinned curves, the sketch of a plant, truth, courses; all in a real browser."""
 
 import dataclasses
 import xml.etree.ElementTree as ET
@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Junction, Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.plant_calendar import Calendar, course
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.chart import axis
 from rulec_runtime.report.page_origin import EPOCH
+from rulec_runtime.report.sketch import MOST, sketch, topology_of
 from rulec_runtime.report.thin_curves import COLUMNS, thin_series
 from rulec_runtime.report.time_axis import Dated, time_axis
 from rulec_runtime.report.truth import cases_of, read_truth
@@ -74,6 +75,44 @@ def test_thin_series_keeps_the_extremes(values: list[float]) -> None:
     assert len(thin) <= 2 * COLUMNS
     if np.isfinite(series).any():
         assert (np.nanmin(series), np.nanmax(series)) == (np.nanmin(thin), np.nanmax(thin))
+
+
+def test_layers_run_with_the_flow_and_loops_run_back(abc: Ruleset) -> None:
+    """At tanks no flows balance, and yet they are connected."""
+    found = topology_of(
+        "ABCD", [Junction(("A", "D"), ("B",)), Junction(("B",), ("C",)), Junction(("C",), ("D",))]
+    )
+    assert ((3, 1),) == found.back
+    assert [(0,), (1,), (2,), (3,)] == [tuple(sorted(layer)) for layer in found.layers]
+    tanks = compiled("cascaded-tanks")
+    assert () == tanks.junctions
+    assert ((0, 1), (1, 2)) == topology_of(tanks.modules, tanks.unbalanced).pipes
+
+
+def test_many_modules_are_folded_and_what_is_marked_is_drawn() -> None:
+    names = [f"P{i}" for i in range(200)] + ["channel"]
+    found = topology_of(names, [Junction(tuple(names[:-1]), ("channel",))], ["P150"])
+    alone = [box[0] for box in found.boxes if len(box) == 1]
+    assert MOST == len(alone)
+    assert {"P150", "channel"} <= set(alone)
+    assert [201 - MOST] == [len(box) for box in found.boxes if len(box) > 1]
+    chain = [Junction((f"P{i}",), (f"P{i + 1}",)) for i in range(199)]
+    middle = topology_of(names[:-1], chain, ["P100"])
+    assert 2 == sum(len(box) > 1 for box in middle.boxes)
+
+
+def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
+    bad = "<script>'\"&\x07"
+    ruleset = dataclasses.replace(
+        abc,
+        modules={bad: bad, "B": "b", "C": bad * 40},
+        junctions=(Junction((bad, "B"), ("C",)),),
+    )
+    drawn = ET.fromstring(sketch(ruleset, {bad: "F", "gone": "F"}))
+    assert [] == list(drawn.iter("script"))
+    svg = drawn.find(".//svg")
+    assert "✖ F here" in (svg.get("aria-label") or "")
+    assert "box is-F" in [g.get("class") for g in drawn.iter("g")]
 
 
 def test_a_matrix_has_a_page(

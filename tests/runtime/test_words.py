@@ -297,8 +297,11 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
     assert page.encode("utf-8").decode("utf-8") == page
 
 
-def test_what_is_found_is_marked_in_the_table(leaking: Judged) -> None:
-    rows = [r for r in tree(leaking.page()).iter("tr") if "found" in (r.get("class") or "")]
+def test_what_is_found_is_marked_in_picture_and_table(leaking: Judged) -> None:
+    found = tree(leaking.page())
+    head = found.find(".//header")
+    assert ["◆ A"] == [b.findtext("text") for b in head.findall(".//g[@class='box is-M']")]
+    rows = [r for r in found.iter("tr") if "found" in (r.get("class") or "")]
     assert [["A.leakage"]] == [[h.text for h in r.iter("th")] for r in rows]
 
 

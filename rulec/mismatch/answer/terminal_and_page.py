@@ -16,6 +16,7 @@ from rulec_runtime.report.document import Head, document, facts, numbered, secti
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.html_findings import badge
 from rulec_runtime.report.page_origin import Made
+from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
@@ -388,6 +389,8 @@ def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> st
         sections.append(section("Pictures", figures))
     sections += [section(safe(part.title), _html(part)) for part in parts if not part.first]
     first, more = verdict(mismatch)
+    found = [name for f in mismatch.findings for name in (f.module, *f.members)]
+    found += [place.module for place in mismatch.locations]
     head = Head(
         kind="Mismatch of simulation and recording",
         verdict=first,
@@ -395,6 +398,7 @@ def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> st
         badge=badge(style),
         facts=tuple(subject.facts()),
         made=made,
+        sketch=sketch(subject.ruleset, dict.fromkeys(found, style)),
     )
     return document(head, "".join(sections))
 

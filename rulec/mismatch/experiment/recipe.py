@@ -14,6 +14,7 @@ from rulec_runtime.report.document import Head, document, numbered, section
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.html_findings import badge
 from rulec_runtime.report.page_origin import Made
+from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import number, percent, safe
@@ -58,12 +59,14 @@ def experiment_page(found: Experiment, ruleset: Ruleset, made: Made | None = Non
         figures = [_picture(found, signal, i) for i, signal in enumerate(signals)]
         sections.append(section("Pictures", "".join(numbered(figures))))
     sections.append(section("Remarks", _items("ul", remarks(found, ruleset))))
+    named = [name.partition(".")[0] for one in found.standing for name in one.names]
     head = Head(
         kind="Experiment",
         verdict=found.headline.removesuffix("."),
         badge=badge("M" if found.steps else "C"),
         facts=tuple(Subject(ruleset=ruleset).facts()),
         made=made,
+        sketch=sketch(ruleset, {name: "S" for name in named if name in ruleset.modules}),
     )
     return document(head, "".join(sections))
 

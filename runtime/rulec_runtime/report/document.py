@@ -26,7 +26,7 @@ class Head:
 
     `kind` is that of the page, `verdict` its result in one sentence, `badge` (HTML) the same as a
     symbol, `meaning` the line below. `facts` describe the subject, `made` when and by what the page
-    was made.
+    was made, `sketch` (HTML) shows the plant.
     """
 
     kind: str
@@ -35,6 +35,7 @@ class Head:
     badge: str = ""
     facts: Sequence[tuple[str, str]] = ()
     made: Made | None = None
+    sketch: str = ""
 
 
 def document(head: Head, body: str) -> str:
@@ -61,7 +62,7 @@ def _header(head: Head) -> str:
     return (
         f'<header class="head"><p class="kind">{safe(head.kind)}</p>'
         f'<div class="status">{head.badge}<div><h1{long}>{safe(head.verdict)}</h1>{below}</div>'
-        f'</div><div class="about">{facts(rows)}</div></header>\n'
+        f'</div><div class="about">{facts(rows)}{head.sketch}</div></header>\n'
     )
 
 

@@ -21,10 +21,11 @@ from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 from rulec_runtime.report.matrix_html import matrix
 from rulec_runtime.report.page_origin import Made, made_now
 from rulec_runtime.report.series import curves_of
+from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import counted, percent
 from rulec_runtime.report.truth import Truth, cases_of
-from rulec_runtime.report.verdict import meaning, verdict
+from rulec_runtime.report.verdict import marks, meaning, verdict
 
 
 def report(
@@ -62,6 +63,7 @@ def report(
         badge=badge(diagnosis.status),
         facts=tuple(Subject.of(diagnosis.ruleset, recording, name).facts()),
         made=made,
+        sketch=sketch(diagnosis.ruleset, marks(diagnosis)),
     )
     return document(head, "".join(sections))
 

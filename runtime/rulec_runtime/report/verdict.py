@@ -1,5 +1,7 @@
 """Word the verdict of a diagnosis in one sentence, the heading of its page."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from rulec_runtime import limits
@@ -63,3 +65,12 @@ def meaning(diagnosis: Diagnosis) -> str:
     share = diagnosis.judged / max(diagnosis.samples, 1)
     words = STATUS[diagnosis.status][1]
     return f"{words[:1].upper()}{words[1:]}; {percent(share)} of the recording was judged"
+
+
+def marks(diagnosis: Diagnosis) -> Mapping[str, str]:
+    """Modules with a finding, each with its worst letter."""
+    found = [(f.fault.module, f.fault.status) for f in diagnosis.findings]
+    found += [(s.signal.partition(".")[0], s.condition.status) for s in diagnosis.sensors]
+    found += [(r.regime.module, r.regime.status) for r in diagnosis.regimes]
+    worst = list(STATUS).index
+    return {name: min((x for other, x in found if other == name), key=worst) for name, _ in found}
