@@ -47,7 +47,7 @@ from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, rms
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.intermittent_fault import in_periods
-from rulec.mismatch.search.latent_input import Reconstruction, likeness, reconstruct
+from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.later_refits import (
     ByRecording,
     as_written,
@@ -327,7 +327,10 @@ def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> 
     spot = hidden.spot
     near = [m for m in system.builder.missing if m.module == spot.module]
     lacking = [m for m in near if m.place == spot.place] or near
-    text = f"what drives {_what(spot)} is not recorded"
+    text = (
+        f"what drives {_what(spot)} is not recorded; "
+        f"its course: {described(hidden.time, hidden.course)}"
+    )
     if switching:
         lacking, text = [], f"{_what(spot)} {switching}"
     text += "".join(

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.plant_calendar import duration
 from rulec_runtime.recordings.robust_statistics import spread_about
+from scipy.signal import find_peaks
 
 from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch.evidence.configuration import HIDDEN, Course, Span
@@ -157,3 +159,27 @@ def likeness(first: Reconstruction, second: Reconstruction) -> float:
     if np.ptp(along) == 0 or np.ptp(first.course) == 0:
         return 0.0
     return float(np.corrcoef(first.course, along)[0, 1])
+
+
+def described(time: Array, course: Array) -> str:
+    """Describe a course in words that a plant engineer can match to a cause."""
+    span = float(np.ptp(course))
+    if span == 0:
+        return "constant"
+    level = (course - course[0]) / span
+    tail = float(np.median(level[-max(len(level) // 5, 1) :]))
+    parts = ["slow"]
+    ahead = level * np.sign(tail)
+    first = int(np.argmax(ahead > 0.63 * abs(tail)))
+    if abs(tail) > 0.3 and float(ahead[: first + 1].min()) > -0.33:
+        way, when = "rises" if tail > 0 else "falls", duration(float(time[first] - time[0]))
+        parts.append(f"{way} from the start, two thirds of the way within {when}")
+    turns = sum(len(find_peaks(sign * level, prominence=0.33)[0]) for sign in (1.0, -1.0))
+    if turns:
+        length = duration(float(time[-1] - time[0]))
+        parts.append(f"turns {turns} time{'s' * (turns > 1)} over {length}")
+    rests = np.diff(time)
+    long = np.flatnonzero(rests > 20.0 * np.median(rests))
+    if any(abs(level[i + 1]) < 0.5 * abs(level[i]) for i in long):
+        parts.append("returns during stops")
+    return ", ".join(parts)

@@ -19,7 +19,7 @@ from rulec.mismatch.evidence.steady.repaired_model import predictors_for
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
 from rulec.mismatch.result import Mismatch
 from rulec.mismatch.search.intermittent_fault import cut, degree_course, in_periods
-from rulec.mismatch.search.latent_input import reconstruct
+from rulec.mismatch.search.latent_input import described, reconstruct
 from rulec.mismatch.search.operating_states import search
 from tests.runtime.mismatch.made import (
     SLIP,
@@ -95,7 +95,31 @@ def test_predictions_are_off_by_the_noise() -> None:
     assert [True, False] == np.isnan(every.predicted(Configuration()))[:2].tolist()
 
 
+TIME = np.arange(0.0, 3601.0, 10.0)
+PHASE = TIME / TIME[-1]
+WARM = 1.0 - np.exp(-TIME / 600.0)
 TRUE = {SLIP: {"b": 0.03, "T0": USUAL}}
+
+
+def test_a_course_in_words() -> None:
+    way = "slow, {} from the start, two thirds of the way within 10 min"
+    wave = np.sin(np.pi * PHASE) ** 2
+    for course, expected in (
+        (np.full(len(TIME), 3.0), "constant"),
+        (WARM, way.format("rises")),
+        (-1e6 * WARM, way.format("falls")),
+        (7.0 + 1e-9 * wave, "slow, turns 1 time over 1 h"),
+        (-wave, "slow, turns 1 time over 1 h"),
+        (np.sin(2 * np.pi * PHASE) ** 4, "slow, turns 3 times over 1 h"),
+    ):
+        assert expected == described(TIME, course)
+    assert "turns" not in described(TIME, PHASE + 0.02 * np.sin(200 * PHASE))
+    up_first = np.sin(4 * np.pi * PHASE)
+    assert "falls from the start" not in described(TIME, up_first)
+    for seconds, span in ((60.0, "1 min"), (36000.0, "10 h")):
+        assert f"over {span}" in described(seconds * PHASE, up_first)
+    stops = np.concatenate([TIME, TIME + 9000.0])  # warms up, stands for an hour, is cold again
+    assert described(stops, np.concatenate([WARM, WARM])).endswith("returns during stops")
 
 
 def test_what_drives_a_slip_shows_in_its_parameter() -> None:
