@@ -11,8 +11,9 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.sensors.agreement import Agreement, Bench
 from rulec_runtime.diagnosis.steady.observe import observe, reason
-from rulec_runtime.diagnosis.steady.points import points_of_stretches
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow
@@ -158,9 +159,9 @@ DEGREE, ROWS = 0.3, 600
 
 
 @cache
-def rules_of() -> Ruleset:
+def rules_of(modules: int) -> Ruleset:
     with tempfile.TemporaryDirectory() as folder:
-        text = chain(LONG).replace("title: generated", f"title: generated\nkb: {ROOT / 'kb'}")
+        text = chain(modules).replace("title: generated", f"title: generated\nkb: {ROOT / 'kb'}")
         Path(folder, "plant.yaml").write_text(text, encoding="utf-8")
         return compile_plant(Path(folder))
 
@@ -177,12 +178,31 @@ def test_fault_where_many_flows_meet_is_there_when_it_shows(
     fault: str, seed: int, off: float
 ) -> None:
     """Of hundreds of residuals most say nothing against that."""
-    first, last = ROWS // 3, 2 * ROWS // 3
+    rules, first, last = rules_of(LONG), ROWS // 3, 2 * ROWS // 3
     planted = [Planted(fault, DEGREE, first, last)]
-    made = recorded(rules_of(), ROWS, planted, 1.0, np.random.default_rng(seed))
-    diagnosis = diagnose(made, rules_of())
+    made = recorded(rules, ROWS, planted, 1.0, np.random.default_rng(seed))
+    diagnosis = diagnose(made, rules)
     (finding,) = diagnosis.findings
     assert (fault, ()) == (finding.fault.id, diagnosis.sensors)
     assert finding.degree == pytest.approx(DEGREE, abs=off)
     assert finding.since == pytest.approx(first, abs=5.0)
     assert finding.until == pytest.approx(last, abs=5.0)
+
+
+def test_few_hypotheses_are_left_of_one_impossible_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Headers of columns that agree are not doubted because another column is out of its range."""
+    tried = []
+    agreement = Bench.agreement
+
+    def counted(bench: Bench, points: Points) -> Agreement:
+        tried.append(points)
+        return agreement(bench, points)
+
+    monkeypatch.setattr(Bench, "agreement", counted)
+    rules = rules_of(10)
+    sound = recorded(rules, 200, [], 1.0, np.random.default_rng(5))
+    values = {**sound.values, "D1_1.dp": 1e-3 * sound.values["D1_1.dp"]}
+    diagnosis = diagnose(replace(sound, values=values), rules)
+    assert "D1_1.dp is dead" in diagnosis.sensors[0].text
+    # Of 236 ways to read a column otherwise, in other units or exchanged with another.
+    assert len(tried) < 80

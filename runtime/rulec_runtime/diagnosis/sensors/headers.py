@@ -108,10 +108,14 @@ def _doubtful(bench: Bench) -> bool:
 
 
 def _may_agree(bench: Bench, misread: Misread, points: Points) -> bool:
-    """Whether it differs from the record, estimates that read nothing of it agree there, and no
-    fault explains as much."""
-    least = bench.least(_readers(bench, misread))
-    agree = _apart(misread, points) & (least <= bench.widest_limit)
+    """Whether it differs from the record, where what reads it disagrees or is missing, estimates
+    that read nothing of it agree there, and no fault explains as much."""
+    apart, readers, before = _apart(misread, points), _readers(bench, misread), bench.recorded
+    sound = before.sound & before.valid[readers].all(axis=0)
+    if not apart.any() or sound[apart].mean() > limits.AGREES_AS_RECORDED:
+        return False
+    least = bench.least(readers)
+    agree = apart & (least <= bench.widest_limit)
     return bool(agree.any()) and not _rivalled(bench, misread, least)
 
 
