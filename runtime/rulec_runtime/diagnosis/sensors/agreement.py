@@ -14,6 +14,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import (
+    Isolation,
     agreement,
     alarm_chance,
     isolate,
@@ -53,18 +54,6 @@ class Agreement:
     def sound(self) -> np.ndarray:
         """Stretches in which everything comparable agrees."""
         return np.asarray((self.freedom > 0) & (self.excess <= 1.0))
-
-
-@dataclass(frozen=True)
-class Explained:
-    """Stretches that agree or that one and the same fault explains, shape (n,); which faults fit,
-    the chi-square they leave, their degrees and the uncertainty of these, shape (faults, n)."""
-
-    stretches: np.ndarray
-    fits: np.ndarray
-    distance: Array
-    degree: Array
-    u: Array
 
 
 @dataclass(frozen=True)
@@ -133,32 +122,18 @@ class Bench:
         limit = [chi_square_limit(f, self.quantile) if f else 1.0 for f in freedom.tolist()]
         return Agreement(observed, chi / limit, np.array(limit), freedom)
 
-    def explained(self, found: Agreement) -> Explained:
-        """Sound stretches, and which faults fit where."""
-        isolation = isolate(self.ruleset, found.observed, all_tried=True, pairs=False)
-        fits = isolation.probability > 0
-        quiet = isolation.judged & ~isolation.deviating
-        each = quiet | (fits & (isolation.freedom > 1))
-        best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
-        return Explained(best, fits, isolation.distance, isolation.degree, isolation.u)
+    def explained(self, found: Agreement) -> Isolation:
+        """Which single faults fit where."""
+        return isolate(self.ruleset, found.observed, all_tried=True, pairs=False)
 
     @cached_property
-    def explained_as_recorded(self) -> Explained:
+    def explained_as_recorded(self) -> Isolation:
         """The same for the readings as recorded."""
         return self.explained(self.recorded)
 
     def readers(self, signal: str) -> np.ndarray:
         """Flags of the observers that read a signal."""
-        return self._readers.get(signal, np.zeros(len(self.ruleset.observers), dtype=bool))
-
-    @cached_property
-    def _readers(self) -> Mapping[str, np.ndarray]:
-        count = len(self.ruleset.observers)
-        found: dict[str, np.ndarray] = {}
-        for i, observer in enumerate(self.ruleset.observers):
-            for signal in observer.signals:
-                found.setdefault(signal, np.zeros(count, dtype=bool))[i] = True
-        return found
+        return np.array([signal in o.signals for o in self.ruleset.observers], dtype=bool)
 
 
 @once

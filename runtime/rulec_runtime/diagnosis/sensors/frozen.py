@@ -108,7 +108,8 @@ def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarr
     """
     recorded, explained = bench.recorded, bench.explained_as_recorded
     off = here & ~recorded.sound
-    of_faults = zip(bench.ruleset.faults, explained.fits, explained.distance, strict=True)
+    fitting = explained.probability > 0.0
+    of_faults = zip(bench.ruleset.faults, fitting, explained.distance, strict=True)
     for fault, fits, distance in of_faults:
         if fault.in_sensor and signal.id in fault.scales:
             continue

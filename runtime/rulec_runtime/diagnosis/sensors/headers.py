@@ -16,7 +16,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.agreement import Agreement, Bench, Explained
+from rulec_runtime.diagnosis.sensors.agreement import Agreement, Bench
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.units import (
     Mixup,
@@ -25,6 +25,7 @@ from rulec_runtime.diagnosis.sensors.units import (
     mixups,
     of_one_dimension,
 )
+from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.columns import any_of
@@ -70,9 +71,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         if not _makes_sense(bench, misread, found, running):
             continue
         explained = bench.explained(found)
-        if explained.stretches[running].mean() < common.NEARLY_ALL or not _beats_faults(
-            bench, misread, found, explained
-        ):
+        if not _explains(explained, running) or not _beats_faults(bench, misread, found, explained):
             continue
         # One cause for many columns comes before one column of them.
         left = -len(misread.mendings), float(np.median(found.excess[running]))
@@ -133,7 +132,15 @@ def _makes_sense(bench: Bench, misread: Misread, found: Agreement, running: np.n
     )
 
 
-def _steady(explained: Explained, fault: int, here: np.ndarray) -> bool:
+def _explains(explained: Isolation, running: np.ndarray) -> bool:
+    """Whether nearly all of some stretches agree, or one and the same fault explains the rest."""
+    quiet = explained.judged & ~explained.deviating
+    each = quiet | ((explained.probability > 0.0) & (explained.freedom > 1))
+    best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
+    return bool(best[running].mean() >= common.NEARLY_ALL)
+
+
+def _steady(explained: Isolation, fault: int, here: np.ndarray) -> bool:
     """Whether a fault has one degree: one that varies between operating points is no fault."""
     degree, u = explained.degree[fault, here], explained.u[fault, here]
     return bool(degree.std() <= common.SAME_DEGREE * abs(degree.mean()) + float(np.median(u)))
@@ -159,7 +166,7 @@ def _apart(misread: Misread, points: Points) -> np.ndarray:
     return apart
 
 
-def _beats_faults(bench: Bench, misread: Misread, found: Agreement, after: Explained) -> bool:
+def _beats_faults(bench: Bench, misread: Misread, found: Agreement, after: Isolation) -> bool:
     """Whether no single fault of the plant explains all of it as well.
 
     A slope error of a reading whose unit is in doubt is no rival: it would have to equal the ratio
@@ -192,8 +199,9 @@ def _rivalled(bench: Bench, misread: Misread, left: Array) -> bool:
     judged = _judged(bench, misread)
     if judged.mean() < common.NEARLY_ALL:
         return False
-    for i in np.flatnonzero(explained.fits.any(axis=1)).tolist():
-        fault, fits = bench.ruleset.faults[i], explained.fits[i]
+    fitting = explained.probability > 0.0
+    for i in np.flatnonzero(fitting.any(axis=1)).tolist():
+        fault, fits = bench.ruleset.faults[i], fitting[i]
         own = fault.in_sensor and set(fault.scales) & set(misread.signals)
         off = judged & fits & ~before.sound
         if (own and misread.condition is UNIT) or not off.any():

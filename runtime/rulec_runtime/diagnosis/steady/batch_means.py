@@ -11,13 +11,11 @@ noise, the positive part of its moment estimate (DerSimonian and Laird 1986).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
 from rulec_runtime.diagnosis.steady.points import means_of_stretches
@@ -43,18 +41,10 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
     """Cut every stretch in the middle."""
     middle = stretches.first + stretches.lengths // 2
     early, late = (Stretches(stretches.first, middle), Stretches(middle, stretches.last))
-    before, after = (means_of_stretches(recording, ruleset, part) for part in (early, late))
-    excess = stretches.lengths**2 / (early.lengths * late.lengths)
-
-    def of_batch(part: slice) -> list[Halves]:
-        one, other = (
-            flows_at(ruleset, {name: mean[part] for name, mean in means.items()})
-            for means in (before, after)
-        )
-        return [Halves(other - one, excess[part])]
-
-    (found,) = in_batches(len(stretches), [{"apart": 1, "excess": 0}], of_batch)
-    return cast(Halves, found)
+    before, after = (
+        flows_at(ruleset, means_of_stretches(recording, ruleset, part)) for part in (early, late)
+    )
+    return Halves(after - before, stretches.lengths**2 / (early.lengths * late.lengths))
 
 
 def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
