@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.points import check_readings
+from rulec_runtime.diagnosis.steady.points import is_bad
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import counted, fixed, listed
 
@@ -446,8 +446,9 @@ def _at_points(
     recording: Recording, system: System, name: str, table: Mapping[str, Array]
 ) -> Array:
     """A predicted reading at settled points, shape (n,), SI: measured plus the mean error."""
-    bad, _ = check_readings(recording, system.ruleset)
-    off = np.where(bad[name], np.nan, table[name] - recording.values[name])
+    readings = recording.values[name]
+    bad = is_bad(system.ruleset.signal_by_id[name], readings)
+    off = np.where(bad, np.nan, table[name] - readings)
     sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(off))])
     counts = np.concatenate([[0], np.cumsum(np.isfinite(off))])
     first, last = system.data.stretches.first, system.data.stretches.last

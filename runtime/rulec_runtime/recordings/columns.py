@@ -17,11 +17,6 @@ from rulec_runtime.recordings import limits
 Flags = np.ndarray
 
 
-def any_of(values: Array, function: Callable[[Array], Flags] = np.isfinite) -> bool:
-    """Whether a function is true for any number."""
-    return bool(function(values).any())
-
-
 def first_reading(values: Array) -> float | None:
     """The first number of a column, or None."""
     known = np.isfinite(values)

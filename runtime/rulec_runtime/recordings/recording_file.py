@@ -20,7 +20,6 @@ from rulec_runtime.output.nearest import near_file
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.arrays import array_sheet, seconds_of
-from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import (
     CSV,
@@ -200,7 +199,7 @@ def _readings(
             f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "
             f"first in data row {row}); there it has no reading"
         )
-    if not any_of(values):
+    if not np.isfinite(values).any():
         notes.append(f"{path.name}: {target.signal} has not one reading")
     return values
 

@@ -171,18 +171,15 @@ def find_stretches(
     breaks, jumps = np.zeros((2, n), dtype=bool)
     _break_at_pauses(recording, breaks)
     used = {s for o in observers or ruleset.observers for s in o.signals}
-    columns: list[Array] = []
-    scales: list[float] = []
+    levels: list[tuple[Array, float]] = []
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or signal.id not in used:
             continue
         floor = float(systematic_u(signal, _level(signal, values)))
         limit = max(common.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
-        columns.append(values)
-        scales.append(
-            max(limits.SETTLED * noise[signal.id], floor * common.NO_CHANGE, limits.LEAST_NOISE)
-        )
+        still = max(limits.SETTLED * noise[signal.id], floor * common.NO_CHANGE)
+        levels.append((values, max(still, limits.LEAST_NOISE)))
         # A second difference has three times the variance of a first one.
         bend = max(common.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
         filled = held(values)
@@ -191,7 +188,7 @@ def find_stretches(
             jumps[order:] |= np.abs(np.diff(filled, order)) > far
         jumps |= _shifts(filled, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
         _break_at_gaps(values, breaks)
-    return _cut(breaks, jumps, Levels(columns, scales), longest)
+    return _cut(breaks, jumps, levels, longest)
 
 
 def _level(signal: SignalSpec, values: Array) -> float:
@@ -226,9 +223,8 @@ def _shifts(filled: Array, limit: float) -> np.ndarray:
     if len(filled) < 2 * n or begin is None:
         return found
     known = np.where(np.isfinite(filled), filled, begin)  # before the first reading is no shift
-    count = len(known) - n + 1
-    means = np.sum([known[place : place + count] for place in range(n)], axis=0) / n
-    within = _ranges(known, n)
+    windows = np.lib.stride_tricks.sliding_window_view(known, n).T
+    means, within = windows.sum(axis=0) / n, np.ptp(windows, axis=0)
     size = np.abs(means[n:] - means[:-n])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
     peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
@@ -237,28 +233,8 @@ def _shifts(filled: Array, limit: float) -> np.ndarray:
     return found
 
 
-def _ranges(values: Array, n: int) -> Array:
-    """Range of each n consecutive values."""
-    count = len(values) - n + 1
-    low = high = values[:count]
-    for place in range(1, n):
-        low = np.minimum(low, values[place : place + count])
-        high = np.maximum(high, values[place : place + count])
-    return high - low
-
-
-@dataclass(frozen=True)
-class Levels:
-    """Readings, shape (n,) each, with the scales of what counts as noise."""
-
-    columns: Sequence[Array]
-    scales: Sequence[float]
-
-    def between(self, first: int, last: int) -> Array:
-        """Scaled readings of some samples, shape (signals, samples)."""
-        pairs = zip(self.columns, self.scales, strict=True)
-        table = np.array([values[first:last] / scale for values, scale in pairs])
-        return table.reshape(-1, last - first)
+Levels = Sequence[tuple[Array, float]]
+"""Readings, shape (n,) each, with the scale of what counts as noise."""
 
 
 def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) -> Stretches:
@@ -285,7 +261,9 @@ def _settled_from(levels: Levels, begin: int, stop: int) -> int:
     latest = min(begin + common.SETTLING, stop - common.PERSISTENCE)
     if latest <= begin:
         return max(begin, latest)
-    table = levels.between(begin, min(latest + common.LONGEST_STRETCH, stop))
+    stop = min(latest + common.LONGEST_STRETCH, stop)
+    table = np.array([values[begin:stop] / scale for values, scale in levels])
+    table = table.reshape(-1, stop - begin)
     for low in range(latest - begin):
         rest = table[:, low + 1 : low + 1 + common.LONGEST_STRETCH]
         drift = np.median(np.diff(rest, axis=1), axis=1) * middle

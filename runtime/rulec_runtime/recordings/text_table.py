@@ -1,7 +1,7 @@
 """Tables whose rows are text, from CSV files of any encoding, separator and decimal sign, and from
 spreadsheets."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence, Set
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -64,7 +64,8 @@ class TextTable:
             )
             for i, one in zip(numbers, written, strict=True)
         )
-        texts = tuple(self._growing(index, form, notes) for index in kept)
+        parts = {index for index in kept if is_time(self.titles[index], self.times)}
+        texts = tuple(self._growing(index, parts, form, notes) for index in kept)
         width, below = len(self.titles), self._below()
         count = whole = first_left_out = 0
         while part := list(islice(below, BATCH)):
@@ -94,9 +95,12 @@ class TextTable:
         width = len(self.titles)
         return (row[:width] for row in self._below() if is_whole(row, width))
 
-    def _growing(self, index: int, form: FileForm, notes: list[str]) -> GrowingCells | GrowingTimes:
-        """Collects the texts of a column; times become numbers at once."""
-        if is_time(self.titles[index], self.times) and len(form.time) < 2:
+    def _growing(
+        self, index: int, times: Set[int], form: FileForm, notes: list[str]
+    ) -> GrowingCells | GrowingTimes:
+        """Collects the texts of a column; those of the only column of times become numbers at
+        once, while of several each may be a part of the time."""
+        if {index} == times and len(form.time) < 2:
             order = order_in(self.path, lambda: (row[index] for row in self.lines()), form, notes)
             return GrowingTimes(order)
         return GrowingCells()

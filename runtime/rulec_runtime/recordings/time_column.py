@@ -14,7 +14,6 @@ from rulec_runtime.contract.file_form import AS_SEEN, START, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.columns import any_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.dates import (
     date_of,
@@ -156,7 +155,7 @@ def read_times(
     own, texts = list[str](), list[str]()
     if not isinstance(cells, Dates):
         numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
-        if any_of(numbers):
+        if np.isfinite(numbers).any():
             factor = form.time_factor or factor_of_time(path, title, unit, units)
             counting = counting_of(path, numbers, title, factor if unit else 0.0, form, own)
             if counting is None:
@@ -167,13 +166,13 @@ def read_times(
             cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form, own)))
         notes += (f"{path.name}: {one}" for one in own)
     dates, zones = cells.seconds, cells.zones
-    if not any_of(dates):
+    if not np.isfinite(dates).any():
         shown = f"'{texts[0].strip()[:30]}'" if texts else "no date"
         raise RecordingRefused(
             f"{path}: the time column '{title}' holds {shown}; expected seconds, "
             "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
         )
-    if zone and any_of(zones, np.isnan):
+    if zone and np.isnan(zones).any():
         return in_zone(path, dates, zones, zone, notes)
     return dates, zones
 

@@ -28,7 +28,7 @@ from rulec_runtime.diagnosis.sensors.units import (
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
-from rulec_runtime.recordings.columns import any_of
+from rulec_runtime.recordings.columns import means_between
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
@@ -83,17 +83,12 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
 def _with_all(raw: Recording, bench: Bench) -> Bench:
     """The same stretches with the means of all readings, even of impossible ones."""
     values, noise = {}, {}
-    pieces = list(zip(bench.stretches.first, bench.stretches.last, strict=True))
+    first, last = bench.stretches.first, bench.stretches.last
     for name, column in raw.values.items():
-        if any_of(column):
-            values[name] = np.array([_mean(column[a:b]) for a, b in pieces])
+        if np.isfinite(column).any():
+            values[name] = means_between(column, first, last)[0]
             noise[name] = noise_of(column)
     return replace(bench, points=bench.with_readings(values, noise), noise=noise)
-
-
-def _mean(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
 
 
 def _doubtful(bench: Bench) -> bool:

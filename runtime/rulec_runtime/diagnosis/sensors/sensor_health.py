@@ -18,7 +18,7 @@ from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.diagnosis.sensors.ranges import out_of_range
-from rulec_runtime.recordings.columns import any_of, median_of
+from rulec_runtime.recordings.columns import median_of
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.header_correction import mended as read_by
 from rulec_runtime.recordings.larger_than_memory import kept
@@ -115,7 +115,7 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
     """Readings that lose their noise. Inputs are mostly set values: they must have some first."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
-        if values is None or not any_of(values):
+        if values is None or not np.isfinite(values).any():
             continue
         u = np.inf
         if signal.is_input:

@@ -11,7 +11,6 @@ process.
 
 from __future__ import annotations
 
-from array import array as packed
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,7 +33,7 @@ class Baseline:
 
     mean: Array
     covariance: Array
-    points: packed[int]
+    points: list[int]
     count: int
     time: float
 
@@ -71,7 +70,7 @@ class Baselines:
 def nothing_learned(observed: Observed) -> Baseline:
     """The prior of the lasting errors: their uncertainties."""
     count = observed.shared.shape[1]
-    return Baseline(np.zeros(count), np.eye(count), packed("q"), 0, 0.0)
+    return Baseline(np.zeros(count), np.eye(count), [], 0, 0.0)
 
 
 def remembered(seconds: Array | float, lasting: float = limits.LASTING) -> Array:

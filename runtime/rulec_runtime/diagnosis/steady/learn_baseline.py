@@ -4,7 +4,6 @@ Source: own derivation, docs/method.md; the recursion is a Kalman filter of an O
 process.
 """
 
-from array import array as packed
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -32,7 +31,7 @@ class Learner:
         self._last: Baseline | None = None
         self._kept: list[Baseline] = []
         self._at: list[np.ndarray] = []
-        self._counts = packed("q", [0])
+        self._counts = [0]
 
     def take(self, observed: Observed, first: int) -> Baselines:
         """Learn from a batch that begins with point `first`; the baselines that apply to it."""

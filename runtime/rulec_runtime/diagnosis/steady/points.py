@@ -13,7 +13,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.columns import any_of, means_between
+from rulec_runtime.recordings.columns import means_between
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
@@ -140,21 +140,6 @@ def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
     return outside
 
 
-def check_readings(
-    recording: Recording, ruleset: Ruleset
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Flag readings that cannot be right, and say why.
-
-    Returns per signal flags, shape (n,), and the reason.
-    """
-    bad = {
-        signal.id: is_bad(signal, recording.values[signal.id])
-        for signal in ruleset.signals
-        if signal.id in recording.values
-    }
-    return bad, _reasons(recording, ruleset)
-
-
 def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
     """Per signal why readings of it cannot be right, if some cannot."""
     why = {}
@@ -163,8 +148,8 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
         if values is None:
             continue
         known = (recording.unfit or {}).get(signal.id, NO_READING)
-        reasons = [known] if any_of(values, lambda part: ~np.isfinite(part)) else []
-        if any_of(values, partial(outside_range, signal)):
+        reasons = [] if np.isfinite(values).all() else [known]
+        if outside_range(signal, values).any():
             reasons.append("outside the sensor's range")
         why[signal.id] = " or ".join(dict.fromkeys(reasons))
     return why
@@ -219,13 +204,13 @@ def _means(
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
     """Every sample a point of its own."""
-    bad, why = check_readings(recording, ruleset)
-    values, u, systematic = {}, {}, {}
+    values, u, systematic, bad = {}, {}, {}, {}
     for signal in ruleset.signals:
         readings = recording.values.get(signal.id)
         if readings is None:
             continue
+        bad[signal.id] = is_bad(signal, readings)
         values[signal.id] = np.where(bad[signal.id], np.nan, readings)
         systematic[signal.id] = systematic_u(signal, readings) + np.zeros(len(readings))
         u[signal.id] = np.hypot(systematic[signal.id], noise[signal.id])
-    return Points(values, u, systematic, bad, why, recording.time)
+    return Points(values, u, systematic, bad, _reasons(recording, ruleset), recording.time)
