@@ -102,7 +102,8 @@ def against(
         kept = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
         offsets[:, here] = kept * (state.mean @ shared)
-        known = _covariance(shared, state.covariance)
+        slopes = np.ascontiguousarray(shared.transpose(2, 0, 1))
+        known = (slopes @ state.covariance @ slopes.transpose(0, 2, 1)).transpose(1, 2, 0)
         spread[:, :, here] = kept**2 * known + (1.0 - kept**2) * spread[:, :, here]
     covariance = observed.noise + lasting
     return replace(
@@ -117,16 +118,6 @@ def against(
 
 SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systematic")
 """Fields that `against` changes."""
-
-
-def _covariance(shared: Array, errors: Array) -> Array:
-    """Covariance of flows, (flows, flows, n), by slopes, (flows, errors, n), and that of errors."""
-    if len(shared) < limits.MANY_RESIDUALS:
-        return np.asarray(np.einsum("omn,pmn->opn", shared, errors @ shared))
-    # One product of large matrices per point, in place of one per flow.
-    slopes = np.ascontiguousarray(shared.transpose(2, 0, 1))
-    many: Array = (slopes @ errors) @ slopes.transpose(0, 2, 1)
-    return many.transpose(1, 2, 0)
 
 
 def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:

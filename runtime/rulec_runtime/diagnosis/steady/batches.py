@@ -2,15 +2,12 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.recordings.larger_than_memory import array
-
-Tables = TypeVar("Tables")
-"""A frozen dataclass of tables."""
 
 FIRST, SECOND, THIRD = ({"along": axis} for axis in range(3))
 """Marks of a field that is a table: the axis of the points."""
@@ -58,14 +55,3 @@ def in_batches(
         replace(one, **{name: np.moveaxis(next(left), 0, at) for name, at in axis.items()})
         for one, axis in zip(first, axes, strict=True)
     ]
-
-
-def part_of(tables: Tables, axis: Mapping[str, int], part: slice, count: int) -> Tables:
-    """Tables of some of so many points; points are last in memory, as tables are made."""
-    if part.start == 0 and part.stop == count:
-        return tables
-    changed: dict[str, Any] = {}
-    for name, at in axis.items():
-        table = np.moveaxis(getattr(tables, name), at, -1)[..., part]
-        changed[name] = np.moveaxis(np.ascontiguousarray(table), -1, at)
-    return cast(Tables, replace(cast(Any, tables), **changed))

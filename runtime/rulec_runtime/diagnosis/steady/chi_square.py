@@ -58,8 +58,8 @@ class ChiSquare:
         Source: matrix inversion lemma (Woodbury 1950), so that only matrices of the size of the
         touched flows are inverted.
         """
-        softened = _product(self.curvature, spread)
-        softened += np.eye(len(spread))[:, :, None]
+        product = self.curvature.transpose(2, 0, 1) @ spread.transpose(2, 0, 1)
+        softened = (np.eye(len(spread)) + product).transpose(1, 2, 0)
         both = solved(softened, np.concatenate([self.curvature, self.slope[:, None]], axis=1))
         slope = both[:, -1]
         taken = np.einsum("in,ijn,jn->n", self.slope, spread, slope)
@@ -101,8 +101,7 @@ class Metric:
     @property
     def is_large(self) -> bool:
         """Whether matrices of a problem cost more than the calls that work on them."""
-        many = self.weighing.residuals.shape[1] >= limits.MANY_RESIDUALS
-        return many and self.weighing.inverse.size <= limits.MOST_WEIGHED
+        return bool(self.weighing.residuals.shape[1] >= limits.MANY_RESIDUALS)
 
     @property
     def inverse(self) -> Array:
@@ -175,13 +174,6 @@ def _solution(matrix: Array, right: Array) -> Array:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
         return np.full(right.shape, np.nan)
-
-
-def _product(one: Array, other: Array) -> Array:
-    """Products of matrices, problems last."""
-    if len(one) < limits.MANY_RESIDUALS:
-        return np.asarray(np.einsum("ijn,jkn->ikn", one, other))
-    return np.asarray((one.transpose(2, 0, 1) @ other.transpose(2, 0, 1)).transpose(1, 2, 0))
 
 
 def _regular(matrices: Array, sound: np.ndarray) -> Array:

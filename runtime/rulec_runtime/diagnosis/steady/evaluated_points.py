@@ -107,7 +107,9 @@ def evaluate_part(
         return observe_part(whole, part, points.at(chosen))
 
     many = mode != PAPER and not keep and has_many(ruleset)
-    return _evaluate(part, of_batch, points, (own, outside), mode, halves, keep=keep, many=many)
+    size = at_once(ruleset) if many else own_limits.POINTS_AT_ONCE
+    alike = own, outside
+    return _evaluate(part, of_batch, points, alike, size, mode, halves, keep=keep, many=many)
 
 
 def evaluate_observed(
@@ -115,7 +117,8 @@ def evaluate_observed(
 ) -> EvaluatedPoints:
     """The same for existing estimates, those of the part only."""
     alike = plain.points, plain.extrapolated
-    return _evaluate(part, plain.part, points, alike, "default", halves)
+    size = max(len(points), 1)
+    return _evaluate(part, lambda _: plain, points, alike, size, "default", halves)
 
 
 def _evaluate(
@@ -123,14 +126,15 @@ def _evaluate(
     of_batch: Callable[[slice], Observed],
     points: Points,
     alike: tuple[Points, Mapping[str, np.ndarray]],
+    size: int,
     mode: str,
     halves: Halves | None,
     *,
     keep: bool = False,
     many: bool = False,
 ) -> EvaluatedPoints:
-    """The same if `of_batch` gives the estimates of a batch; `alike` are the points as the
-    part reads them, and flags of readings outside the calibrated range."""
+    """The same if `of_batch` gives the estimates of a batch of `size` points; `alike` are the
+    points as the part reads them, and flags of readings outside the calibrated range."""
     ruleset, count, learner = part.ruleset, len(points), Learner(part.ruleset, keep=keep)
 
     def judged(chosen: slice) -> tuple[Observed, Observed, Isolation]:
@@ -149,7 +153,6 @@ def _evaluate(
 
     along = {**POINTS_ALONG, "u": 1} if many else POINTS_ALONG
     shifted = {name: axis for name, axis in along.items() if name in (*SHIFTED, "u")}
-    size = at_once(ruleset) if many else own_limits.POINTS_AT_ONCE
     plain, found, isolation = in_batches(count, (along, shifted, EXPLAINED_ALONG), judged, size)
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})

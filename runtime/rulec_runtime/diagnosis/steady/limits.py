@@ -157,12 +157,8 @@ TABLE = 1_000_000
 numerical."""
 
 MANY_RESIDUALS = 128
-"""Residuals of a problem from which on its covariance is inverted once for all hypotheses. Origin:
-numerical; below that it costs less to invert one for each of them."""
-
-MOST_WEIGHED = 8_000_000
-"""Numbers in the inverse covariances up to which that is so: more take too much memory. Origin:
-numerical."""
+"""Residuals of a problem from which on only faults that may be the best are fitted. Origin:
+numerical; below that it costs less to fit all of them."""
 
 ROWS_OF_A_FAULT = 16
 """Combinations of estimates at most of the mean of stretches, and of their differences, by which

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
-from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, part_of, points_along
+from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, points_along
 from rulec_runtime.diagnosis.steady.errors import errors_of
 from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
@@ -75,14 +75,6 @@ class Observed:
         if self.u is not None:
             return np.asarray(self.u[:, point])
         return np.asarray(np.sqrt(np.diagonal(self.covariance[point])))
-
-    def part(self, chosen: slice) -> Observed:
-        """Some of the points."""
-        if chosen.start == 0 and chosen.stop == len(self):
-            return self
-        outside = {name: flags[chosen] for name, flags in self.extrapolated.items()}
-        some = part_of(self, POINTS_ALONG, chosen, len(self))
-        return replace(some, points=self.points.at(chosen), extrapolated=outside)
 
 
 POINTS_ALONG = points_along(Observed)

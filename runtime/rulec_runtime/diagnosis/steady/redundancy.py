@@ -108,17 +108,9 @@ def groups_of(
 
 
 def covariance_of(basis: Array, covariance: Array, valid: np.ndarray, members: np.ndarray) -> Array:
-    """Covariance of residuals, shape (members, rank, rank), from that of all observers.
-
-    Points stay last, as in memory: two large products instead of many small ones.
-    """
-    if len(basis) >= limits.MANY_RESIDUALS:
-        # One product of large matrices per point costs less than rearranging all of them.
-        each = (basis @ covariance[m][np.ix_(valid, valid)] @ basis.T for m in members)
-        return np.array([*each])
-    own = np.moveaxis(covariance, 0, -1)[np.ix_(valid, valid, members)]
-    half = np.tensordot(basis, own, axes=1)
-    return np.moveaxis(basis @ half, -1, 0)
+    """Covariance of residuals, shape (members, rank, rank), from that of all observers."""
+    own = covariance[np.ix_(members, valid, valid)]
+    return np.asarray(basis @ own @ basis.T)
 
 
 def _null_space(matrix: Array) -> Array:
