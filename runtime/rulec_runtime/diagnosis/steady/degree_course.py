@@ -320,7 +320,7 @@ class Stack:
         names = self.test.touched((spec,))
         here = replace(self.test, present=degree[:, None], known=None)
         trial = Trial(test=here, faults=(spec,), touched=names)
-        moved, slopes = trial.undoing.moved_and_slopes(degree[None, :, None])
+        moved, slopes = trial.moved_and_slopes(degree[None, :, None])
         places = trial.places
         own = basis[:, places]
         residuals = self.test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()

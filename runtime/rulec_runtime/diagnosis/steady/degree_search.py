@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -9,10 +10,13 @@ import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, inverse_information
-from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Undoing
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in_a_row
+
+Faults = tuple[FaultSpec, ...]
+"""The simultaneous faults of one hypothesis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,18 +66,50 @@ class Trial:
         """Places of the touched flows among the usable ones."""
         return [self.test.places[name] for name in self.touched]
 
+    def moved(self, degree: Array) -> Array:
+        """How far undoing the faults moves the touched flows, (touched, ..., points, n), m3/s, at
+        degrees (faults, ..., points, n)."""
+        return self._moved(self._undone(degree, ()))
+
+    def moved_and_slopes(self, degree: Array) -> tuple[Array, Array]:
+        """The same, and the slopes by each degree, shape (touched, faults, points, n); degrees
+        (faults, points, n)."""
+        names = tuple(fault.id for fault in self.faults)
+        out = self._undone(degree, names)
+        none = np.zeros(degree.shape[1:])
+        slopes = [[out.get(f"dq:{o}:{name}", none) for name in names] for o in self.touched]
+        return self._moved(out), np.array(slopes) * self._kept[:, None]
+
+    def _moved(self, out: Mapping[str, Array]) -> Array:
+        flows = (out[f"q:{o}"] for o in self.touched)
+        each = zip(flows, self._measured, self._kept, strict=True)
+        return np.array([(flow - measured) * kept for flow, measured, kept in each])
+
+    def _undone(self, degree: Array, slopes: tuple[str, ...]) -> dict[str, Array]:
+        """Outputs of the plan, (..., points, n) each, with `slopes` by the degrees of faults."""
+        plan, shape = self.test.ruleset.undone(self.touched, slopes), degree.shape[1:]
+        unused = (name for name in plan.used_inputs if name.startswith("x:"))
+        inputs: dict[str, Array | float] = dict.fromkeys(unused, 0.0)
+        own = zip(self.faults, degree, strict=True)
+        inputs |= {f"x:{fault.id}": each.ravel() for fault, each in own}
+        for name in plan.used_inputs & self._readings.keys():
+            inputs[name] = np.broadcast_to(self._readings[name], shape).ravel()
+        return {name: out.reshape(shape) for name, out in plan.run(inputs).items()}
+
     @cached_property
-    def undoing(self) -> Undoing:
-        """The faults undone at the points of the problems."""
-        test = self.test
-        return Undoing(
-            ruleset=test.ruleset,
-            faults=self.faults,
-            touched=self.touched,
-            readings=test.readings(test.ruleset.undo.used_inputs),
-            measured=test.flows[self.places],
-            kept=test.kept(self.faults, self.touched),
-        )
+    def _readings(self) -> Mapping[str, Array]:
+        """Readings per signal, shape (points, n), SI."""
+        return self.test.readings(self.test.ruleset.undo.used_inputs)
+
+    @cached_property
+    def _measured(self) -> Array:
+        """Touched flows, shape (touched, points, n), m3/s."""
+        return np.asarray(self.test.flows[self.places])
+
+    @cached_property
+    def _kept(self) -> Array:
+        """Share of each that the baseline leaves, as its correction scales with an estimate."""
+        return self.test.kept(self.faults, self.touched)
 
     @cached_property
     def _range(self) -> tuple[Array, Array]:
@@ -112,13 +148,13 @@ class Trial:
         """The best of some degrees, shape (faults, starts, n), for each problem: (faults, n)."""
         low, top = self._range
         degree = np.clip(starts, low[:, None], top[:, None])
-        distance, _ = chi.at(in_a_row(self.undoing.moved(self._everywhere(degree))))
+        distance, _ = chi.at(in_a_row(self.moved(self._everywhere(degree))))
         best = np.argmin(finite(distance), axis=0)
         return np.asarray(np.take_along_axis(degree, best[None, None], axis=1)[:, 0])
 
     def _place(self, chi: ChiSquare, degree: Array) -> Place:
         """Chi-square with the faults undone at degrees, shape (faults, n)."""
-        moved, slopes = self.undoing.moved_and_slopes(self._everywhere(degree))
+        moved, slopes = self.moved_and_slopes(self._everywhere(degree))
         moved, effect = in_a_row(moved), in_a_row(slopes * self.test.present)
         distance, slope = chi.at(moved)
         return Place(degree, moved, slope, effect, finite(distance))
@@ -163,7 +199,7 @@ class Trial:
         """
         flows = self.test.flows
         scale = np.ones_like(flows)
-        moved = self.undoing.moved(self._everywhere(degree))
+        moved = self.moved(self._everywhere(degree))
         with np.errstate(divide="ignore", invalid="ignore"):
             scale[self.places] += moved / flows[self.places]
         most = limits.LARGEST_SCALE
@@ -180,7 +216,7 @@ class Trial:
         # As found, then without each of the faults.
         tried = np.repeat(degree[:, None], count + 1, axis=1)
         tried[range(count), range(1, count + 1)] = 0.0
-        moved = self.undoing.moved(self._everywhere(tried))
+        moved = self.moved(self._everywhere(tried))
         touched, _, points, n = moved.shape
         same = np.tile(np.eye(touched), (points, points))[:, :, None]
         covariance = np.zeros((points * touched, points * touched, n))

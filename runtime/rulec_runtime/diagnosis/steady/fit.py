@@ -15,8 +15,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.degree_search import Trial
-from rulec_runtime.diagnosis.steady.fault_inversion import Faults
+from rulec_runtime.diagnosis.steady.degree_search import Faults, Trial
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 
 

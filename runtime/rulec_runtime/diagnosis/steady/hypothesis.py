@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -12,7 +12,6 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, Weighing, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 
@@ -158,21 +157,9 @@ class HypothesisTest:
         """Decrease of half of chi-square per small degree of each fault, or of some by their
         places, and information on the degree, both (faults, n); 0 where no usable observer shows
         it."""
-        asked = len(self.ruleset.faults) if chosen is None else len(chosen)
-        pull, information = np.zeros((2, asked, len(self)))
-        for part in self.portions():
-            test = self if len(self) == 1 else self.at(part)
-            slope, metric = test.effects(chosen), self.metric.problems(part)
-            weighted = metric.inverse @ slope
-            information[:, part] = np.einsum("nrf,nrf->fn", slope, weighted)
-            pull[:, part] = -np.einsum("nrf,nr->fn", slope, metric.weighted)
-        return pull, information
-
-    def portions(self) -> Iterator[slice]:
-        """Problems in portions whose effects fit into memory."""
-        size = max(limits.TABLE // max(self.freedom * len(self.ruleset.faults), 1), 1)
-        for low in range(0, len(self), size):
-            yield slice(low, low + size)
+        slope = self.effects(chosen)
+        information = np.einsum("nrf,nrf->fn", slope, self.metric.inverse @ slope)
+        return -np.einsum("nrf,nr->fn", slope, self.metric.weighted), information
 
     def readings(self, signals: Iterable[str]) -> dict[str, Array]:
         """Readings of those signals that the recording has, shape (points, n)."""

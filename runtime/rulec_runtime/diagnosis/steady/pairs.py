@@ -21,12 +21,9 @@ def fit_pairs(test: HypothesisTest, limit: float) -> tuple[list[tuple[int, int]]
     """Pairs that pass the screening, indexes of faults, and their fits; `limit` is the distance up
     to which one fits, beyond it its log-likelihood is -inf."""
     # At each point, the pairs whose linear effects come closest to the residuals.
-    found: set[tuple[int, int]] = set()
-    for part in test.portions():
-        tried, left = _linear(test.at(part), test.metric.problems(part))
-        order = np.argsort(left, axis=0)[: limits.PAIRS_SCREENED]
-        found |= {tried[k] for k in np.unique(order)}
-    pairs, faults = sorted(found), test.ruleset.faults
+    tried, left = _linear(test, test.metric)
+    order = np.argsort(left, axis=0)[: limits.PAIRS_SCREENED]
+    pairs, faults = [tried[k] for k in np.unique(order)], test.ruleset.faults
     fits = fit(test, [(faults[i], faults[j]) for i, j in pairs])
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
     return pairs, replace(fits, evidence=evidence)
