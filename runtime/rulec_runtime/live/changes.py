@@ -279,12 +279,12 @@ def _what(old: Episode, now: Episode, found: bool, horizon: Horizon) -> What | N
 
 
 def _has_grown(episode: Episode) -> bool:
-    """Whether the degree differs from the last report, and also from its expected growth or has
-    passed a round number."""
+    """Whether the degree differs from the last report by more than its bounds, and also from its
+    expected growth or has passed a round number."""
     if episode.told is None or episode.kind != "fault":
         return False
     time, degree = episode.told
-    half = limits.GROWN * max(episode.upper - episode.degree, episode.degree - episode.lower)
+    half = max(episode.upper - episode.degree, episode.degree - episode.lower)
     expected = degree + episode.rate * (episode.until - time)
     if not abs(episode.degree - degree) > half > 0.0:
         return False

@@ -17,10 +17,6 @@ BLIND_ROWS = 60
 """Number of rows without a judgement after which that is reported. Origin: assumed; a stretch of
 full length, so that a move between two operating points is no event."""
 
-GROWN = 1.0
-"""Half widths of its bounds by which a degree must move to be reported again. Origin: distribution;
-within its bounds it has not changed."""
-
 WAIT = 0.2
 """Seconds to wait for rows before other work is checked. Origin: assumed; shorter than a person
 notices."""

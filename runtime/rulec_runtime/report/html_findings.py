@@ -7,7 +7,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-from rulec_runtime.recordings.plant_calendar import Calendar, course
+from rulec_runtime.recordings.plant_calendar import Calendar, course, moment
 from rulec_runtime.report.blindness import (
     PARTLY,
     hidden,
@@ -19,7 +19,6 @@ from rulec_runtime.report.blindness import (
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
-from rulec_runtime.report.time_axis import period_in_words
 from rulec_runtime.report.wording import (
     L_PER_H,
     LISTED,
@@ -190,8 +189,9 @@ def _between(unit: str, low: float, high: float) -> str:
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
-        when = period_in_words(diagnosis.calendar, finding.since, finding.until)
-        title = safe(f"{finding.fault.id} {when}, where it shows most")
+        since = moment(diagnosis.calendar, finding.since)
+        until = moment(diagnosis.calendar, finding.until, finding.since)
+        title = safe(f"{finding.fault.id} from {since} to {until}, where it shows most")
         yield f'<div class="evidence"><h3>{title}</h3>{ground_of(diagnosis.ruleset, finding)}</div>'
 
 

@@ -80,15 +80,6 @@ def moment(seconds: float) -> str:
     return number(seconds, max(digits, len(str(int(abs(seconds))))))
 
 
-def period(since: float, until: float) -> str:
-    """A period in words.
-
-    >>> period(11.0, 19.5)
-    'from 11\xa0s to 19.5\xa0s'
-    """
-    return f"from {moment(since)}\u00a0s to {moment(until)}\u00a0s"
-
-
 def percent(share: float) -> str:
     """A share in percent; only an exact 0 or 1 becomes 0 or 100 %.
 

@@ -9,7 +9,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.plant_calendar import DAY, HOUR, MINUTE, Calendar
 from rulec_runtime.report.chart import Axis, axis
 from rulec_runtime.report.figure import plot
-from rulec_runtime.report.text import period
 
 WANTED, WANTED_DATES = 9, 6
 """Ticks of an axis; a date takes more room than a number."""
@@ -96,17 +95,6 @@ def named(shown: Axis, calendar: Calendar | None) -> str:
 def time_plot(svg: str, foot: bool, across: Axis, calendar: Calendar | None) -> str:
     """A panel over time with room for its axes."""
     return plot(svg, foot, named(across, calendar), bool(across.second_lines()))
-
-
-def period_in_words(calendar: Calendar | None, since: float, until: float) -> str:
-    """A period in words, with dates if there are any.
-
-    >>> period_in_words(Calendar(86390.0), 0.0, 20.0)
-    'from 1970-01-01 23:59:50 to 1970-01-02 00:00:10'
-    """
-    if calendar is None or not np.isfinite([since, until]).all():
-        return period(since, until)
-    return f"from {calendar.clock(since)} to {calendar.clock(until, since)}"
 
 
 def _unit(low: float, high: float) -> tuple[float, str]:
