@@ -90,27 +90,6 @@ def _scatter(level: Array, length: NDArray[np.intp]) -> float:
     return float(np.sum(length * (level - mean) ** 2))
 
 
-def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
-    """First and last mean (excluded) of each period; adjacent similar levels are one period."""
-    first = segments.first
-    last = first + segments.length
-    runs: list[tuple[int, int, float]] = []
-    rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
-    for i in np.flatnonzero(on):
-        level = float(segments.level[i]) - rest
-        if (
-            runs
-            and runs[-1][1] == first[i]
-            and abs(level - runs[-1][2]) < limits.ONE_LEVEL * abs(level)
-        ):
-            begin, _, known = runs[-1]
-            share = (last[i] - first[i]) / (last[i] - begin)
-            runs[-1] = (begin, int(last[i]), known + share * (level - known))
-        else:
-            runs.append((int(first[i]), int(last[i]), level))
-    return [(begin, end) for begin, end, _ in runs]
-
-
 def few_levels(
     levels: Array, lengths: NDArray[np.intp], most: int = limits.MOST_LEVELS
 ) -> tuple[NDArray[np.intp], Array]:
@@ -221,11 +200,11 @@ def _trial(
     null = unknown.null or 0.0
     rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
     runs, levels = [], []
-    for first, last in runs_of(segments, on):
+    for first, last in zip(segments.first[on], (segments.first + segments.length)[on], strict=True):
         level = float(np.average(means.value[first:last], weights=means.weight[first:last])) - rest
         level = float(np.clip(null + level, unknown.lowest, unknown.highest))
         if level != null and last - first >= limits.SHORTEST:
-            runs.append((first, last))
+            runs.append((int(first), int(last)))
             levels.append(level)
     if not runs:
         return None

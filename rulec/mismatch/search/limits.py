@@ -42,9 +42,6 @@ AT_ONCE = 0.6
 """Share of the distance between two states that one step must cover: a slow swing is no fault that
 comes and goes. Origin: assumed."""
 
-ONE_LEVEL = 0.25
-"""Relative difference below which successive levels are one period. Origin: assumed."""
-
 MOST_LEVELS = 3
 """Largest number of degrees of a fault. Origin: assumed."""
 
