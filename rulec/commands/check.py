@@ -16,9 +16,9 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import STANDARD_INPUT, is_called_recording, place_of
 
-from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
-from rulec.language.diagnostics import Diagnostic, Place, render_all
-from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
+from rulec.knowledge.layers import version_of_rulec, yaml_files_in
+from rulec.language.diagnostics import Diagnostic, Place, Refused, render_all
+from rulec.passes.compile_cache import ruleset_of_plant
 
 if TYPE_CHECKING:
     from rulec.commands.recording_facts import Facts
@@ -37,14 +37,11 @@ def run(options: argparse.Namespace) -> int:
         if len(recordings) != 1:
             raise Misused("--write-map needs one recording, as in PLANT RECORDING --write-map")
         return _write_map(options, paths[0], recordings[0])
-    found = _collected(paths)
+    if recordings:
+        found, facts = _facts(paths[0], recordings)
+    else:
+        found, facts = _collected(paths), {}
     wrong = any(not one.doubt for one in found)
-    facts: dict[str, Facts] = {}
-    if recordings and not wrong:
-        from rulec.commands.recording_facts import facts_of, sought_in
-
-        sought, ruleset = sought_in(paths[0]), ruleset_of_plant(paths[0])
-        facts = {str(path): facts_of(path, ruleset, sought) for path in recordings}
     options.json = None if options.format == "text" else "-"
     if options.json is None:
         _tell(console(options), options.paths if not facts else paths, found, facts)
@@ -96,31 +93,21 @@ def _tell(
         part.tell(out, name)
 
 
-def _collected(paths: list[Path]) -> list[Diagnostic]:
-    """Diagnostics of the files; the cache remembers a plant without any."""
-    found: list[Diagnostic] = []
+def _collected(paths: Sequence[Path]) -> list[Diagnostic]:
+    from rulec.commands.check_files import collect  # loads the compiler
 
-    def clean() -> bool | None:
-        from rulec.commands.check_files import collect  # loads the compiler
-
-        found.extend(collect(paths))
-        return None if found else True
-
-    if len(paths) == 1 and len(plants := _plants_in(paths[0])) == 1:
-        kept_of_plant(plants[0], "clean", clean, whole=paths[0].is_dir())
-    else:
-        clean()
-    return found
+    return collect(list(paths))
 
 
-def _plants_in(path: Path) -> list[Path]:
-    """The plant file of a folder, and any further down."""
-    if path.is_dir() and (path / PLANT).is_file():
-        return [
-            path / PLANT,
-            *(f for f in yaml_files_in(path) if f.name == PLANT and f.parent != path),
-        ]
-    return [path] if path.name == PLANT else []
+def _facts(plant: Path, recordings: Sequence[Path]) -> tuple[list[Diagnostic], Mapping[str, Facts]]:
+    """What recordings are good for; instead, the mistakes of a plant that does not compile."""
+    from rulec.commands.recording_facts import facts_of, sought_in
+
+    try:
+        sought, ruleset = sought_in(plant), ruleset_of_plant(plant)
+    except Refused as refused:
+        return _collected([plant]) or list(refused.diagnostics), {}
+    return [], {str(path): facts_of(path, ruleset, sought) for path in recordings}
 
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

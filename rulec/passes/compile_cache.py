@@ -23,7 +23,7 @@ from rulec_runtime.output.json_file import Damaged, parse_json
 from rulec_runtime.output.open_file import begin_of, is_near
 from rulec_runtime.output.private_folder import keep, kept
 
-from rulec.knowledge.layers import KB, layers_of, plant_file, shipped, yaml_files_in
+from rulec.knowledge.layers import KB, layers_of, plant_file, shipped
 from rulec.language.diagnostics import Place, Refused
 from rulec.limits import MAX_FILE_BYTES
 
@@ -57,33 +57,29 @@ def ruleset_of_plant(
     return ruleset
 
 
-def kept_of_plant(
-    plant: Path, kind: str, make: Callable[[], Any], whole: bool = False, now: str | None = None
-) -> Any:
+def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any], now: str | None = None) -> Any:
     """JSON data that depend only on a plant: those of an earlier start, else made by `make`.
 
-    None is never kept. `whole`: they depend on all YAML files in its folder. `now` is as in
-    `ruleset_of_plant`.
+    `now` is as in `ruleset_of_plant`.
     """
-    known = _text(now or known_print(plant, whole), kind)
+    known = _text(now or known_print(plant), kind)
     if known is not None:
         try:
             return parse_json(known)
         except Damaged:
             pass
-    before = _print(plant, whole)
+    before = _print(plant)
     made = make()
-    if made is not None:
-        _keep(plant, kind, before, json.dumps(made), whole)
+    _keep(plant, kind, before, json.dumps(made))
     return made
 
 
-def known_print(plant: Path, whole: bool = False) -> str | None:
+def known_print(plant: Path) -> str | None:
     """Hash of all sources of a plant; None if its file has changed since it was last read."""
     file = plant_file(plant)
     try:
         names = kept(f"{print_of_text(file)}.names")
-        return None if names is None else print_of_all(file, json.loads(names), whole)
+        return None if names is None else print_of_all(file, json.loads(names))
     except (OSError, ValueError, Refused):
         return None
 
@@ -97,7 +93,7 @@ def _text(now: str | None, kind: str) -> str | None:
         return None
 
 
-def _print(plant: Path, whole: bool = False) -> tuple[str, dict[str, list[str]]] | None:
+def _print(plant: Path) -> tuple[str, dict[str, list[str]]] | None:
     """Hash of all sources of a plant, and the files that it names; None if it has mistakes."""
     from rulec.language.read_yaml import read_document
 
@@ -107,7 +103,7 @@ def _print(plant: Path, whole: bool = False) -> tuple[str, dict[str, list[str]]]
         if document is None or not isinstance(document.data, dict):
             return None
         names = named_in(document.data)
-        return print_of_all(file, names, whole), names
+        return print_of_all(file, names), names
     except (OSError, ValueError, Refused):
         return None
 
@@ -117,10 +113,9 @@ def _keep(
     kind: str,
     before: tuple[str, dict[str, list[str]]] | None,
     text: str,
-    whole: bool = False,
 ) -> None:
     """Keep a result, unless a source has changed meanwhile: either version may have been read."""
-    if before is None or before != _print(plant, whole):
+    if before is None or before != _print(plant):
         return
     found, names = before
     keep(f"{print_of_text(plant_file(plant))}.names", json.dumps(names).encode())
@@ -154,11 +149,10 @@ def print_of_text(plant: Path) -> str:
     return _hash((_tool(), os.path.realpath(plant), begin_of(plant, MAX_FILE_BYTES + 1)))
 
 
-def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool) -> str:
+def print_of_all(plant: Path, named: Mapping[str, list[str]]) -> str:
     """Hash of a plant file, of all files that it names, and of all its knowledge.
 
-    `whole` adds all other YAML beside it, which `rulec check` reads. Raises OSError or `Refused` if
-    something is missing.
+    Raises OSError or `Refused` if something is missing.
     """
     folder = plant.parent
     parts: list[str | bytes] = [print_of_text(plant)]
@@ -169,8 +163,6 @@ def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool) -> st
     if not all(is_near(file, folder) for file in beside):
         raise OSError("a file of the plant is none that may be read")
     parts += _contents(folder, beside)
-    if whole:
-        parts += _contents(folder, yaml_files_in(folder))
     return _hash(parts)
 
 

@@ -30,7 +30,6 @@ ABC, ADOPTED = "plants/abc", "adopted"
 CALLS = (
     f"show order {ABC}",
     f"matrix {ABC}",
-    f"check {ABC}",
     f"check {ABC} {ABC}/examples/healthy.csv",
     f"compile {ABC} -o {{}}/r.json",
     f"export {ABC} --to c -o {{}}/code",
