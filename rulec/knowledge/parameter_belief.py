@@ -12,7 +12,6 @@ Source: Lange, Little, Taylor 1989 (the t distribution); JCGM 100 (GUM), 4.3 (pr
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -27,7 +26,7 @@ def peak_of(freedom: Array) -> Array:
     >>> peak_of(np.array([3.0])).round(3)
     array([-0.082])
     """
-    # From the standard library, so that reporting a strain does not need scipy.
+    # From the standard library: to report a strain needs no scipy.
     of = np.vectorize(math.lgamma, otypes=[float])
     known = of((freedom + 1) / 2) - of(freedom / 2)
     return np.asarray(known - 0.5 * np.log(0.5 * freedom))
@@ -71,66 +70,16 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class _Stated:
-    """A statement on k parameters: `mean`, shape (k,), and `precision`, shape (k, k), in
-    coordinates, with the log odds that it holds."""
+    """A statement on all n parameters, in coordinates: their `mean`, shape (n,), and `axes`, shape
+    (n, n), along which distances are independent and in standard uncertainties.
+
+    `peak` holds the largest log density of each part, with the log odds that the statement holds
+    there, without the constant of a normal distribution.
+    """
 
     mean: Array
-    precision: Array
-    odds: float
-
-    @cached_property
-    def _ways(self) -> tuple[Array, Array, Array]:
-        """Square roots of the precisions, then weights and directions of independent axes."""
-        size = np.sqrt(np.diag(self.precision))
-        parts, ways = np.linalg.eigh(self.precision / np.outer(size, size))
-        return size, np.maximum(parts, 1e-12), ways
-
-    def density(self, at: Array) -> tuple[float, Array]:
-        """Log density, without the constant of a normal distribution, and the precision there."""
-        size, parts, ways = self._ways
-        far = parts * (ways.T @ (size * (at - self.mean))) ** 2
-        tails = 0.5 * (BELIEF_FREEDOM + 1.0) * float(np.sum(np.log1p(far / BELIEF_FREEDOM)))
-        weight = parts * (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
-        return self.peak - tails, (ways * weight) @ ways.T * np.outer(size, size)
-
-    @cached_property
-    def peak(self) -> float:
-        """Largest log density, with the odds."""
-        size, parts, _ = self._ways
-        whole = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts)))
-        return whole + float(_PEAK) * len(parts) + self.odds
-
-    def strains(self, at: Array) -> tuple[Array, Array]:
-        """Rows, shape (k,), and their slopes, shape (k, k).
-
-        Half of the sum of their squares is the fall of the log density from its peak.
-        """
-        size, parts, ways = self._ways
-        turned = np.sqrt(parts)[:, None] * ways.T * size
-        far = turned @ (at - self.mean)
-        squares = (BELIEF_FREEDOM + 1.0) * np.log1p(far**2 / BELIEF_FREEDOM)
-        rows = np.copysign(np.sqrt(squares), far)
-        steep = np.full(len(far), np.sqrt((BELIEF_FREEDOM + 1.0) / BELIEF_FREEDOM))
-        off = np.abs(far) > 1e-6
-        steep[off] *= far[off] / rows[off] * steep[off] / (1.0 + far[off] ** 2 / BELIEF_FREEDOM)
-        return rows, steep[:, None] * turned
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Parameters with a joint prior: their indices, and the statements on them."""
-
-    places: np.ndarray
-    stated: tuple[_Stated, ...]
-
-    @property
-    def is_alone(self) -> bool:
-        return len(self.places) == 1 and len(self.stated) == 1
-
-    def holding(self, at: Array) -> tuple[_Stated, float, Array]:
-        """The most probable statement there, with its log density and precision."""
-        every = [(s, *s.density(at[self.places])) for s in self.stated]
-        return max(every, key=lambda one: one[1])
+    axes: Array
+    peak: Array
 
 
 @dataclass(frozen=True)
@@ -147,79 +96,78 @@ class LocalBelief:
 
 @dataclass(frozen=True)
 class Belief:
-    """The prior of the parameters `names`; arrays are in this order, values in SI."""
+    """The prior of the parameters `names`; arrays are in this order, values in SI.
+
+    Parameters of the same `part`, shape (n,), are correlated: for them, one of the two statements
+    holds, by the calibration or by the sheet.
+    """
 
     names: tuple[str, ...]
     coordinates: Coordinates
-    parts: tuple[_Part, ...]
+    part: np.ndarray
+    by_calibration: _Stated
+    by_data_sheet: _Stated
 
     def near(self, at: Array) -> LocalBelief:
         """The prior near some coordinates, shape (n,)."""
-        n = len(self.names)
-        mean, precision = np.zeros(n), np.zeros((n, n))
-        places, means, scales, peak = self._alone
-        far = (scales * (at[places] - means)) ** 2
-        density = peak - 0.5 * (BELIEF_FREEDOM + 1.0) * float(
-            np.sum(np.log1p(far / BELIEF_FREEDOM))
-        )
-        mean[places] = means
-        weight = (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
-        precision[places, places] = scales**2 * weight
-        for part in self.parts:
-            if part.is_alone:
-                continue
-            stated, own, there = part.holding(at)
-            density += own
-            mean[part.places] = stated.mean
-            precision[np.ix_(part.places, part.places)] = there
-        return LocalBelief(density, mean, precision)
-
-    @cached_property
-    def _alone(self) -> tuple[np.ndarray, Array, Array, float]:
-        """Parameters stated alone and once: indices, means, inverse scales, largest log density."""
-        own = [part for part in self.parts if part.is_alone]
-        stated = [part.stated[0] for part in own]
-        return (
-            np.array([int(part.places[0]) for part in own], dtype=np.intp),
-            np.array([float(one.mean[0]) for one in stated]),
-            np.array([float(np.sqrt(one.precision[0, 0])) for one in stated]),
-            float(sum(one.peak for one in stated)),
-        )
+        stated, far, density = self._holding(at)
+        weight = (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far**2)
+        precision = (stated.axes.T * weight) @ stated.axes
+        return LocalBelief(float(np.sum(density)), stated.mean, precision)
 
     def strains(self, at: Array) -> tuple[Array, Array]:
         """The prior as rows of a least-squares fit, and their slopes, shapes (r,), (r, n).
 
         Half of the sum of their squares is the fall of the log density from its peak.
         """
-        rows, slopes = np.zeros(self.rows), np.zeros((self.rows, len(self.names)))
-        first = 0
-        for part in self.parts:
-            stated, last = part.holding(at)[0], first + len(part.places)
-            rows[first:last], slopes[first:last, part.places] = stated.strains(at[part.places])
-            rows[last] = np.sqrt(2.0 * (max(s.peak for s in part.stated) - stated.peak))
-            first = last + 1
-        return rows, slopes
+        stated, far, _ = self._holding(at)
+        rows = np.copysign(np.sqrt(2.0 * _fall(far)), far)
+        steep = np.full(len(far), np.sqrt((BELIEF_FREEDOM + 1.0) / BELIEF_FREEDOM))
+        off = np.abs(far) > 1e-6
+        steep[off] *= far[off] / rows[off] * steep[off] / (1.0 + far[off] ** 2 / BELIEF_FREEDOM)
+        highest = np.maximum(self.by_calibration.peak, self.by_data_sheet.peak)
+        of_parts = np.sqrt(2.0 * (highest - stated.peak))
+        slopes = np.zeros((self.rows, len(far)))
+        slopes[: len(far)] = steep[:, None] * stated.axes
+        return np.concatenate([rows, of_parts]), slopes
+
+    def _holding(self, at: Array) -> tuple[_Stated, Array, Array]:
+        """The more probable statement on each part, the distances along its axes, shape (n,), and
+        the log density of each part."""
+        one, other = self.by_calibration, self.by_data_sheet
+        far = [s.axes @ (at - s.mean) for s in (one, other)]
+        density = [
+            s.peak - np.bincount(self.part, _fall(f), len(s.peak))
+            for s, f in zip((one, other), far, strict=True)
+        ]
+        fails = density[1] > density[0]
+        own = fails[self.part]
+        stated = _Stated(
+            np.where(own, other.mean, one.mean),
+            np.where(own[:, None], other.axes, one.axes),
+            np.where(fails, other.peak, one.peak),
+        )
+        return stated, np.where(own, far[1], far[0]), np.maximum(*density)
 
     @property
     def rows(self) -> int:
         """Number of rows of `strains`."""
-        return len(self.names) + len(self.parts)
+        return len(self.names) + len(self.by_calibration.peak)
 
     @property
     def mean(self) -> Array:
         """Mean of the prior, in coordinates, shape (n,)."""
-        return self.near(self._means(0)).mean
+        return self.near(self.by_calibration.mean).mean
 
     @property
     def by_sheet(self) -> LocalBelief:
         """The prior if no calibration holds."""
-        return self.near(self._means(-1))
+        return self.near(self.by_data_sheet.mean)
 
-    def _means(self, which: int) -> Array:
-        at = np.zeros(len(self.names))
-        for part in self.parts:
-            at[part.places] = part.stated[which].mean
-        return at
+
+def _fall(far: Array) -> Array:
+    """Fall of the log density of a Student distribution at a distance from its centre."""
+    return np.asarray(0.5 * (BELIEF_FREEDOM + 1.0) * np.log1p(far**2 / BELIEF_FREEDOM))
 
 
 def belief_in(
@@ -239,6 +187,8 @@ def belief_in(
     sheet : value and standard uncertainty from the data sheet; parameters that differ from it were
         calibrated.
     """
+    from scipy.sparse.csgraph import connected_components  # to report a strain needs no scipy
+
     own = Coordinates(positive)
     u = np.sqrt(np.diag(covariance))
     scale = own.scales(values, u)
@@ -251,29 +201,28 @@ def belief_in(
     calibrated &= u_sheet > 0.0
     sheet_at = own.of(np.where(calibrated, of_sheet, values))
     sheet_scale = own.scales(np.where(calibrated, of_sheet, values), u_sheet)
-    parts = []
-    for places in _together(correlation):
-        inverse = np.linalg.inv(correlation[np.ix_(places, places)] + 1e-9 * np.eye(len(places)))
-        found = _Stated(at[places], inverse / np.outer(scale[places], scale[places]), 0.0)
-        if not calibrated[places].any():
-            parts.append(_Part(places, (found,)))
-            continue
-        wide = np.where(calibrated, sheet_scale, scale)[places]
-        known = _Stated(sheet_at[places], np.diag(wide**-2.0), float(np.log(CALIBRATION_FAILS)))
-        parts.append(_Part(places, (found, known)))
-    return Belief(tuple(names), own, tuple(parts))
+    wide = np.where(calibrated, sheet_scale, scale)
+    count, part = connected_components(correlation)
+    axes, peak = (np.zeros_like(correlation), np.diag(1.0 / wide)), np.zeros((2, count))
+    for k in range(count):
+        places = np.flatnonzero(part == k)
+        block = np.ix_(places, places)
+        inverse = np.linalg.inv(correlation[block] + 1e-9 * np.eye(len(places)))
+        axes[0][block] = _axes(inverse / np.outer(scale[places], scale[places]))
+        odds = math.log(CALIBRATION_FAILS) if calibrated[places].any() else -math.inf
+        for which, its_odds in enumerate((0.0, odds)):
+            size = float(np.linalg.slogdet(axes[which][block])[1])
+            peak[which, k] = size + float(_PEAK) * len(places) + its_odds
+    calibration = _Stated(at, axes[0], peak[0])
+    return Belief(tuple(names), own, part, calibration, _Stated(sheet_at, axes[1], peak[1]))
 
 
-def _together(correlation: Array) -> list[np.ndarray]:
-    """Indices of parameters that are correlated, directly or through others."""
-    left, found = list(range(len(correlation))), []
-    while left:
-        places = [left[0]]
-        for i in places:
-            places += [j for j in left if j not in places and correlation[i, j] != 0.0]
-        left = [i for i in left if i not in places]
-        found.append(np.array(sorted(places)))
-    return found
+def _axes(precision: Array) -> Array:
+    """Directions as rows, along which distances are independent and in standard uncertainties."""
+    size = np.sqrt(np.diag(precision))
+    parts, ways = np.linalg.eigh(precision / np.outer(size, size))
+    axes: Array = np.sqrt(np.maximum(parts, 1e-12))[:, None] * ways.T * size
+    return axes
 
 
 @dataclass(frozen=True)
