@@ -1,13 +1,14 @@
 """Check the joins of an effect: the places it joins, and the law they then have."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from rulec_runtime.output.nearest import did_you_mean
 
-from rulec.knowledge.effect import PLAIN, Columns, Driver, EffectLaw, EffectState, Join, parse_law
-from rulec.language.expression import Expression, Rejected, constant
+from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, EffectState, Join, parse_law
+from rulec.language.expression import Expression, Rejected, constant, rejected_at
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND, UNKNOWN, VOLUME_FLOW, Dimension
@@ -47,14 +48,13 @@ class JoinReader(Reader):
             return
         kind, before = kinds[0], len(self.found)
         slopes = self._slopes(part, path)
-        law, columns = self._law((*path, "law"))
-        self._check_law_names((*path, "law"), law, columns)
+        law = self._law((*path, "law"))
         also = {end: self._also((*path, "also", end)) for end in part.get("also", {})}
         listed = isinstance(part[kind], list)
         for j, quantity in enumerate(part[kind] if listed else [part[kind]]):
             own = self._dimension_of(kind, (*path, kind, j) if listed else (*path, kind))
             if len(self.found) == before:
-                self._check_law_dimension((*path, "law"), law, columns, own)
+                self._check_law_dimension((*path, "law"), law, own)
                 self._check_states(own)
             yield Join(
                 **{kind: quantity},
@@ -110,10 +110,9 @@ class JoinReader(Reader):
 
     def _also(self, path: Path_) -> EffectLaw:
         before = len(self.found)
-        law, columns = self._law(path)
-        self._check_law_names(path, law, columns)
+        law = self._law(path)
         if len(self.found) == before:
-            self._check_law_dimension(path, law, columns, VOLUME_FLOW)
+            self._check_law_dimension(path, law, VOLUME_FLOW)
         return law
 
     def _check_states(self, own: Dimension) -> None:
@@ -132,49 +131,45 @@ class JoinReader(Reader):
         """Dimensions of parameters `of_place`, at a signal of dimension `own`."""
         return {name: own * factor for name, factor in self.of_place.items()}
 
-    def _law(self, path: Path_) -> tuple[EffectLaw, Columns]:
-        """The law at a path; a refused one is reported and replaced by the plain law."""
+    def _law(self, path: Path_) -> EffectLaw:
+        """The law at a path; a refused one is reported and replaced by the plain law.
+
+        Its names must be known, and ``law(...)`` must replace own drivers.
+        """
         try:
-            return parse_law(str(self.part(path)))
+            law = parse_law(str(self.part(path)))
         except Rejected as error:
             self.report_error(path, error)
             return parse_law(PLAIN)
-
-    def _check_law_names(self, path: Path_, law: EffectLaw, columns: Columns) -> None:
-        """Check that all names of a law are known, and that ``law(...)`` replaces own drivers."""
-        known = {PLAIN, *law.substitutes, *self.known, *self.states}
-        self._check_known(path, law.expression, known)
-        for key, replaced in law.substitutes.items():
+        self._check_known(
+            path, law.expression, {PLAIN, *law.substitutes, *self.known, *self.states}
+        )
+        for replaced in law.substitutes.values():
             for driver, value in replaced.items():
-                at, start = columns[key, driver]
-                self._check_own_driver(driver, path, at)
-                self._check_known(path, value, self.known, start)
+                at = re.search(rf"\b{driver}\s*=", law.text)
+                self._check_own_driver(driver, path, at and at.start())
+                self._check_known(path, value, self.known)
+        return law
 
-    def _check_known(
-        self, path: Path_, expression: Expression, known: Collection[str], shift: int = 0
-    ) -> None:
+    def _check_known(self, path: Path_, expression: Expression, known: Collection[str]) -> None:
         hint = "declare a driver of that quantity"
-        self.check_own(path, expression, "the law of an effect", hint, shift)
-        self.check_names(path, expression, known, "driver nor parameter of this effect", shift)
+        self.check_own(path, expression, "the law of an effect", hint)
+        self.check_names(path, expression, known, "driver nor parameter of this effect")
 
-    def _check_law_dimension(
-        self, path: Path_, law: EffectLaw, columns: Columns, own: Dimension
-    ) -> None:
+    def _check_law_dimension(self, path: Path_, law: EffectLaw, own: Dimension) -> None:
         """Check the dimension of the law, and of whatever replaces a driver in it."""
         laws = dict.fromkeys((PLAIN, *law.substitutes, *self.states), own)
         known = {**self.known, **laws, **self._placed(own)}
-        parts = [(law.expression, 0, own, "the place")]
-        for key, replaced in law.substitutes.items():
-            parts += [
-                (value, columns[key, driver][1], self.known[driver], f"'{driver}'")
-                for driver, value in replaced.items()
-            ]
+        parts = [(law.expression, own, "the place")]
+        for replaced in law.substitutes.values():
+            parts += [(value, self.known[n], f"'{n}'") for n, value in replaced.items()]
         before = len(self.found)
-        for expression, shift, wanted, what in parts:
-            given = self.dimension(path, expression, known, shift=shift)
-            if not given.fits(wanted) and constant(expression, {}) != 0:
+        for expression, wanted, what in parts:
+            given = self.dimension(path, expression, known)
+            if not given.fits(wanted):
                 message = f"this is {given}, but {what} is {wanted}"
-                hint = "check each factor"
-                self.report_word(path, shift, expression.text, "KB101", message, hint)
+                self.report_error(
+                    path, rejected_at(expression.tree, "KB101", message, "check each factor")
+                )
             if len(self.found) > before:
                 return

@@ -1,12 +1,21 @@
 """Check states (balances, limits, what sensors show of them) and regimes of a module type."""
 
+import ast
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.module_type import ENDS, Comparison, ModuleType, Reading, Regime, Signal, State
-from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.expression import (
+    Expression,
+    Rejected,
+    checked,
+    parse,
+    rejected_at,
+    syntax_tree,
+    text_of,
+)
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND, Unit
@@ -114,26 +123,25 @@ class RegimeReader(Reader):
     def _comparison(self, path: Path_) -> Comparison | None:
         """A comparison such as ``loss < 0``; a mistake is reported and gives None."""
         text: str = self.part(path)
-        sign = ">" if ">" in text else "<"
-        left, _, right = text.partition(sign)
-        if right.strip() == MINIMUM:
-            return self._with_minimum(path, text, left.strip(), above=sign == ">")
-        sides = []
-        for side, shift in ((left, 0), (right, len(left) + 1)):
-            try:
-                expression = parse(side)
-            except Rejected as error:
-                self.report_error(path, error, shift)
-                return None
-            before = len(self.found)
-            what = "signal, parameter nor definition of this module"
-            self.check_names(path, expression, self.known, what, shift)
-            self.check_own(path, expression, "a regime", "give it a definition", shift)
-            if len(self.found) > before:
-                return None
-            sides.append(side.strip())
-        more, less = sides if sign == ">" else sides[::-1]
-        return Comparison(text, parse(f"({more}) - ({less})"))
+        before = len(self.found)
+        try:
+            tree = syntax_tree(text, also="<>")
+            match tree:
+                case ast.Compare(ops=[ast.Gt() | ast.Lt()], left=left, comparators=[right]):
+                    above = isinstance(tree.ops[0], ast.Gt)
+                case _:
+                    raise rejected_at(tree, "KB041", "this does not compare two values")
+            if isinstance(right, ast.Name) and right.id == MINIMUM:
+                return self._with_minimum(path, text, text_of(left), above=above)
+            more, less = (left, right) if above else (right, left)
+            margin = checked(ast.copy_location(ast.BinOp(more, ast.Sub(), less), tree))
+        except Rejected as error:
+            self.report_error(path, error)
+            return None
+        what = "signal, parameter nor definition of this module"
+        self.check_names(path, margin, self.known, what)
+        self.check_own(path, margin, "a regime", "give it a definition")
+        return Comparison(text, margin) if len(self.found) == before else None
 
     def _with_minimum(self, path: Path_, text: str, name: str, *, above: bool) -> Comparison | None:
         signal = self.signals.get(name)

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.knowledge.module_type import Stored
 from rulec.language.diagnostics import Origin
-from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.expression import (
+    Expression,
+    Rejected,
+    checked,
+    function_of,
+    name_node,
+    rejected_at,
+    syntax_tree,
+)
 from rulec.language.units import Unit
 
 USUAL_HINT = "add 'usual: {median: ..., factor: 3, source: ...}', or 'change: 0.05' for a share"
@@ -221,26 +230,19 @@ class Effect:
 
 # Read the law of an effect: an equation that may use the plain law at another point.
 #
-# ``law(dp=0)`` is the plain law with a driver replaced. Equations have no other keyword arguments;
-# each distinct one is replaced by a name of its own before the equation is parsed.
+# ``law(dp=0)`` is the plain law with a driver replaced. Each distinct one gets a name of its own.
 
 _ELSEWHERE = re.compile(rf"\b{PLAIN}\s*\(")
 _NUMBERED = re.compile(rf"\b{PLAIN}_[0-9]+\b")
-_SETTING = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]{0,40})\s*=(.*)", re.DOTALL)
 _EXAMPLE = f"as in {PLAIN}(dp=0)"
 
-Columns = dict[tuple[str, str], tuple[int, int]]
-"""Columns of a replaced driver and of its replacement, by entry of `substitutes` and driver."""
 
-
-def parse_law(text: str) -> tuple[EffectLaw, Columns]:
+def parse_law(text: str) -> EffectLaw:
     """Read the law of an effect; raises `Rejected` for anything outside the language.
 
-    The names that replace ``law(...)`` are padded, so that columns match those of the text.
-
-    >>> law, _ = parse_law("law(dp=0) - c*(law(dp=0) - law)")
+    >>> law = parse_law("law(dp=0) - c*(law(dp=0) - law)")
     >>> law.expression.text
-    'law_1     - c*(law_1     - law)'
+    'law_1 - c*(law_1 - law)'
     >>> law.substitutes["law_1"]["dp"].text
     '0'
     """
@@ -248,64 +250,36 @@ def parse_law(text: str) -> tuple[EffectLaw, Columns]:
     if numbered:
         message = f"'{numbered[0]}' is neither driver nor parameter of this effect"
         raise Rejected("KB036", numbered.start(), message, _EXAMPLE, len(numbered[0]))
-    names: dict[str, str] = {}
-    substitutes: dict[str, dict[str, Expression]] = {}
-    columns: Columns = {}
-    plain, done = "", 0
-    for start, opening, end in _calls(text):
-        key = re.sub(r"\s", "", text[opening + 1 : end])
-        if key not in names:
-            names[key] = name = f"{PLAIN}_{len(names) + 1}"
-            settings = _settings(text, opening + 1, end)
-            substitutes[name] = {driver: value for driver, (value, _, _) in settings.items()}
-            columns |= {(name, driver): (at, to) for driver, (_, at, to) in settings.items()}
-        plain += text[done:start] + names[key].ljust(end + 1 - start)
-        done = end + 1
-    return EffectLaw(text, parse(plain + text[done:]), substitutes), columns
+    named = _Elsewhere()
+    tree = named.visit(syntax_tree(text, also="=" if _ELSEWHERE.search(text) else ""))
+    return EffectLaw(text, checked(tree), named.substitutes)
 
 
-def _calls(text: str) -> Iterator[tuple[int, int, int]]:
-    """Columns of each outermost ``law(...)``: its start, opening and closing bracket."""
-    end = -1
-    for found in _ELSEWHERE.finditer(text):
-        opening = found.end() - 1
-        if found.start() < end:
+class _Elsewhere(ast.NodeTransformer):
+    """Replaces each distinct ``law(...)`` by a name, and holds its `substitutes` by that name."""
+
+    def __init__(self) -> None:
+        self.substitutes: dict[str, dict[str, Expression]] = {}
+        self._names: dict[str, str] = {}
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        if function_of(node) != PLAIN:
+            return self.generic_visit(node)
+        text = ast.unparse(node)
+        if text not in self._names:
+            self._names[text] = name = f"{PLAIN}_{len(self._names) + 1}"
+            self.substitutes[name] = _replaced(node)
+        return ast.copy_location(name_node(self._names[text]), node)
+
+
+def _replaced(call: ast.Call) -> dict[str, Expression]:
+    """Per driver what replaces it; raises `Rejected`."""
+    given = {part.arg: part.value for part in call.keywords if part.arg}
+    if call.args or not given or len(given) < len(call.keywords):
+        message = f"{PLAIN}(...) takes each driver once, with what replaces it"
+        raise rejected_at([*call.args, *call.keywords, call][0], "KB045", message, _EXAMPLE)
+    for part in (part for value in given.values() for part in ast.walk(value)):
+        if isinstance(part, ast.Call) and function_of(part) == PLAIN:
             message = f"{PLAIN}(...) cannot stand inside another"
-            raise Rejected("KB045", found.start(), message, _EXAMPLE, found.end() - found.start())
-        depth = 0
-        for end in range(opening, len(text)):
-            depth += (text[end] == "(") - (text[end] == ")")
-            if depth == 0:
-                break
-        if depth:
-            raise Rejected("KB040", opening, "this bracket never closes", "is a ) missing?")
-        yield found.start(), opening, end
-
-
-def _settings(text: str, start: int, end: int) -> dict[str, tuple[Expression, int, int]]:
-    """Per driver its replacement, with the columns of both."""
-    result: dict[str, tuple[Expression, int, int]] = {}
-    for at, part in _parts(text, start, end):
-        found = _SETTING.fullmatch(part)
-        if found is None or found[1] in result:
-            message = f"{PLAIN}(...) takes each driver once, with what replaces it"
-            raise Rejected("KB045", at, message, _EXAMPLE, max(1, len(part)))
-        column = at + found.start(2)
-        try:
-            value = parse(found[2])
-        except Rejected as error:
-            error.column += column
-            raise
-        result[found[1]] = (value, at + found.start(1), column)
-    return result
-
-
-def _parts(text: str, start: int, end: int) -> Iterator[tuple[int, str]]:
-    """Parts between the commas outside of brackets, with their columns."""
-    depth, first = 0, start
-    for i in range(start, end):
-        depth += (text[i] == "(") - (text[i] == ")")
-        if text[i] == "," and not depth:
-            yield first, text[first:i]
-            first = i + 1
-    yield first, text[first:end]
+            raise rejected_at(part, "KB045", message, _EXAMPLE)
+    return {driver: checked(value) for driver, value in given.items()}

@@ -81,7 +81,7 @@ def _move(reader: Reader, path: Path_) -> Move | None:
     gives = reader.quantity(*path, "gives")
     reader.quantity(*path, key)
     try:
-        law, _ = parse_law(part["law"])
+        law = parse_law(part["law"])
     except Rejected as error:
         reader.report_error((*path, "law"), error)
         return None

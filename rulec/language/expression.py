@@ -91,12 +91,20 @@ def parse(text: str) -> Expression:
     >>> parse("sqrt((dp - k0)/k2)").text
     'sqrt((dp - k0)/k2)'
     """
+    return checked(syntax_tree(text), text)
+
+
+def syntax_tree(text: str, also: str = "") -> ast.expr:
+    """The tree of a text, not yet checked; columns are those of the text.
+
+    `also` are signs that may stand in it besides those of an equation. Raises `Rejected`.
+    """
     if len(text) > MAX_EQUATION_LENGTH:
         message = f"the equation has {len(text)} characters; at most {MAX_EQUATION_LENGTH} are read"
         raise Rejected("KB042", 0, message, "split it with definitions", len(text))
     if not text.strip():
         raise Rejected("KB040", 0, "the equation is empty")
-    _refuse_text(text)
+    _refuse_text(text, also)
     indent = len(text) - len(text.lstrip())
     line = text.strip().replace("\r", " ").replace("\n", " ")
     try:
@@ -115,8 +123,14 @@ def parse(text: str) -> Expression:
         if isinstance(node, ast.expr):
             node.col_offset += indent
             node.end_col_offset = (node.end_col_offset or 0) + indent
+    return tree
+
+
+def checked(tree: ast.expr, text: str = "") -> Expression:
+    """A tree as an expression, with the given text or one made from it; raises `Rejected` if it is
+    not in the language."""
     _check(tree, 0, Fraction(1))
-    expression = Expression(text, tree)
+    expression = Expression(text or text_of(tree), tree)
     constant(expression, {})
     return expression
 
@@ -143,9 +157,9 @@ _REMEDIES = {
 }
 
 
-def _refuse_text(text: str) -> None:
-    """Refuse foreign characters and reserved words before Python's parser reads them."""
-    foreign = _FOREIGN.search(text)
+def _refuse_text(text: str, also: str) -> None:
+    """Refuse foreign characters but `also`, and reserved words, before Python's parser reads."""
+    foreign = next((f for f in _FOREIGN.finditer(text) if f[0] not in tuple(also)), None)
     if foreign:
         shown = foreign[0] if foreign[0].isprintable() else f"{ord(foreign[0]):#04x}"
         hint = _REMEDIES.get(foreign[0], "numbers, names, + - * / ** ( ) and functions only")

@@ -61,12 +61,12 @@ class Reader:
         """Report a mistake in one word of the text at a path; `column` counts from 0."""
         self.report_error(path, Rejected(code, column, message, hint, max(1, len(word))))
 
-    def report_error(self, path: Path_, error: Rejected, shift: int = 0) -> None:
-        """Report a mistake in the text at a path; its column counts from character `shift`."""
+    def report_error(self, path: Path_, error: Rejected) -> None:
+        """Report a mistake in the text at a path."""
         place, text = self.document.place(*path), str(self.part(path))
         quotes = place.length - len(text)
         if quotes in (0, 2):  # else the text has several lines or escapes and is marked as a whole
-            column = place.column + quotes // 2 + shift + error.column
+            column = place.column + quotes // 2 + error.column
             place = Place(place.file, place.line, column, error.length)
         self.found.append(Diagnostic(place, error.code, error.message, error.hint))
 
@@ -138,22 +138,20 @@ class Reader:
             return parse("0")
 
     def check_names(
-        self, path: Path_, expression: Expression, known: Collection[str], what: str, shift: int = 0
+        self, path: Path_, expression: Expression, known: Collection[str], what: str
     ) -> None:
         """Report unknown names in an equation; `what` says what they could be."""
         for name, column in expression.names():
             if name not in known:
                 message = f"'{name}' is neither {what}"
                 hint = did_you_mean(name, known)
-                self.report_word(path, shift + column, name, "KB036", message, hint)
+                self.report_word(path, column, name, "KB036", message, hint)
 
-    def check_own(
-        self, path: Path_, expression: Expression, what: str, hint: str, shift: int = 0
-    ) -> None:
+    def check_own(self, path: Path_, expression: Expression, what: str, hint: str) -> None:
         """Report fluid properties and downstream sums in an equation that cannot use them."""
         for name, column in (*expression.properties(), *expression.gathered()):
             message = f"'{name}' cannot be asked for in {what}"
-            self.report_word(path, shift + column, name, "KB044", message, hint)
+            self.report_word(path, column, name, "KB044", message, hint)
 
     def dimension(
         self,
@@ -161,11 +159,10 @@ class Reader:
         expression: Expression,
         known: Mapping[str, Dimension],
         gathered: Mapping[str, Dimension] | None = None,
-        shift: int = 0,
     ) -> Dimension:
         """Dimension of an equation; a misfit is reported and gives `UNKNOWN`."""
         try:
             return dimension(expression, known, gathered or {})
         except Rejected as error:
-            self.report_error(path, error, shift)
+            self.report_error(path, error)
             return UNKNOWN
