@@ -1,20 +1,17 @@
-"""Check the dimensions and comparisons in all equations of a module type."""
+"""Check the dimensions in all equations of a module type."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import sympy
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place
 from rulec.language.dimension import dimension
 from rulec.language.expression import Rejected, constant
-from rulec.language.functions import FUNCTIONS
 from rulec.language.read_yaml import Document
 from rulec.language.reader import Reader
-from rulec.language.symbolic import to_sympy
-from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
+from rulec.language.units import SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
 
 def provided_names(
@@ -46,11 +43,9 @@ class EquationReader(Reader):
     provided: Mapping[str, Dimension]
 
     def check(self) -> None:
-        """Check dimensions, then comparisons, if there are no mistakes so far."""
+        """Check dimensions, if there are no mistakes so far."""
         if not self.is_refused:
             self._check_dimensions()
-        if not self.is_refused:
-            self._check_comparisons()
 
     def _check_dimensions(self) -> None:
         module = self.module
@@ -91,27 +86,6 @@ class EquationReader(Reader):
                     path = ("regimes", regime.name, "when", i)
                     message = f"'{condition.text}' compares what is of different kinds"
                     self.report(path, "KB127", message, "check each factor")
-
-    def _check_comparisons(self) -> None:
-        """Refuse min and max of values that may not be real: sympy cannot compare them."""
-        module = self.module
-        comparing = [name for name, f in FUNCTIONS.items() if f.arity == 2]
-        if not any(name in e.text for e in module.equations() for name in comparing):
-            return
-        names = (*module.signals, *module.parameters, *module.states, *ENDS)
-        table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
-        gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
-        used = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}
-        for path, expression in module.equations_at():
-            if path[0] not in ("definitions", "observers"):
-                continue
-            try:
-                table[str(path[1])] = to_sympy(expression, table, gathered, used)
-            except ValueError:
-                message = "min() or max() gets something that is no real number"
-                hint = "is there a root of something below 0, or a division by 0?"
-                self.report(path, "KB041", message, hint)
-                return
 
 
 def dimensions_of(

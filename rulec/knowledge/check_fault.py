@@ -93,10 +93,7 @@ def _law(reader: Reader, path: Path_) -> Expression:
         reader.report(path, "KB062", message, "as in (1 + x)*g")
         return expression
     g, x, value = sympy.symbols("g x value", real=True)
-    try:
-        law = to_sympy(expression, {"g": g, "x": x, UNIT: sympy.S.One})
-    except ValueError:  # sympy cannot take min and max of values that may not be real
-        law = sympy.nan
+    law = to_sympy(expression, {"g": g, "x": x, UNIT: sympy.S.One})
     if invert(law, g, value) is None or invert(law, x, value) is None:
         message = "this law cannot be solved for g and x"
         reader.report(path, "KB064", message, "let g and x occur once each")
