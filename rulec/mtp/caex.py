@@ -1,8 +1,7 @@
 """Read CAEX (IEC 62424, versions 2.15 and 3.0) into trees with line numbers; refuse hostile files.
 
 Nothing of a container is ever unpacked onto the disk. Elements go by their local names, since 2.15
-has no XML namespace and 3.0 has one. Of the class libraries, which are most of a file, only the
-inheritance is kept.
+has no XML namespace and 3.0 has one. Of the class libraries only the inheritance is kept.
 """
 
 from __future__ import annotations
@@ -20,18 +19,12 @@ from rulec_runtime.output.open_file import begin_of
 from rulec.mtp import limits
 from rulec.mtp.package import MtpRefused
 
-_KEPT = {
-    "CAEXFile", "InstanceHierarchy", "InternalElement", "ExternalInterface", "Attribute",
-    "InternalLink", "SupportedRoleClass", "RoleRequirements",
-    "AdditionalInformation", "WriterHeader",
-}  # fmt: skip
 _TEXTS = {"Value", "DefaultValue", "Description", "Version", "WriterName", "WriterVendor"}
-_CLASS = "SystemUnitClass"
 
 
 @dataclass(slots=True)
 class Element:
-    """An element that is kept; `texts` holds the text of children that contain only text."""
+    """An element; `texts` holds the text of children that contain only text."""
 
     tag: str
     attributes: dict[str, str]
@@ -70,15 +63,15 @@ class Element:
 
 @dataclass(frozen=True)
 class Caex:
-    """A file: its root, the base of each class of its libraries, and how many elements it keeps."""
+    """A file: its root, the base of each class of its libraries, and how many elements it has."""
 
     root: Element
     bases: dict[str, str]
-    kept: int
+    elements: int
 
 
 def read_caex(member: Member, most: int) -> Caex:
-    """Parse one file that keeps at most `most` elements. Raises `MtpRefused` with the place."""
+    """Parse one file that has at most `most` elements. Raises `MtpRefused` with the place."""
     data, label = member.data, member.label
     if not data.strip():
         raise MtpRefused(f"{label}: the file is empty; export it again")
@@ -97,9 +90,31 @@ def read_caex(member: Member, most: int) -> Caex:
         ) from None
     except ValueError as error:
         raise MtpRefused(f"{label}: this is not XML ({error}); export it again") from None
-    if reader.root is None:
+    root = reader.root
+    if root is None or root.tag != "CAEXFile":
         raise MtpRefused(f"{label}: no 'CAEXFile' in it; give an AutomationML file")
-    return Caex(reader.root, reader.bases, reader.kept)
+    bases = _bases(root)
+    root.children = [child for child in root.children if child.tag in _INSTANCES]
+    return Caex(root, bases, reader.elements)
+
+
+_INSTANCES = ("InstanceHierarchy", "AdditionalInformation")
+
+
+def _bases(root: Element) -> dict[str, str]:
+    """The base of each class of the libraries by its path; without one, what it stands in."""
+    found: dict[str, str] = {}
+    waiting = [(library, library.get("Name")) for library in root.of("SystemUnitClassLib")]
+    while waiting:
+        outer, path = waiting.pop()
+        for one in outer.of("SystemUnitClass"):
+            name = one.get("Name")
+            if len(name) > limits.LONGEST_NAME:
+                message = f"the name of a class has {len(name)} characters; is it an MTP?"
+                raise MtpRefused(f"{one.place}: {message}")
+            found[f"{path}/{name}"] = one.get("RefBaseClassPath") or path
+            waiting.append((one, f"{path}/{name}"))
+    return found
 
 
 class _Reader:
@@ -114,17 +129,13 @@ class _Reader:
         self.parser.EndElementHandler = self._end
         self.parser.CharacterDataHandler = self._text
         self.root: Element | None = None
-        self.bases: dict[str, str] = {}
-        self.kept = 0
+        self.elements = 0
         self._label, self._most = label, most
-        self._depth = self._elements = 0
-        self._skipped = 0
-        """Depth below which nothing is kept; 0 where everything is."""
+        self._depth = 0
         self._here: Element | None = None
         self._of = ""
         self._parts: list[str] = []
         self._length = 0
-        self._classes: list[str] = []
 
     def _refused(self, text: str) -> MtpRefused:
         return MtpRefused(f"{self._label}:{self.parser.CurrentLineNumber}: {text}")
@@ -137,59 +148,30 @@ class _Reader:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._depth += 1
-        self._elements += 1
+        self.elements += 1
         if self._depth > limits.DEEPEST:
             raise self._refused(f"elements are nested deeper than {limits.DEEPEST}; is it an MTP?")
-        if self._elements > limits.MOST_ELEMENTS:
+        if self.elements > self._most:
             raise self._refused(f"more than {limits.MOST_ELEMENTS} elements; is it an MTP?")
         tag = name.rpartition(":")[2]
-        if self._skipped:
-            if tag == _CLASS and self._classes:
-                name = attributes.get("Name", "")
-                if len(name) > limits.LONGEST_NAME:
-                    raise self._refused(
-                        f"the name of a class has {len(name)} characters; is it an MTP?"
-                    )
-                outer = "/".join(self._classes)
-                self._classes.append(name)
-                self.bases[f"{outer}/{name}"] = attributes.get("RefBaseClassPath", "") or outer
+        self._of, self._parts, self._length = tag if tag in _TEXTS else "", [], 0
+        if self._of:
             return
-        if tag in _TEXTS:
-            self._of, self._parts, self._length = tag, [], 0
-        elif tag in _KEPT:
-            self._keep(tag, attributes)
-        else:
-            self._skipped = self._depth
-            if tag == "SystemUnitClassLib":
-                self._classes = [attributes.get("Name", "")]
-
-    def _keep(self, tag: str, attributes: dict[str, str]) -> None:
-        self._of = ""
-        self.kept += 1
-        if self.kept > self._most:
-            raise self._refused(f"more than {limits.MOST_KEPT} elements to keep; is it an MTP?")
         for key, value in attributes.items():
             if len(value) > limits.LONGEST_TEXT:
                 raise self._refused(f"'{key[:40]}' has {len(value)} characters; is it an MTP?")
         place = f"{self._label}:{self.parser.CurrentLineNumber}"
         element = Element(tag, attributes, place, self._here)
-        if self._here is not None:
-            self._here.children.append(element)
-        elif tag == "CAEXFile":
+        if self._here is None:
             self.root = element
         else:
-            raise self._refused(f"the file begins with '{tag}'; an MTP begins with 'CAEXFile'")
+            self._here.children.append(element)
         self._here = element
 
     def _end(self, name: str) -> None:
         self._depth -= 1
         tag = name.rpartition(":")[2]
-        if self._skipped:
-            if tag == _CLASS and self._classes:
-                self._classes.pop()
-            if self._depth < self._skipped:
-                self._skipped, self._classes = 0, []
-        elif tag in _TEXTS:
+        if tag in _TEXTS:
             if self._here is not None and self._of == tag:
                 self._here.texts.setdefault(tag, "".join(self._parts).strip())
             self._of = ""
@@ -197,7 +179,7 @@ class _Reader:
             self._here = self._here.parent
 
     def _text(self, text: str) -> None:
-        if not self._of or self._skipped:
+        if not self._of:
             return
         self._length += len(text)
         if self._length > limits.LONGEST_TEXT:

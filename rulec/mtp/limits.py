@@ -22,11 +22,8 @@ MOST_MANIFESTS = 50
 DEEPEST = 60
 """Deepest nesting of elements. Origin: assumed; real files have up to ten."""
 
-MOST_ELEMENTS = 1_000_000
-"""Most elements of one file. Origin: assumed; real files have up to 20,000."""
-
-MOST_KEPT = 200_000
-"""Most elements kept of a container, without class libraries. Origin: assumed; memory, 100 MB."""
+MOST_ELEMENTS = 200_000
+"""Most elements of a container. Origin: assumed; real files have up to 20,000; memory, 100 MB."""
 
 LONGEST_TEXT = 1 << 16
 """Most characters of a value or attribute. Origin: assumed; real ones have some hundred."""

@@ -19,7 +19,7 @@ def read_packages(path: Path) -> list[Package]:
     """
     files: list[Caex] = []
     for member in read_members(path):
-        files.append(read_caex(member, limits.MOST_KEPT - sum(file.kept for file in files)))
+        files.append(read_caex(member, limits.MOST_ELEMENTS - sum(file.elements for file in files)))
     space = Space([file.root for file in files], {k: v for f in files for k, v in f.bases.items()})
     found = list(_packages(space))
     if not found:
