@@ -1,6 +1,7 @@
 """Who may import whom, by folder, and what the commands load."""
 
 import ast
+import functools
 import os
 import subprocess
 import sys
@@ -62,26 +63,26 @@ MODULES = {
 """All modules of the product and where they stand."""
 
 
-def imports(module: str) -> Iterator[tuple[str, bool]]:
+@functools.cache
+def imports(module: str) -> list[tuple[str, bool]]:
     """Modules that one imports, also inside functions or for types alone; second: at the top."""
-    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
-    inside = {
-        id(node)
-        for function in ast.walk(tree)
-        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef)
-        or (isinstance(function, ast.If) and ast.unparse(function.test) == "TYPE_CHECKING")
-        for node in ast.walk(function)
-    }
-    for node in ast.walk(tree):
+    return list(_imports(ast.parse(MODULES[module].read_text(encoding="utf-8")), module, True))
+
+
+def _imports(tree: ast.AST, module: str, at_top: bool) -> Iterator[tuple[str, bool]]:
+    for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, id(node) not in inside
+            yield from ((alias.name, at_top) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module}: relative import"
             source = node.module or ""
             for alias in node.names:
                 inner = f"{source}.{alias.name}"
-                yield inner if inner in MODULES else source, id(node) not in inside
+                yield inner if inner in MODULES else source, at_top
+        else:
+            inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            inside |= isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+            yield from _imports(node, module, at_top and not inside)
 
 
 def room_of(module: str) -> str:

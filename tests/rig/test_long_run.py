@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.rig.long_run import courses, physics
+from tests.rig.long_run import courses
 from tests.rig.long_run.judged import Right, complaints
-from tests.rig.long_run.plants import clock, constant, plant, recorded
 
 
 @pytest.mark.parametrize("number", range(12))
@@ -15,19 +14,6 @@ def test_a_course_reaches_its_last_degree_when_the_recording_ends_or_before(numb
     assert last == pytest.approx(course.last)
     assert course.begins < course.reaches(last) <= course.ends * (1.0 + 1e-4)
     assert course.reaches(1.3 * last) > course.ends
-
-
-@pytest.mark.parametrize(("back", "runs_back"), [(physics.OPEN, True), (physics.SHUT, False)])
-def test_liquid_runs_back_through_a_pump_that_is_off_unless_a_valve_shuts(
-    back: float, runs_back: bool
-) -> None:
-    time = clock(60)
-    speed = {**constant("abc", time), "A": np.zeros(60)}
-    built = physics.idle(plant("abc"), "A", time >= 0.0, back)
-    shown = recorded("abc", time, 1, speed=speed, built=built, backflow=True)
-    flow = {name: float(shown[f"{name}.Q [l/h]"].mean()) for name in "AB"}
-    assert (flow["A"] < -50.0) == runs_back
-    assert flow["B"] > 500.0
 
 
 def test_an_answer_that_lacks_what_is_right_is_complained_about() -> None:
