@@ -209,10 +209,10 @@ def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) 
         prior = np.full(len(tried), -(len(chosen) + 1) * np.log(count))
         found = _compared(gram, pull, whole, tried, np.full(tried.shape, scale), prior)
         most = int(np.argmax(found.gain))
+        if best is not None and found.gain[most] <= best.gain[0]:
+            break
         chosen.append(int(tried[most, -1]))
-        # No stop at a step that gains nothing: what came and went gains with its second step.
-        if best is None or found.gain[most] > best.gain[0]:
-            best = _Weighed(**{f.name: getattr(found, f.name)[[most]] for f in fields(found)})
+        best = _Weighed(**{f.name: getattr(found, f.name)[[most]] for f in fields(found)})
     assert best is not None
     return best
 
@@ -277,8 +277,6 @@ class Stack:
             before, degree = degree, np.clip(mean, spec.lowest, spec.credible)
             if np.max(np.abs(degree - before)) < limits.COURSE_CONVERGED * spec.scale:
                 break
-        if np.any(np.abs(degree - before) > common.COVERAGE * u):
-            return None  # the steps lead to and fro between courses that do not agree
         if (rest := self._left(fault, degree, shapes)) is None:
             return None
         left, evidence, count = rest
@@ -344,7 +342,7 @@ class Stack:
         without = white @ (residuals - slopes @ degree)
         weighed = _better(shapes, *_weighed(shapes, white @ slopes, without))
         evidence = _log_density(without, white) + weighed.total
-        return float(weighed.left[int(np.argmax(weighed.gain))]), evidence, len(residuals)
+        return float(np.sum((white @ residuals) ** 2)), evidence, len(residuals)
 
     def _in_columns(self, slopes: Array) -> Array:
         """Slopes of the residuals of each point, shape (m,), by the degree at each point."""

@@ -60,14 +60,15 @@ def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> b
     if course.grows:
         return False
     degree, u = course.now
-    active = [f for f in found.findings if f.active]
-    # What remains after a step must be as certain as a course: there are many faults.
-    if degree < u * np.sqrt(-2.0 * np.log(limits.ALARM_PER_RECORDING / len(faults))):
+    own = [f for f in found.findings if f.fault.id == faults[course.fault].id]
+    # What remains after a fault that came and went must be as certain as a course: there are many.
+    certain = np.sqrt(-2.0 * np.log(limits.ALARM_PER_RECORDING / len(faults)))
+    if degree < u * (certain if found.findings else common.THRESHOLD):
         return True
     return any(
-        f.fault.id == faults[course.fault].id
-        and f.lower - common.COVERAGE * u <= degree <= f.upper + common.COVERAGE * u
-        for f in active
+        f.lower - common.COVERAGE * u <= degree <= f.upper + common.COVERAGE * u
+        for f in own
+        if f.active
     )
 
 
