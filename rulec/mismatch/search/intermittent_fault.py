@@ -1,8 +1,7 @@
 """Faults that come and go: the course of a degree, cut into periods.
 
 The degree that explains the residuals best is estimated at every point. Its course in time is cut
-where a step pays for itself. Which levels are periods of the fault, and which are at rest, is what
-explains most, less the price of the periods.
+where a step pays for itself; levels that differ from those at rest are periods of the fault.
 """
 
 from __future__ import annotations
@@ -71,23 +70,94 @@ def cut(course: Array, penalty: float) -> Segments:
     return Segments(first, level, length)
 
 
-def states_of(segments: Segments) -> Iterator[np.ndarray]:
-    """Flags of the levels at which a fault may be present: those on either side of each of the
-    largest gaps between levels that last, if most changes are steps: a slow swing is no fault."""
-    lasting = segments.level[segments.length >= limits.SHORTEST]
-    level = np.unique(lasting)
-    gaps = np.argsort(-np.diff(level), kind="stable")[: limits.GAPS]
-    for middle in 0.5 * (level[1:] + level[:-1])[gaps]:
-        above = lasting > middle
-        step = float(np.median(np.abs(np.diff(lasting))[np.diff(above)]))
-        if step > limits.AT_ONCE * float(lasting[above].mean() - lasting[~above].mean()):
-            yield segments.level > middle
-            yield segments.level < middle
+def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
+    """Flag the levels that are not at rest; a share `odd` of the time may be outliers at each end.
+
+    The split leaves the least scatter within both classes. The longer class is at rest, or the
+    lower one if the degree cannot be negative. The class at rest is split again as long as it has
+    two states, since a fault may have several degrees.
+
+    Source: two classes of levels (Otsu 1979).
+    """
+    on = np.zeros(len(segments.level), dtype=bool)
+    order = np.argsort(segments.level)
+    share = np.cumsum(segments.length[order]) / segments.length.sum()
+    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
+    segments = replace(segments, level=np.clip(segments.level, *segments.level[order][ends]))
+    rest = np.flatnonzero(segments.length >= limits.SHORTEST)
+    while True:
+        found = _split(segments, rest)
+        if found is None:
+            return on
+        middle, rest_is_low = found
+        on |= segments.level > middle if rest_is_low else segments.level < middle
+        if not on[rest].any():
+            return on
+        rest = rest[~on[rest]]
+
+
+def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] | None:
+    """The level between two states, and whether the lower one is at rest; None for one state."""
+    level, length = segments.level, segments.length
+    if len(lasting) < 2:
+        return None
+    order = lasting[np.argsort(level[lasting])]
+    scatter = [
+        _scatter(level[order[:i]], length[order[:i]])
+        + _scatter(level[order[i:]], length[order[i:]])
+        for i in range(1, len(order))
+    ]
+    split = int(np.argmin(scatter)) + 1
+    whole = _scatter(level[order], length[order])
+    low, high = order[:split], order[split:]
+    if whole <= 0 or 1.0 - scatter[split - 1] / whole < limits.TWO_STATES:
+        return None
+    # Levels of one state differ by noise: two states must pay for themselves.
+    if whole - scatter[split - 1] < limits.STEP_PENALTY * float(np.log(length.sum())):
+        return None
+    middle = 0.5 * float(level[low].max() + level[high].min())
+    if not _changes_at_once(level, lasting, level > middle):
+        return None
+    # Of a degree that cannot be negative, the lower state is at rest.
+    one_sided = bool(level[order].max() > -level[order].min())
+    return middle, one_sided or length[low].sum() >= length[high].sum()
+
+
+def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:
+    """Is a change of state a step, with at most a short segment in between?"""
+    before, after = lasting[:-1], lasting[1:]
+    changed = above[before] != above[after]
+    if not changed.any():
+        return False
+    steps = np.abs(level[after] - level[before])[changed]
+    distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
+    return float(np.median(steps)) > limits.AT_ONCE * distance
 
 
 def _scatter(level: Array, length: NDArray[np.intp]) -> float:
     mean = float(np.average(level, weights=length))
     return float(np.sum(length * (level - mean) ** 2))
+
+
+def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
+    """First and last mean (excluded) of each period; adjacent similar levels are one period."""
+    first = segments.first
+    last = first + segments.length
+    runs: list[tuple[int, int, float]] = []
+    rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
+    for i in np.flatnonzero(on):
+        level = float(segments.level[i]) - rest
+        if (
+            runs
+            and runs[-1][1] == first[i]
+            and abs(level - runs[-1][2]) < limits.ONE_LEVEL * abs(level)
+        ):
+            begin, _, known = runs[-1]
+            share = (last[i] - first[i]) / (last[i] - begin)
+            runs[-1] = (begin, int(last[i]), known + share * (level - known))
+        else:
+            runs.append((int(first[i]), int(last[i]), level))
+    return [(begin, end) for begin, end, _ in runs]
 
 
 def few_levels(
@@ -150,15 +220,60 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
     # Robust against steps.
     noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
     segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
+    states = [apart(segments, odd) for odd in limits.ODD]
+    some = [on for on in states if on.any() and not on.all()]
+    states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
     means = _Means(known, edges, value, sums, noise)
+    ways = list({tuple(np.flatnonzero(on)): (segments, on) for on in states}.values())
+    if len(segments.first) > 1:
+        ways.append(_begun(fitted, tests, unknown, column, means))
     trials = [
-        _trial(fitted, tests, candidate, unknown, column, means, segments, on, levels)
-        for on in states_of(segments)
+        _trial(fitted, tests, candidate, unknown, column, means, *way, levels)
+        for way in ways
         for levels in (1, limits.MOST_LEVELS)
+        if way[1].any() and not way[1].all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None]
     return max(found, key=lambda t: _likely(t, each), default=None)
+
+
+def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
+    """The longest period only: the others may be noise."""
+    first, last = max(runs_of(segments, on), key=lambda run: run[1] - run[0])
+    return np.asarray((segments.first >= first) & (segments.first < last) & on)
+
+
+def _hull(on: np.ndarray) -> np.ndarray:
+    """One period from the first to the last: the gaps may be noise as well."""
+    there = np.flatnonzero(on)
+    inside: np.ndarray = np.zeros(len(on), dtype=bool)
+    inside[there[0] : there[-1] + 1] = True
+    return inside
+
+
+def _begun(
+    fitted: Fitted, tests: Sequence[ScoreTest], unknown: Unknown, column: Array, means: _Means
+) -> tuple[Segments, np.ndarray]:
+    """One permanent change, at the time that explains most.
+
+    Values are refitted beside it: those of a plain fit lie between the values before and after the
+    change, and so hide a part of it.
+    """
+    count = len(means.value)
+    begins = np.unique(
+        np.linspace(limits.SHORTEST, count - limits.SHORTEST, limits.BEGINS).astype(int)
+    )
+    since = means.known[means.edges[begins]]
+    terms = column[:, None] * (fitted.rows.point[:, None] >= since)
+    null = unknown.null or 0.0
+    low, high = (np.full(len(begins), end - null) for end in (unknown.lowest, unknown.highest))
+    each = np.arange(len(begins))[:, None]
+    gains = np.max([test.best_of(terms, each, low, high)[1] for test in tests], axis=0)
+    first = np.array([0, begins[int(np.argmax(gains))]])
+    length = np.diff(np.append(first, count))
+    level = np.add.reduceat(means.value, first) / length / means.noise
+    return Segments(first, level, length), np.array([False, True])
 
 
 def _likely(trial: InitialCandidate, each: float) -> float:
@@ -200,11 +315,11 @@ def _trial(
     null = unknown.null or 0.0
     rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
     runs, levels = [], []
-    for first, last in zip(segments.first[on], (segments.first + segments.length)[on], strict=True):
+    for first, last in runs_of(segments, on):
         level = float(np.average(means.value[first:last], weights=means.weight[first:last])) - rest
         level = float(np.clip(null + level, unknown.lowest, unknown.highest))
         if level != null and last - first >= limits.SHORTEST:
-            runs.append((int(first), int(last)))
+            runs.append((first, last))
             levels.append(level)
     if not runs:
         return None

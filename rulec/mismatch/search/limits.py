@@ -26,21 +26,32 @@ PERIOD_PRICE = 3.0
 """Price of a period in half log(points): both ends, and its existence. Origin: source (Schwarz
 1978, three values)."""
 
+ODD = (0.0, 0.02, 0.05, 0.1)
+"""Shares of the time that extreme levels on either side may take without being a state, tried in
+turn: another error may occur at times. Origin: assumed."""
+
 FAINT = 0.01
 """Share of the mean information on a degree below which a point is ignored. Origin: assumed."""
 
 PASSING = 0.9
 """Weight of the gain of a fault that is present when the recording begins. Origin: assumed."""
 
+BEGINS = 200
+"""Onsets of a permanent fault to try. Origin: numerical."""
+
 STEP_PENALTY = 4.0
 """Price of a step of a course, in log(means): its time and its level. Origin: assumed."""
 
-GAPS = 6
-"""Gaps between levels at which a course is split into rest and fault. Origin: numerical."""
+TWO_STATES = 0.75
+"""Share of the scatter of all levels that two states must explain. Origin: distribution (uniform:
+evenly spread levels give as much)."""
 
 AT_ONCE = 0.6
 """Share of the distance between two states that one step must cover: a slow swing is no fault that
 comes and goes. Origin: assumed."""
+
+ONE_LEVEL = 0.25
+"""Relative difference below which successive levels are one period. Origin: assumed."""
 
 MOST_LEVELS = 3
 """Largest number of degrees of a fault. Origin: assumed."""

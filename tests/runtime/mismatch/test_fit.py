@@ -1,5 +1,6 @@
 """Refits: true values come back, priors hold, and bad points or errors of form bend no model."""
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,8 @@ from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.model import model_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import (
+    columns_of,
+    score_tests_at,
     screen,
     with_open_references,
 )
@@ -164,6 +167,23 @@ def test_where_a_law_has_no_value_it_is_not_right() -> None:
     rows = rows_at(alone(), recorded(alone(), tour(alone()[0], SAMPLES), moved=False))
     nothing = setting("A.dp.low", {"x": 1.0})
     assert fit(rows, nothing, rows.system.data.open, steps=0).objective == np.inf
+
+
+def test_sets_of_terms_gain_what_each_gains_alone() -> None:
+    """All pairs at once are what they are one by one, within the ends of their ranges."""
+    own = fitted(alone(), warmed(TRUE))
+    look = score_tests_at(own)[0]
+    tried = list(screen(own, alone()[1].candidates))[:6]
+    columns = [columns_of(own, t.candidate, t.values, t.fixed) for t in tried]
+    table = np.concatenate([c for c in columns if c is not None], axis=1)
+    n = table.shape[1]
+    sets = np.array(list(itertools.combinations(range(n), 2)))
+    low, high = np.full(n, -np.inf), np.linspace(0.0, 1.0, n)
+    amplitudes, gains = look.best_of(table, sets, low, high)
+    for pair, amplitude, gain in zip(sets, amplitudes, gains, strict=True):
+        one, alone_ = look.best(table[:, pair], low[pair], high[pair])
+        np.testing.assert_allclose(amplitude, one, rtol=1e-7, atol=1e-300)
+        assert gain == pytest.approx(alone_, rel=1e-9)
 
 
 def test_a_calibration_at_another_temperature_bends_no_law() -> None:

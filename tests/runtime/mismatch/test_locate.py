@@ -18,8 +18,9 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.repaired_model import predictors_for
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
 from rulec.mismatch.result import Mismatch
-from rulec.mismatch.search.intermittent_fault import cut, degree_course, in_periods
+from rulec.mismatch.search.intermittent_fault import Segments, apart, cut, degree_course, in_periods
 from rulec.mismatch.search.latent_input import described, reconstruct
+from rulec.mismatch.search.limits import ODD, STEP_PENALTY
 from rulec.mismatch.search.operating_states import search
 from tests.runtime.mismatch.made import (
     SLIP,
@@ -154,6 +155,42 @@ def course(*levels: tuple[int, float], seed: int = 1) -> Array:
     """Levels one behind the other, each (means, size in units of noise), with unit noise."""
     noise = np.random.default_rng(seed).standard_normal(sum(n for n, _ in levels))
     return np.concatenate([np.full(n, level) for n, level in levels]) + noise
+
+
+def states(values: Array, odd: float = 0.0) -> list[tuple[int, int]]:
+    """First and last mean (excluded) of what is apart."""
+    segments = cut(values, STEP_PENALTY * float(np.log(len(values))))
+    on = apart(segments, odd)
+    flags = np.zeros(len(values) + 2, dtype=int)
+    for first, length in zip(segments.first[on], segments.length[on], strict=True):
+        flags[first + 1 : first + length + 1] = 1
+    return [(int(a), int(b)) for a, b in np.flatnonzero(np.diff(flags)).reshape(-1, 2)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_levels_are_told_from_noise(seed: int) -> None:
+    quiet = course((N, 0.0), seed=seed)
+    assert [0] == cut(quiet, STEP_PENALTY * float(np.log(N))).first.tolist()
+    assert [] == states(quiet)
+    rest = (60, 0.0)
+    values = course(rest, (40, 20.0), rest, (40, 40.0), rest, (50, 60.0), (100, 0.0), seed=seed)
+    assert [(60, 100), (160, 200), (260, 310)] == states(values)
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_drift_is_no_fault(odd: float) -> None:
+    phase = np.linspace(0.0, 1.0, N)
+    bump, waves = np.sin(np.pi * phase) ** 2, np.sin(6 * np.pi * phase)
+    for drift in (phase, bump, waves, 1.0 - np.exp(-5.0 * phase)):
+        assert [] == states(50.0 * drift + course((N, 0.0)), odd)
+
+
+def test_odd_levels_are_no_state() -> None:
+    values = course((100, 0.0), (6, -400.0), (100, 0.0), (80, 15.0), (100, 0.0))
+    assert [(100, 106), (206, 286)] == states(values, 0.0)
+    assert [(206, 286)] == states(values, 0.02)
+    segments = Segments(np.arange(3), np.array([1.0, np.nan, np.nan]), np.array([9, 9, 9]))
+    assert not apart(segments).all()
 
 
 @pytest.mark.parametrize("seed", range(3))

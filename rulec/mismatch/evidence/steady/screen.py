@@ -178,6 +178,17 @@ class ScoreTest:
 
         `columns` have shape (rows, k).
         """
+        whole = np.arange(columns.shape[1])[None]
+        amplitudes, gains = self.best_of(columns, whole, lowest, highest)
+        return amplitudes[0], float(gains[0])
+
+    def best_of(
+        self, columns: Array, sets: np.ndarray, lowest: Array, highest: Array
+    ) -> tuple[Array, Array]:
+        """The same for many sets of columns, given by numbers of shape (sets, k).
+
+        Returns shapes (sets, k) and (sets,); `lowest` and `highest` are those of each column.
+        """
         imitated = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
         clean = columns - self.jacobian @ imitated
         normal = columns.T @ (self.weights[:, None] * clean)
@@ -189,11 +200,14 @@ class ScoreTest:
         sound = (size**2 >= 1e-9 * alone) & np.isfinite(size)
         normal, size = np.where(np.outer(sound, sound), normal, 0.0), np.where(sound, size, 1.0)
         scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(size))
-        found = np.linalg.solve(scaled, np.where(sound, moment / size, 0.0))
-        amplitudes = np.clip(-found / size, lowest, highest) if sound.all() else 0.0 * size
-        fall = -2.0 * amplitudes @ moment - amplitudes @ normal @ amplitudes
-        share = float(np.clip(fall / self.total, 0.0, 1.0 - 1e-9))
-        return amplitudes, -0.5 * self.count * float(np.log1p(-share))
+        block = (sets[:, :, None], sets[:, None, :])
+        found = np.linalg.solve(scaled[block], np.where(sound, moment / size, 0.0)[sets][..., None])
+        amplitudes = np.clip(-found[..., 0] / size[sets], lowest[sets], highest[sets])
+        amplitudes = np.where(sound[sets].all(axis=1)[:, None], amplitudes, 0.0)
+        fall = -2.0 * np.einsum("sk,sk->s", amplitudes, moment[sets])
+        fall = fall - np.einsum("sk,skl,sl->s", amplitudes, normal[block], amplitudes)
+        share = np.clip(fall / self.total, 0.0, 1.0 - 1e-9)
+        return amplitudes, -0.5 * self.count * np.log1p(-share)
 
 
 def score_tests_at(fitted: Fitted) -> tuple[ScoreTest, ScoreTest]:
