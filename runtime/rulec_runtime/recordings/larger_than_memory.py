@@ -59,12 +59,13 @@ def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 
 class Growing:
-    """Numbers that come in parts."""
+    """Numbers that come in parts, until they are joined."""
 
     def __init__(self) -> None:
         self._parts: list[np.ndarray] = []
         self._waiting = self._written = 0
         self._file: IO[bytes] | None = None
+        self._mapped: Array | None = None
 
     def append(self, part: np.ndarray) -> None:
         """Append numbers. Raises `Refusal` if the disk has no room for them."""
@@ -85,7 +86,11 @@ class Growing:
 
     def joined(self) -> Array:
         """All numbers, shape (n,)."""
-        if self._file is None:
-            return np.concatenate(self._parts) if self._parts else np.zeros(0)
-        self._write()
-        return np.frombuffer(mmap.mmap(self._file.fileno(), self._written), float)
+        if self._file is not None:
+            self._write()
+            with self._file as file:
+                self._mapped = np.frombuffer(mmap.mmap(file.fileno(), self._written), float)
+            self._file = None
+        if self._mapped is not None:
+            return self._mapped
+        return np.concatenate(self._parts) if self._parts else np.zeros(0)
