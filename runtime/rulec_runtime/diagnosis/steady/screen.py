@@ -8,6 +8,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
 
@@ -34,8 +35,11 @@ def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
     least = np.full(tried.shape, -np.inf)
     for i in np.flatnonzero(tried.any(axis=1)).tolist():
         places = [test.places[name] for name in test.touched((test.ruleset.faults[i],))]
-        if places:
-            at = np.flatnonzero(tried[i])
+        if not places:
+            continue
+        problems = np.flatnonzero(tried[i])
+        size = max(limits.TABLE // (len(places) * len(test.members)) ** 2, 1)
+        for at in (problems[part] for part in batches(len(problems), size)):
             free = np.repeat(test.present[:, at], len(places), axis=0)
             least[i, at] = _without(test.metric.problems(at).moving(places), free)
     return least
