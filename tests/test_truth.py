@@ -22,7 +22,7 @@ FIXED = Sensing(statistical=0.0)
 
 @pytest.mark.parametrize(
     ("law", "spread", "largest"),
-    [("normal", 1.0, np.inf), ("truncated", 0.880, 2.0), ("uniform", 2 / np.sqrt(3), 2.0)],
+    [("normal", 1.0, np.inf), ("truncated", 0.880, 2.0)],
 )
 def test_laws_of_systematic_errors(law: str, spread: float, largest: float) -> None:
     """Spread in units of half the bound; drawn inside the bounds, none is beyond them. A sensor

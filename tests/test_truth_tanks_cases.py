@@ -110,8 +110,3 @@ def test_recordings_have_the_columns_of_their_plant(layout: Layout, tmp_path: Pa
         header = next(csv.reader(file))
     columns = plain_yaml(tmp_path / "plant" / "columns.yaml")
     assert header == [column["from"] for column in columns["columns"].values()]
-
-
-def test_unknown_effects_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"no effect 'lower\.lek'; known: .*lower\.leak"):
-        case(1, "lower.lek")

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeVar
 
+from rulec_runtime.report.text import percent
+
 from rulec.prove import limits
 from rulec.prove.results import Judged
 
@@ -137,36 +139,6 @@ def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
     return Row(title, goal, count, hits, share, low, high)
 
 
-@dataclass(frozen=True)
-class Reliability:
-    """Names reported with a probability from `low` to `high`; only 1 is included as upper end.
-
-    Attributes
-    ----------
-    said : mean probability, the share that should be right
-    count, right : number of names, and of right ones
-    ends : 95 % interval of the share of right names
-    """
-
-    low: float
-    high: float
-    said: float
-    count: int
-    right: int
-    ends: tuple[float, float]
-
-    @property
-    def share(self) -> float:
-        """Share of right names."""
-        return self.right / self.count
-
-    @property
-    def words(self) -> str:
-        """Whether the interval contains the mean probability."""
-        low, high = self.ends
-        return "as said" if low <= self.said <= high else "too sure" if high < self.said else "shy"
-
-
 B = TypeVar("B")
 
 
@@ -180,11 +152,18 @@ def by_probability(
             yield low, high, own
 
 
-def reliability(judged: Sequence[Judged]) -> list[Reliability]:
-    """Return all names in the answers by their probability."""
+def reliability(judged: Sequence[Judged]) -> list[Row]:
+    """Return the share of right names by the probability told, whose mean is the goal."""
     found = []
     claims = [claim for j in judged for claim in j.claims]
     for low, high, own in by_probability(claims, lambda claim: claim.probability):
-        right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
-        found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
+        said = sum(c.probability for c in own) / len(own)
+        title, goal = f"{percent(low)} to {percent(high)}", Goal(said, said, percent(said))
+        found.append(of_hits(title, goal, len(own), sum(c.right for c in own)))
     return found
+
+
+def trust(row: Row) -> str:
+    """Return whether the interval of a share of right names contains the mean probability."""
+    said = row.goal.low
+    return "as said" if row.low <= said <= row.high else "too sure" if row.high < said else "shy"

@@ -67,16 +67,9 @@ def run_again(
 
 
 def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> list[Held]:
-    """Return the set points of each step, in the units of the sensors, and its samples.
-
-    Raises ValueError if the recipe has another unit than the sensor.
-    """
-    samples, points = samples_of(recipe, case.scene.pace), list[Point]()
-    for step in recipe["steps"]:
-        for name, told in step["inputs"].items():
-            if told["unit"] != case.scene.rig.sensors[name].unit:
-                raise ValueError(f"{name}: the recipe is in {told['unit']}, the sensor is not")
-        points.append({name: float(told["value"]) for name, told in step["inputs"].items()})
+    """Return the set points of each step, in the units of the sensors, and its samples."""
+    samples = samples_of(recipe, case.scene.pace)
+    points = [{n: float(i["value"]) for n, i in s["inputs"].items()} for s in recipe["steps"]]
     if arm != RECIPE:
         ranges = _ranges(case, sorted({name for point in points for name in point}))
         shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))

@@ -10,11 +10,11 @@ from rich.text import Text
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report import tables as of_pages
 from rulec_runtime.report.document import section
-from rulec_runtime.report.text import fixed, listed, number, percent, safe
+from rulec_runtime.report.text import fixed, listed, number, safe
 
 from rulec.prove.limits import WORST_CASES
 from rulec.prove.results import Judged
-from rulec.prove.scores import Row, reliability, table
+from rulec.prove.scores import Row, reliability, table, trust
 
 MARKS = {"✓": ("green", "agrees"), "✗": ("red", "contradicts"), "–": ("dim", "soft")}
 """Styles of cells in the terminal and on a page, by their first character."""
@@ -80,23 +80,20 @@ def tables(judged: Sequence[Judged]) -> Iterator[Table]:
     of_goals = ("score", ".goal", ".cases", ".reached", ".95 % interval", "")
     yield Table("", of_goals, goals, REMARK)
     if bins := reliability(judged):
-        rows = []
-        for b in bins:
-            shares = (b.low, b.high, b.said, b.share, *b.ends)
-            low, high, said, right, least, most = map(percent, shares)
-            rows.append(
-                (f"{low} to {high}", str(b.count), said, right, f"{least} to {most}", b.words)
-            )
+        rows = [
+            (b.score, str(b.count), b.goal.text, value_of(b), interval_of(b), trust(b))
+            for b in bins
+        ]
         titles = ("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
         yield Table("Names by their probability", titles, rows)
     if found := worst(judged):
         of_cases = ("case", "planted", "said", "because", ".strength")
         cases = [
             (
-                *(bad.judged.case, planted_words(bad.judged), said_words(bad.judged), bad.why),
-                number(bad.judged.gain, 3) if bad.judged.gain > 0.0 else "",
+                *(bad.case, planted_words(bad), said_words(bad), why),
+                number(bad.gain, 3) if bad.gain > 0.0 else "",
             )
-            for bad in found
+            for bad, why in found
         ]
         yield Table("The worst cases", of_cases, cases)
 
@@ -116,22 +113,12 @@ def interval_of(row: Row) -> str:
     return f"{fixed(100 * row.low, 1)} to {fixed(100 * row.high, 1)} %" if row.count else ""
 
 
-@dataclass(frozen=True)
-class Bad:
-    """A case that went wrong, and why."""
-
-    judged: Judged
-    why: str
-
-
-def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
-    """Return certain mistakes first, then false claims on clean cases, no answer, missed effects.
-
-    Within each kind the strongest effect comes first.
-    """
+def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[tuple[Judged, str]]:
+    """Return cases that went wrong, and why: certain mistakes first, then false claims on clean
+    cases, no answer, missed effects; within each kind the strongest effect first."""
     ranked = [(rank, j, why) for j in judged for rank, why in [_sort(j)] if why]
     ranked.sort(key=lambda r: (r[0], -np.nan_to_num(r[1].gain), r[1].case))
-    return [Bad(j, why) for _, j, why in ranked[:count]]
+    return [(j, why) for _, j, why in ranked[:count]]
 
 
 def _sort(judged: Judged) -> tuple[int, str]:

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from rulec.prove.page import headline, page, show
 from rulec.prove.results import Claim, Judged, Run
-from rulec.prove.scores import reliability, table, wilson
+from rulec.prove.scores import reliability, table, trust, wilson
 from rulec.prove.tables import worst
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
@@ -84,7 +84,7 @@ def test_the_worst_come_first() -> None:
         planted("unsure", "leakage", 90.0, "x", verdict="ambiguous"),
     ]
     order = "very wrong, wrong, claimed, crashed, missed strong, unsure, missed weak"
-    assert order == ", ".join(bad.judged.case for bad in worst(cases))
+    assert order == ", ".join(bad.case for bad, _ in worst(cases))
     assert 3 == len(worst(cases, 3))
 
 
@@ -154,11 +154,9 @@ def test_probabilities_are_held_against_what_is_right() -> None:
     shy = [planted(f"t{i}", "leakage", 9.0, claims=(Claim(0.6, True),)) for i in range(40)]
     known = [planted("u", "leakage", 9.0, claims=(Claim(1.0, True), Claim(0.2, False)))]
     found = reliability([*sure, *shy, *known])
-    assert [(0.0, 1, 0), (0.5, 40, 40), (0.9, 40, 20), (0.99, 1, 1)] == [
-        (told.low, told.count, told.right) for told in found
-    ]
-    assert ["as said", "shy", "too sure", "as said"] == [told.words for told in found]
-    assert [0.2, 0.6, 0.95, 1.0] == pytest.approx([told.said for told in found])
+    assert [(1, 0), (40, 40), (40, 20), (1, 1)] == [(told.count, told.hits) for told in found]
+    assert ["as said", "shy", "too sure", "as said"] == [trust(told) for told in found]
+    assert [0.2, 0.6, 0.95, 1.0] == pytest.approx([told.goal.low for told in found])
     shown = Run((*sure, *shy))
     assert "too sure" in text(shown)
     assert "too sure" in page(shown)

@@ -44,14 +44,14 @@ class Sensing:
     ----------
     systematic : bool; whether sensors have a systematic error
     law : its distribution: `normal`, standard deviation = bound / 2, so one in 22 is out of bounds;
-        `truncated`, the same but never out of bounds; `uniform` between the bounds
+        `truncated`, the same but never out of bounds
     statistical : float; standard deviation of a 1 s mean over that of the systematic error;
         0.3 is an assumption, the paper publishes only the systematic bounds
     """
 
     systematic: bool = True
     statistical: float = 0.3
-    law: Literal["normal", "truncated", "uniform"] = "normal"
+    law: Literal["normal", "truncated"] = "normal"
 
 
 TABLE_1 = Sensing()
@@ -85,23 +85,13 @@ def read(
     systematic, statistical = generator.standard_normal(), generator.standard_normal(value.size)
     shown = sensor.shown(value)
     deviation = 0.5 * sensor.bound * (np.abs(shown) if sensor.relative else 1.0)
-    lasting: Array | float = _inside_bounds(systematic, sensing.law)
+    lasting: Array | float = systematic
+    if sensing.law == "truncated":
+        # The quantile of the draw stays, so one seed gives similar plants under both laws.
+        lasting = truncated(NormalDist().cdf(systematic))
     if drift is not None:
         lasting = drift(float(lasting), value.size)
     if colour:
         statistical = coloured(statistical, colour)
     error = sensing.systematic * lasting + sensing.statistical * statistical
     return np.asarray(shown + deviation * error)
-
-
-def _inside_bounds(drawn: float, law: str) -> float:
-    """Map a standard normal draw to another law; the unit is half the bound.
-
-    The quantile of the draw stays, so one seed gives similar plants under every law.
-
-    Source: inverse transform sampling.
-    """
-    if law == "normal":
-        return drawn
-    share = NormalDist().cdf(drawn)
-    return 4.0 * share - 2.0 if law == "uniform" else truncated(share)

@@ -70,7 +70,7 @@ class Planned:
     def drawn(self) -> Case:
         """Draw plants until the readings change as planned.
 
-        Raises ValueError for an unknown effect, or if no plant shows them.
+        Raises ValueError if no plant shows them.
         """
         for attempt in range(ATTEMPTS):
             if made := _attempt(self, self.placed, self.seed + attempt * FURTHER):
@@ -80,15 +80,13 @@ class Planned:
 
     @property
     def placed(self) -> list[Placed]:
-        """The effects, no larger than they may be; raises ValueError for an unknown one."""
-        known, found = possible_effects(self.layout), []
-        for name in self.effects:
-            if name not in known:
-                raise ValueError(f"no effect '{name}'; known: {', '.join(known)}")
-            effect = known[name].effect
-            limited = replace(effect, high=min(effect.high, self.rarely))
-            found.append(replace(known[name], effect=limited))
-        return found
+        """The effects, no larger than they may be."""
+        known = possible_effects(self.layout)
+        effects = ((known[name], known[name].effect) for name in self.effects)
+        return [
+            replace(placed, effect=replace(effect, high=min(effect.high, self.rarely)))
+            for placed, effect in effects
+        ]
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,6 @@ def cases(
     `own` is the share of cases of the shipped plant.
     """
     for group, many in count.items():
-        if group not in STATED["tanks"]:
-            raise ValueError(f"no group '{group}'; known: {', '.join(STATED['tanks'])}")
         for number in range(many):
             yield _planned(seed, group, number, samples, own)
 
