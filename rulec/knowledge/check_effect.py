@@ -43,7 +43,9 @@ class EffectReader(Reader):
     def read(self) -> Effect:
         """The effect, in SI."""
         data, before = self.document.data, len(self.found)
-        self._check_own_names()
+        groups = ("drivers", "parameters", "states")
+        numbered = (n for g in groups for n in self._group(g) if n.startswith(f"{PLAIN}_"))
+        self.check_own_names(groups, (PLAIN, *SLOTS, *numbered))
         # A law that uses a refused name would report the same mistake again.
         of_laws = self.found if len(self.found) == before else []
         drivers = {name: self._driver(name, part) for name, part in self._group("drivers").items()}
@@ -87,18 +89,6 @@ class EffectReader(Reader):
     def _group(self, name: str) -> Mapping[str, Any]:
         part: Mapping[str, Any] = self.document.data.get(name, {})
         return part
-
-    def _check_own_names(self) -> None:
-        """Check that each name means one thing and may be used in equations and texts."""
-        drivers = self._group("drivers")
-        for group in ("drivers", "parameters", "states"):
-            for name in self._group(group):
-                self.is_reserved((group, name))
-                twin = group != "drivers" and name in drivers
-                if twin or name in (PLAIN, *SLOTS) or name.startswith(f"{PLAIN}_"):
-                    second = self.document.key("drivers", name) if twin else None
-                    message = f"the name '{name}' means two things"
-                    self.report_key((group, name), "KB034", message, "rename one", second)
 
     def _driver(self, name: str, part: Mapping[str, Any]) -> Driver:
         quantity = part["quantity"]

@@ -24,6 +24,7 @@ class FluidReader(Reader):
     def read(self) -> Fluid:
         """The fluid, in SI."""
         data, before = self.document.data, len(self.found)
+        self.check_own_names(("coefficients", "definitions"), ("T", *PROPERTIES))
         valid = self.part(("valid", "T"))
         unit = self.unit_of(TEMPERATURE, "temperature", "valid", "T", "unit")
         self.check_range(valid["from"], valid["to"], "valid", "T", "to")
@@ -45,20 +46,12 @@ class FluidReader(Reader):
 
     def _coefficient(self, name: str) -> float:
         unit = self.unit("coefficients", name, "unit")
-        self._declare("coefficients", name, unit.dimension)
+        self.known.setdefault(name, unit.dimension)
         return unit.to_si(self.part(("coefficients", name, "value")))
-
-    def _declare(self, group: str, name: str, own: Dimension) -> None:
-        if name in self.known or name in PROPERTIES:
-            twin = group == "definitions" and name in self.document.data["coefficients"]
-            second = self.document.key("coefficients", name) if twin else None
-            message = f"the name '{name}' means two things"
-            self.report_key((group, name), "KB034", message, "rename one", second)
-        self.known.setdefault(name, own)
 
     def _definition(self, name: str) -> Expression:
         expression, own = self._equation("definitions", name, "is")
-        self._declare("definitions", name, own)
+        self.known.setdefault(name, own)
         return expression
 
     def _property(self, name: str) -> Property:

@@ -23,7 +23,6 @@ from rulec.knowledge.module_type import (
     Parameter,
     Signal,
 )
-from rulec.language.diagnostics import Place
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
@@ -44,7 +43,10 @@ class ModuleReader(Reader):
         signals = {n: self._signal(n, s) for n, s in data.get("signals", {}).items()}
         parameters = {n: self._parameter(n, p) for n, p in data.get("parameters", {}).items()}
         self._check_tables()
-        self._check_own_names()
+        self.reserved |= self.check_own_names(("signals", "states", "parameters", "definitions"))
+        for name in data.get("provides", {}):
+            if name not in self.reserved and self.is_reserved(("provides", name)):
+                self.reserved.add(name)
         provides = self._provides(signals)
         before = len(self.found)
         definitions = {
@@ -156,18 +158,6 @@ class ModuleReader(Reader):
                     message = f"the points of a table cannot be in {unit.text}"
                     hint = f"give them in {other}, counted from absolute zero"
                     self.report(("tables", name, key), "KB123", message, hint)
-
-    def _check_own_names(self) -> None:
-        """Check that each name means one thing and may be used in equations."""
-        first: dict[str, Place] = {}
-        for group in ("signals", "states", "parameters", "definitions", "provides"):
-            for name in self.document.data.get(group, {}):
-                if self.is_reserved((group, name)):
-                    self.reserved.add(name)
-                if name in first and group != "provides":
-                    message = f"the name '{name}' means two things"
-                    self.report_key((group, name), "KB034", message, "rename one", first[name])
-                first.setdefault(name, self.document.key(group, name))
 
     def expression(self, *path: str | int) -> Expression:
         """The equation at a path; a reserved word is reported only where it is declared."""

@@ -8,24 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.output.nearest import nearest
-from rulec_runtime.output.open_file import begin_of, is_near
+from rulec_runtime.output.open_file import is_near
 
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import KINDS, Diagnostic, Place, no_file_of_ours
-from rulec.language.read_yaml import Document, unread_document
+from rulec.language.read_yaml import Document
 from rulec.language.schema import check_schema, kind_of
-from rulec.limits import MAX_FILE_BYTES
 
 KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
 
 _EFFECT = re.compile(rb"^effect:", re.MULTILINE)
 """A file that is skipped if no effects are wanted: parsing all of them takes longer than compiling
 a small plant."""
-
-_NAMED = re.compile(rb"^([a-z]+):[ \t]*([A-Za-z0-9_-]+)[ \t]*$", re.MULTILINE)
-_PROVIDES = re.compile(rb"^provides:", re.MULTILINE)
-"""Files that a plant does not use, and that provide nothing, are known only by name."""
 
 _WORD = re.compile(r"[A-Za-z%][A-Za-z0-9_-]*")
 _PROSE = frozenset(("title", "text", "source", "note", "action", "meaning"))
@@ -132,9 +127,6 @@ def _add(
     if content.layer.is_own and not is_near(file, beside):
         content.mistakes.append(leads_out(Place(file.as_posix())))
         return
-    if wanted is not None and not content.layer.is_own and (named := _unused(file, wanted)):
-        content.by_kind.setdefault("other", []).append(unread_document(file, named))
-        return
     document = open_document(file, None, content.mistakes, read)
     if document is None:
         return
@@ -146,21 +138,11 @@ def _add(
     if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:
         kind, mistakes = "provider", []
     if kind == "provider" and "provides" not in document.data:
-        content.by_kind.setdefault("other", []).append(document)
+        only_name = {key: document.data[key] for key in wanted or () if key in document.data}
+        bare = replace(document, data=only_name, values={}, keys={})
+        content.by_kind.setdefault("other", []).append(bare)
     elif conforms(document, mistakes):
         content.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
-
-
-def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
-    """Kind and name in an unparsed file, if the plant surely does not use it; otherwise empty."""
-    try:
-        text = begin_of(file, MAX_FILE_BYTES)
-    except OSError:
-        return {}
-    pairs = [(kind.decode(), name.decode()) for kind, name in _NAMED.findall(text)]
-    named = {kind: name for kind, name in pairs if kind in wanted}
-    sure = len(named) == 1 and all(name not in wanted[kind] for kind, name in named.items())
-    return named if sure and not _PROVIDES.search(text) else {}
 
 
 def open_document(

@@ -78,12 +78,6 @@ class Document:
         return self.keys.get(path) or self.place(*path)
 
 
-def unread_document(path: Path, data: Mapping[str, str]) -> Document:
-    """A document without places, of a file whose data are known otherwise."""
-    name = display(path)
-    return Document(name, _label(name), dict(data), {}, {})
-
-
 def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     """Read one YAML file; the document is None if there is a mistake."""
     name = display(path)

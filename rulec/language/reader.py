@@ -124,6 +124,23 @@ class Reader:
         self.report_key(path, "KB024", message, hint)
         return True
 
+    def check_own_names(self, groups: Iterable[str], taken: Iterable[str] = ()) -> set[str]:
+        """Report names in groups of the document that mean two things, or are reserved.
+
+        `taken` are names with a meaning of their own; gives the reserved words.
+        """
+        first: dict[str, Place | None] = dict.fromkeys(taken)
+        reserved = set()
+        for group in groups:
+            for name in self.document.data.get(group, {}):
+                if self.is_reserved((group, name)):
+                    reserved.add(name)
+                if name in first:
+                    message = f"the name '{name}' means two things"
+                    self.report_key((group, name), "KB034", message, "rename one", first[name])
+                first.setdefault(name, self.document.key(group, name))
+        return reserved
+
     def check_range(self, low: float, high: float, *path: str | int) -> None:
         """Report a range whose lower end is not below its upper end."""
         if not low < high:
