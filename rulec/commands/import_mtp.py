@@ -13,13 +13,13 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import one_line, say_aside, styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.knowledge.layers import layers_around
+from rulec.knowledge.check_knowledge import check_knowledge
+from rulec.knowledge.read import read_around
 from rulec.mtp.imported import (
     Imported,
     files_of,
     import_files,
     machine_form,
-    read_units_and_sensors,
 )
 from rulec.mtp.limits import MOST_TOLD
 from rulec.mtp.package import MtpRefused, Oddity
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     target = Path(options.output)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise MtpRefused(f"{target} is not empty; name a new folder")
-    knowledge = read_units_and_sensors(layers_around(Path()))
+    knowledge = check_knowledge(read_around(Path()))
     files = [Path(file) for file in options.files]
     if options.online and len(files) > 1:
         raise MtpRefused("--online with an address is for one file; each module has its own server")

@@ -15,10 +15,10 @@ from rulec.effects.disturbance_locations import unit_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.effects.places import Site, Survey, sites_of, survey
-from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
+from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, Join
 from rulec.knowledge.fluid import property_at, reading_of
 from rulec.knowledge.knowledge import FaultType, Variant
-from rulec.knowledge.module_type import ENDS, Parameter, State
+from rulec.knowledge.module_type import ENDS, Parameter, State, Stored
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Origin
 from rulec.language.expression import Rejected
@@ -221,7 +221,7 @@ class _Matcher:
         )
         return [Matched(candidate, change)]
 
-    def _state(self, name: str, state: EffectState, site: Site, origin: Origin) -> State:
+    def _state(self, name: str, state: Stored, site: Site, origin: Origin) -> State:
         """A state that an effect adds to a place, as a module type has it."""
         unit = unit_of(self._plant, self._module, site)
         if site.kind == "balance":

@@ -16,11 +16,11 @@ from rulec.knowledge.effect import (
     Driver,
     Effect,
     EffectParameter,
-    EffectState,
     Join,
     usual_of,
 )
 from rulec.knowledge.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
+from rulec.knowledge.module_type import Stored
 from rulec.language.expression import Rejected, constant
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
@@ -98,7 +98,7 @@ class EffectReader(Reader):
         self.known[name] = own
         return Driver(name, quantity, part.get("where", "own"), part.get("title", quantity))
 
-    def _state(self, name: str) -> EffectState:
+    def _state(self, name: str) -> Stored:
         """A state of the effect; unknown names in its equations are reported."""
         known = {PLAIN, *self.known, *self._group("states")}
         equations = {}
@@ -107,7 +107,7 @@ class EffectReader(Reader):
             equations[key] = self.expression(*path)
             what = "driver, parameter nor state of this effect"
             self.check_names(path, equations[key], known, what)
-        return EffectState(rate=equations.pop("der"), **equations)
+        return Stored(rate=equations.pop("der"), **equations)
 
     def _asked(self, path: Path_, name: str, drivers: Mapping[str, Driver]) -> str | None:
         """The driver that a parameter names; an unknown one is reported and gives None."""

@@ -7,7 +7,8 @@ from typing import Any
 
 from rulec_runtime.output.nearest import did_you_mean
 
-from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, EffectState, Join, parse_law
+from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, Join, parse_law
+from rulec.knowledge.module_type import Stored
 from rulec.language.expression import Expression, Rejected, constant, rejected_at
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
@@ -33,7 +34,7 @@ class JoinReader(Reader):
 
     drivers: Mapping[str, Driver]
     known: Mapping[str, Dimension]
-    states: Mapping[str, EffectState]
+    states: Mapping[str, Stored]
     of_place: Mapping[str, Dimension]
 
     def read(self, i: int) -> Iterator[Join]:

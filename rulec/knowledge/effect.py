@@ -192,17 +192,11 @@ class EffectLaw:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EffectState(Stored):
-    """A state of an effect, of the dimension of its place; equations may use what its law may."""
-
-    def names(self) -> set[str]:
-        """Names in its equations."""
-        return {name for _, e in self.equations() for name, _ in e.names()}
-
-
-@dataclass(frozen=True, kw_only=True)
 class Effect:
-    """Physics, ageing or a sensor error (`sort`) that a relation may leave out."""
+    """Physics, ageing or a sensor error (`sort`) that a relation may leave out.
+
+    Its `states` have the dimension of its place; their equations may use what its law may.
+    """
 
     name: str
     title: str
@@ -213,7 +207,7 @@ class Effect:
     text: str
     action: str
     origin: Origin
-    states: Mapping[str, EffectState] = field(default_factory=dict)
+    states: Mapping[str, Stored] = field(default_factory=dict)
 
     def used_by(self, join: Join) -> set[str]:
         """Drivers and parameters that a join uses, directly or through states."""

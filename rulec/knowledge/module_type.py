@@ -129,6 +129,10 @@ class Stored:
         given = ((key, getattr(self, name)) for key, name in _EQUATIONS.items())
         yield from ((key, expression) for key, expression in given if expression is not None)
 
+    def names(self) -> set[str]:
+        """Names in its equations."""
+        return {name for _, e in self.equations() for name, _ in e.names()}
+
     def mapped(self, change: Callable[[Expression], Expression]) -> Self:
         """The same with every equation changed."""
         return replace(self, **{_EQUATIONS[key]: change(e) for key, e in self.equations()})

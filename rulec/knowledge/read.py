@@ -121,14 +121,23 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
     return result, plants, found
 
 
+def read_around(near: Path, modules: Iterable[str] = ()) -> Sources:
+    """Knowledge around a folder, with some module types, but without fluids and effects.
+
+    Raises `Refused`.
+    """
+    layers = layers_around(near)
+    wanted = {"module": set(modules), "fluid": set[str]()}
+    contents = read_layers(layers, read_document, wanted, effects=False)
+    return _sources(layers, contents, contents, [])
+
+
 def read_type(name: str, near: Path) -> tuple[Document, Sources]:
     """A module type as written, with its tables, and the sources around the folder `near`.
 
     Raises `Refused`, or `Misused` if there is no such type.
     """
-    layers = layers_around(near)
-    contents = read_layers(layers, read_document, {"module": {name}, "fluid": set()}, effects=False)
-    sources = _sources(layers, contents, contents, [])
+    sources = read_around(near, [name])
     named = [d for d in sources.by_kind.get("module", ()) if d.data["module"] == name]
     if not named:
         hint = did_you_mean(name, sources.names("module"))

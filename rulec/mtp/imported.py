@@ -1,6 +1,5 @@
 """Import modules from files: what was found, what is odd, and the files to write."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,16 +8,9 @@ from typing import Any
 from rulec_runtime.live.sources.map import Access
 from rulec_runtime.live.sources.map import Server as Source
 from rulec_runtime.live.sources.remarks import extra
-from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.terminal import is_shown
 
-from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.knowledge import Knowledge
-from rulec.knowledge.layers import Layer
-from rulec.knowledge.sources import Sources
-from rulec.language.diagnostics import Refused
-from rulec.language.read_yaml import read_document
-from rulec.language.schema import kind_of
 from rulec.mtp import limits
 from rulec.mtp.package import Attribute, MtpRefused, Oddity, Package, Tag
 from rulec.mtp.read_package import read_packages
@@ -194,29 +186,6 @@ def _signal(reading: Reading) -> dict[str, Any]:
         "repeats": reading.repeats,
         "lacks": reading.lacks or None,
     }
-
-
-_KINDS = re.compile(rb"^(sensor|units):", re.MULTILINE)
-_HEAD = 4096
-"""Bytes at the beginning of a file that hold its first key."""
-
-
-def read_units_and_sensors(layers: Iterable[Layer]) -> Knowledge:
-    """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in its files."""
-    stack = tuple(layers)
-    files = dict.fromkeys(file for layer in reversed(stack) for file in layer.files)
-    documents = []
-    for file in files:
-        if _KINDS.search(begin_of(file, _HEAD)):
-            document, mistakes = read_document(file)
-            if document is None:
-                raise Refused(mistakes)
-            documents.append(document)
-    by_kind = {
-        kind: tuple(document for document in documents if kind_of(document) == kind)
-        for kind in ("sensor", "units")
-    }
-    return check_knowledge(Sources(layers=stack, by_kind=by_kind))
 
 
 _ASKED = ("Unit", "SclMin", "SclMax")
