@@ -271,9 +271,10 @@ def _replaced(call: ast.Call) -> dict[str, Expression]:
     given = {part.arg: part.value for part in call.keywords if part.arg}
     if call.args or not given or len(given) < len(call.keywords):
         message = f"{PLAIN}(...) takes each driver once, with what replaces it"
-        raise rejected_at([*call.args, *call.keywords, call][0], "KB045", message, _EXAMPLE)
-    for part in (part for value in given.values() for part in ast.walk(value)):
-        if isinstance(part, ast.Call) and function_of(part) == PLAIN:
+        parts: list[ast.expr | ast.keyword] = [*call.args, *call.keywords, call]
+        raise rejected_at(parts[0], "KB045", message, _EXAMPLE)
+    for inner in (inner for value in given.values() for inner in ast.walk(value)):
+        if isinstance(inner, ast.Call) and function_of(inner) == PLAIN:
             message = f"{PLAIN}(...) cannot stand inside another"
-            raise rejected_at(part, "KB045", message, _EXAMPLE)
+            raise rejected_at(inner, "KB045", message, _EXAMPLE)
     return {driver: checked(value) for driver, value in given.items()}
