@@ -23,13 +23,6 @@ READERS = "rulec_runtime.recordings.readers"
 INTEGRATOR = "rulec_runtime.simulation.integrator"
 """Compiled by numba where that is installed; loaded when something is integrated."""
 
-COMPILED = {
-    INTEGRATOR,
-    "rulec_runtime.simulation.kernel",
-    "rulec_runtime.simulation.kernel_call",
-}
-"""Modules that use numba where it is installed, and the LLVM that comes with it."""
-LLVM = {"numba", "llvmlite"}
 
 ROOMS = (
     "rulec_runtime.limits", "rulec_runtime.output", "rulec_runtime.contract",
@@ -130,7 +123,7 @@ def test_runtime_needs_numpy_and_rich_alone() -> None:
             known = top(found) in allowed or (live and top(found) in EXTRAS)
             known |= room_of(module) == READERS and top(found) in FORMATS
             known |= (room_of(module), top(found), here) == (*FETCHED, False)
-            assert known or (module in COMPILED and top(found) in LLVM), module
+            assert known or (module == INTEGRATOR and top(found) == "numba"), module
 
 
 def test_some_modules_import_little() -> None:

@@ -177,10 +177,3 @@ standard uncertainty. Origin: assumed, the seed paper publishes systematic bound
 MOST_KEPT_BYTES = 400_000_000
 """Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
 0.1 MB. Origin: assumed."""
-
-# Integrator ------------------------------------------------------------------------------------
-
-KERNEL_WORTH = 12_000
-"""Steps that a tape is interpreted for before machine code is made of it: about as long as making
-it takes. Origin: assumed, of the order of what `python -m pytest tests/bench/test_integrator.py -s`
-prints."""

@@ -25,7 +25,7 @@ LAYOUT = {
     "units of time": "recordings.plant_calendar diagnosis.sensors.units recordings.long_table "
     "recordings.dates",
     "rows or bytes at a time: speed and memory alone": "contract.plan recordings.text_table "
-    "recordings.readers diagnosis.steady.evaluated_points simulation.llvm_code",
+    "recordings.readers diagnosis.steady.evaluated_points",
     "compiled in: numba's cache sees no other file": "simulation.integrator",
     "exit code, numbers of a standard, flags of the operating system": "commands.journal "
     "live.journal.device_health output.write_file",

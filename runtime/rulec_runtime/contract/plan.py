@@ -98,7 +98,7 @@ class Plan:
     def selected(self, outputs: Iterable[str]) -> Plan:
         """As `select`, but always a new plan."""
         kept = {name: self.outputs[name] for name in outputs}
-        needed = self._needed(kept.values())
+        needed = self.needed(kept.values())
         renumber = {i: i for i in range(self.first_operation)}
         operations: list[Operation] = []
         for i in sorted(needed):
@@ -108,7 +108,7 @@ class Plan:
         outputs_ = {name: renumber[i] for name, i in kept.items()}
         return Plan(self.inputs, self.constants, tuple(operations), outputs_)
 
-    def _needed(self, roots: Iterable[int]) -> list[int]:
+    def needed(self, roots: Iterable[int]) -> list[int]:
         """Operations that the roots need, one root after the other, each after its operands.
 
         This order keeps few values alive at a time.
@@ -205,7 +205,7 @@ class Plan:
         is_array = [*varying, *[False] * (len(self.constants) + len(self.operations))]
         order = [
             (i, *self.operations[i - self.first_operation])
-            for i in self._needed(self.outputs.values())
+            for i in self.needed(self.outputs.values())
         ]
         last: dict[int, int] = {}
         for i, name, a, b in order:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rulec_runtime.contract.plan import Array, Plan
-from rulec_runtime.simulation.kernel import Kernels
-from rulec_runtime.simulation.tape import TIME, Tape, tape_of
+from rulec_runtime.simulation.tape import OF_STATES, TIME, Tape, tape_of
 
 __all__ = ["TIME", "Balances", "Course", "RanAway"]
 
@@ -47,16 +46,14 @@ class Balances:
 
     @cached_property
     def _plan(self) -> Plan:
-        return self.plan.narrowed()
+        """What the integrator reads, alone: it runs every operation, step by step."""
+        read = {f"{what}:{state}" for what in OF_STATES for state in self.states}
+        kept = (n for n in self.plan.outputs if n in read or n in self.outputs)
+        return self.plan.selected(kept).narrowed()
 
     @cached_property
     def _tape(self) -> tuple[Tape, int]:
         return tape_of(self._plan, self.states, self.inputs, self.outputs)
-
-    @cached_property
-    def _kernels(self) -> Kernels:
-        tape, _ = self._tape
-        return Kernels(tape, range(len(self._plan.inputs), tape.first))
 
     def run(
         self,
@@ -77,7 +74,7 @@ class Balances:
         seeds : parameters by which the outputs are differentiated.
         """
         # Loading the integrator's compiler takes longer than reading a plant.
-        from rulec_runtime.simulation.integrator import PIECES, integrate
+        from rulec_runtime.simulation.integrator import integrate
 
         tape, _ = self._tape
         store, store_slopes = self._filled(values, seeds)
@@ -85,10 +82,8 @@ class Balances:
         shown = np.empty((n, count))
         slopes = np.empty((n, count, len(seeds)))
         states = np.empty((n, len(self.states)))
-        columns = store_slopes.shape[1]
         steps = integrate(
             tape,
-            self._kernels.kernel(columns),
             np.ascontiguousarray(held, dtype=np.bool_),
             np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(inputs, dtype=float),
@@ -100,22 +95,19 @@ class Balances:
         )
         if steps < 0:
             raise RanAway
-        # The explicit method takes fewer, unless a state grows by itself.
-        self._kernels.count(columns, steps, implicit=steps > PIECES * n)
         return Course(shown, slopes, states, steps)
 
     def _filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> tuple[Array, Array]:
         """Values and slopes, with everything that is constant over a run filled in."""
-        from rulec_runtime.simulation.integrator import LANES, evaluate
+        from rulec_runtime.simulation.integrator import evaluate
 
         (tape, size), plan = self._tape, self._plan
-        columns = -(-len(seeds) // LANES) * LANES
-        store, slopes = np.zeros(size), np.zeros((size, columns))
+        store, slopes = np.zeros(size), np.zeros((size, len(seeds)))
         store[: len(plan.inputs)] = [values.get(name, 0.0) for name in plan.inputs]
         store[len(plan.inputs) : tape.first] = plan.constants
         for column, name in enumerate(seeds):
             if name in plan.inputs:
                 slopes[plan.inputs.index(name), column] = 1.0
         still = tape.codes[: tape.begin]
-        evaluate(tape.first, still, tape.left, tape.right, 0, store, slopes, columns)
+        evaluate(tape.first, still, tape.left, tape.right, 0, store, slopes, len(seeds))
         return store, slopes

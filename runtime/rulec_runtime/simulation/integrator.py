@@ -1,8 +1,8 @@
 """The integrator: compiled by numba once, for all plants.
 
 A plan is data (see `contract.plan`) that an interpreter reads: an analysis may try hundreds of
-variants of a model without compiling any. Frequent variants get machine code (`kernel.py`), which
-gives the same numbers. Derivatives by chosen parameters are carried along exactly (forward mode).
+variants of a model without compiling any. Derivatives by chosen parameters are carried along
+exactly (forward mode).
 
 Source: Runge and Kutta's method of fourth order with a fixed step per sample, split into a few
 pieces where the fastest mode in the stages demands it (Hairer, Noersett, Wanner 1993, IV.2). Where
@@ -20,24 +20,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rulec_runtime.simulation.code_cache import can_be_kept
-from rulec_runtime.simulation.tape import Kernel, Tape
+from rulec_runtime.simulation.tape import Tape
 
 try:
     KEPT = can_be_kept(__file__)
     from numba import njit as compiled
-
-    from rulec_runtime.simulation import kernel_call
-
-    LANES = kernel_call.LANES
 except ImportError:  # numba is optional at an operator's station: slow, but the same numbers
-    KEPT, LANES = False, 1
+    KEPT = False
 
     def compiled(**_: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:  # type: ignore[no-redef]
         """Leave the function as it is."""
         return lambda function: function
 
-
-# Columns of slopes come in multiples of `LANES`: kernels work on so many at a time.
 
 LIVELY = 1.0
 """Step times rate of the fastest mode beyond which a step is split; Runge-Kutta is stable up to
@@ -174,21 +168,14 @@ def evaluate(
                 slopes[out, k] = da * slopes[a, k]
 
 
-@compiled(inline="always")
-def _interpret(tape: Tape, values: np.ndarray, slopes: np.ndarray) -> None:
-    first, codes, left, right, begin = tape[:5]
-    evaluate(first, codes, left, right, begin, values, slopes, slopes.shape[1])
-
-
 class Machine(NamedTuple):
-    """Balances at work: their operations, machine code of these, and their values.
+    """Balances at work: their operations and values.
 
     `values`, shape (values,), and `slopes`, shape (values, columns), have a row per value of the
     plan.
     """
 
     tape: Tape
-    kernel: Kernel
     values: np.ndarray
     slopes: np.ndarray
 
@@ -203,13 +190,10 @@ class Given(NamedTuple):
 
 
 @compiled(inline="always")
-def _run(machine: Machine) -> None:
-    """By machine code, if there is any."""
-    tape, kernel, values, slopes = machine
-    if kernel.evaluate != 0:
-        kernel_call.evaluate(kernel.evaluate, values, slopes)
-    else:
-        _interpret(tape, values, slopes)
+def _run(tape: Tape, end: int, values: np.ndarray, slopes: np.ndarray) -> None:
+    """Run the moving operations before number `end`."""
+    codes = tape.codes[:end]
+    evaluate(tape.first, codes, tape.left, tape.right, tape.begin, values, slopes, slopes.shape[1])
 
 
 @compiled(inline="always")
@@ -275,7 +259,7 @@ def _follow(machine: Machine, history: Past, when: float, count: int) -> None:
 
     The first `count` nodes are known; outside these the past is constant.
     """
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     late, nodes, past, past_slopes = history[:4]
     slots, after_slots = tape.states, tape.afters
     for j in range(late.shape[0]):
@@ -311,7 +295,7 @@ def _aim(
     node: int,
 ) -> None:
     """Add what states with a dead time follow now, as a lag would, to a node of the past."""
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     slots, rate_slots, after_slots = tape.states, tape.rates, tape.afters
     for j in range(late.shape[0]):
         slot, rate, after = slots[late[j]], rate_slots[late[j]], after_slots[late[j]]
@@ -334,7 +318,7 @@ def _place(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
 @compiled(inline="always")
 def _confine(machine: Machine, end: int, x: np.ndarray, dx: np.ndarray) -> bool:
     """Keep states within their limits, if these have slots below `end`; whether one was moved."""
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     moved = False
     for i in range(x.shape[0]):
         for side in range(2):
@@ -415,8 +399,8 @@ class Room(NamedTuple):
     """Work arrays of a run, the same for all its steps.
 
     `x`, `dx` are the states and their slopes, `old`, `d_old` those at the last sample, `peak` the
-    largest values so far; `k`, `dk` the rates per stage, `given` inputs and clock per stage.
-    `matrix` to `jacobian` serve the implicit method.
+    largest values so far; `k`, `dk` the rates per stage. `matrix` to `jacobian` serve the implicit
+    method.
     """
 
     x: np.ndarray
@@ -426,7 +410,6 @@ class Room(NamedTuple):
     peak: np.ndarray
     k: np.ndarray
     dk: np.ndarray
-    given: np.ndarray
     matrix: np.ndarray
     shares: np.ndarray
     pivots: np.ndarray
@@ -453,7 +436,7 @@ class Past(NamedTuple):
 @compiled(inline="always")
 def _room(tape: Tape, size: int, columns: int) -> Room:
     count = tape.states.shape[0]
-    jacobian = np.zeros((size, -(-count // LANES) * LANES))
+    jacobian = np.zeros((size, count))
     for i in range(count):
         jacobian[tape.states[i], i] = 1.0
     return Room(
@@ -464,7 +447,6 @@ def _room(tape: Tape, size: int, columns: int) -> Room:
         np.zeros(count),
         np.zeros((4, count)),
         np.zeros((4, count, columns)),
-        np.zeros((4, tape.inputs.shape[0] + 1)),
         np.zeros((count, count)),
         np.zeros((count, count)),
         np.zeros(count, np.int64),
@@ -491,10 +473,10 @@ def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
 @compiled(inline="always")
 def _begin(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
     """Set states to their start; one may depend on the start of another."""
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     for _ in range(x.shape[0]):
         _place(machine, x, dx)
-        _run(machine)
+        _run(tape, tape.codes.shape[0], values, slopes)
         for i in range(x.shape[0]):
             x[i] = values[tape.starts[i]]
             for c in range(dx.shape[1]):
@@ -520,12 +502,12 @@ def _put(
 @compiled(inline="always")
 def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: int) -> bool:
     """All values at a sample, states within their limits; whether the rates are still valid."""
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     x, dx, slots, late = room.x, room.dx, tape.states, past.late
     n, lates, moved = time.shape[0], past.late.shape[0], False
     for _ in range(2):
         _place(machine, x, dx)
-        _run(machine)
+        _run(tape, tape.codes.shape[0], values, slopes)
         moved = False
         if lates and s < n - 1:
             # Until the step is done, the present value replaces its mean.
@@ -557,7 +539,7 @@ def _to_stage(
 ) -> None:
     """Values at a stage; `move` is the stage whose rates lead there, and how far; `when` the time,
     and the number of known nodes of the past."""
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     k, dk, slots = room.k, room.dk, tape.states
     for i in range(slots.shape[0]):
         values[slots[i]] = room.x[i] + move[1] * k[move[0], i]
@@ -580,7 +562,7 @@ def _explicit(
     fresh: bool,
 ) -> None:
     """One piece by Runge and Kutta's method; if `fresh`, its first rates are known."""
-    tape, kernel, values, slopes = machine
+    tape, values, slopes = machine
     time = given.time
     x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
     p, pieces = piece
@@ -595,11 +577,9 @@ def _explicit(
             before = max(stage - 1, 0)
             scale = NODES[0, stage] * step
             _to_stage(machine, room, past, (before, scale), (now, s + 2))
-            _run(machine)
+            _run(tape, tape.rated, values, slopes)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[0]):
             _aim(machine, late, 0.5, past.mean, past.mean_slopes, 0)
-        if kernel.advance != 0:
-            break
         for i in range(x.shape[0]):
             k[stage, i] = values[rates[i]]
             for c in range(dx.shape[1]):
@@ -608,20 +588,11 @@ def _explicit(
             k[stage, late[j]] = 0.0
             for c in range(dx.shape[1]):
                 dk[stage, late[j], c] = 0.0
-    if kernel.advance != 0:
-        last = tape.inputs.shape[0]
-        for stage in range(1, STAGES[0]):
-            at = (p + NODES[0, stage]) / pieces
-            for j in range(last):
-                room.given[stage, j] = _given(given, j, s, at)
-            room.given[stage, last] = time[s] + at * length
-        kernel_call.advance(kernel.advance, values, slopes, x, dx, k, room.given, step)
-    else:
-        for i in range(x.shape[0]):
-            for stage in range(STAGES[0]):
-                x[i] += step * WEIGHTS[stage] * k[stage, i]
-                for c in range(dx.shape[1]):
-                    dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
+    for i in range(x.shape[0]):
+        for stage in range(STAGES[0]):
+            x[i] += step * WEIGHTS[stage] * k[stage, i]
+            for c in range(dx.shape[1]):
+                dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
 
 
 @compiled(inline="always")
@@ -629,7 +600,7 @@ def _implicit(
     machine: Machine, given: Given, room: Room, past: Past, s: int, piece: tuple[int, int]
 ) -> tuple[float, float]:
     """One piece by the implicit method; the rate of the fastest mode, and the error."""
-    tape, kernel, values, slopes = machine
+    tape, values, slopes = machine
     time = given.time
     x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
     right_side, count = room.right_side, room.x.shape[0]
@@ -645,15 +616,12 @@ def _implicit(
         scale = NODES[1, stage] * step
         _to_stage(machine, room, past, (0, scale), (now, s + 2))
         if stage == 0:
-            if kernel.jacobian != 0:
-                kernel_call.evaluate(kernel.jacobian, values, room.jacobian)
-            else:
-                _interpret(tape, values, room.jacobian)
+            _run(tape, tape.rated, values, room.jacobian)
             rate = _linearised(room.jacobian, rates, tape.afters, step, room.matrix)
             _factor(room.matrix, room.shares, room.pivots)
         # The Jacobian gives the values as well.
         if stage > 0 or slopes.shape[1] > 0:
-            _run(machine)
+            _run(tape, tape.rated, values, slopes)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
             _aim(machine, late, 0.5, past.mean, past.mean_slopes, 0)
         for i in range(count):
@@ -791,7 +759,7 @@ def _over_samples(
 
     Reference counting of arrays, at every line that passes one on, takes longer than a step.
     """
-    tape, _, values, slopes = machine
+    tape, values, slopes = machine
     n, taken, pieces, stiff = given.time.shape[0], 0, 1, False
     for s in range(n):
         for j in range(tape.inputs.shape[0]):
@@ -817,7 +785,6 @@ def _over_samples(
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     tape: Tape,
-    kernel: Kernel,
     held: np.ndarray,
     time: np.ndarray,
     inputs: np.ndarray,
@@ -831,12 +798,10 @@ def integrate(
 
     Parameters
     ----------
-    kernel : machine code of the tape for as many columns as `slopes` has, or none.
     held : per input, whether it keeps its value until the next sample; others are interpolated.
     inputs : shape (n, inputs).
     values, slopes : one row per value of the plan, filled in for parameters, constants and what
-        follows from them alone (operations before `tape.begin`); (values,) and (values, columns),
-        columns a multiple of `LANES`, those beyond width 0.
+        follows from them alone (operations before `tape.begin`); (values,) and (values, width).
     outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
     """
     room = _room(tape, values.shape[0], slopes.shape[1])
@@ -844,7 +809,7 @@ def integrate(
         values[tape.inputs[j]] = inputs[0, j]
     if tape.clock >= 0:
         values[tape.clock] = time[0]
-    machine, given = Machine(tape, kernel, values, slopes), Given(held, time, inputs)
+    machine, given = Machine(tape, values, slopes), Given(held, time, inputs)
     _begin(machine, room.x, room.dx)
     past = _past(tape, time, room)
     return int(_over_samples(machine, given, outputs, output_slopes, states, room, past))

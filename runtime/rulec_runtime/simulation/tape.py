@@ -10,6 +10,9 @@ from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 
 TIME = "time"
 
+OF_STATES = ("start", "der", "low", "high", "after")
+"""Outputs per state, as in `contract.ruleset.Dynamics`."""
+
 CODES = {name: code for code, name in enumerate(OPERATIONS)}
 """Numbers of operations in the integrator."""
 
@@ -19,7 +22,8 @@ Slots = NDArray[np.int64]
 class Tape(NamedTuple):
     """Operations on numbered values: number, operands; the first result is value `first`.
 
-    Operations that no state, input or time reaches run once, before operation `begin`. `clock` is
+    Operations that no state, input or time reaches run once, before operation `begin`; rates and
+    dead times need none from operation `rated` on. `clock` is
     the slot of time, or -1; `states` and `inputs` are slots that are written to. Per state there
     are the slots of its start, rate, limits and dead time; the last three may be -1.
     """
@@ -29,6 +33,7 @@ class Tape(NamedTuple):
     left: Slots
     right: Slots
     begin: int
+    rated: int
     clock: int
     states: Slots
     starts: Slots
@@ -40,14 +45,6 @@ class Tape(NamedTuple):
     outputs: Slots
 
 
-class Kernel(NamedTuple):
-    """Addresses of machine code of a tape, 0 where there is none."""
-
-    evaluate: int
-    advance: int
-    jacobian: int
-
-
 def tape_of(
     plan: Plan, states: Sequence[str], inputs: Sequence[str], shown: Sequence[str]
 ) -> tuple[Tape, int]:
@@ -55,13 +52,19 @@ def tape_of(
     place = {name: i for i, name in enumerate(plan.inputs)}
     moving = {place[n] for n in (*states, *inputs, TIME) if n in place}
     first = plan.first_operation
-    still, moved = [], []
-    for i, (name, a, b) in enumerate(plan.operations, first):
+    # What rates need comes first: between samples nothing else is read.
+    roots = [i for n, i in plan.outputs.items() if n.partition(":")[0] in ("der", "after")]
+    early = set(plan.needed(roots))
+    rest = sorted(set(range(first, first + len(plan.operations))).difference(early))
+    still, moved, rating = [], [], 0
+    for i in (*sorted(early), *rest):
+        name, a, b = plan.operations[i - first]
         if moving.intersection((a,) if name in UNARY else (a, b)):
             moving.add(i)
             moved.append(i)
         else:
             still.append(i)
+        rating = len(moved) if i in early else rating
     number = {i: i for i in range(first)}
     number |= {i: first + j for j, i in enumerate([*still, *moved])}
     operations = [plan.operations[i - first] for i in (*still, *moved)]
@@ -81,6 +84,7 @@ def tape_of(
         left=_slots([number[a] for _, a, _ in operations]),
         right=_slots(right),
         begin=len(still),
+        rated=len(still) + rating,
         clock=place.get(TIME, -1),
         states=_slots([slot[name] for name in states]),
         starts=of_states("start"),
