@@ -8,6 +8,7 @@ the only way that does not measure its loss counts as lossless.
 """
 
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 
 import networkx as nx
 
@@ -69,6 +70,7 @@ class _Ways:
         goal: int,
     ) -> None:
         self._head = head
+        self._places = places
         useful = nx.ancestors(places, goal) | {goal} if goal in places else {goal}
         self._leaving = {
             place: tuple(m for m in names if head[m] in useful)
@@ -122,26 +124,12 @@ class _Ways:
 
     def _between(self, place: int, meeting: int) -> dict[int, tuple[str, ...]]:
         """Modules leaving each place on the ways to a meeting, except ways back to the start."""
-        reached, into, stack = {place}, dict[int, list[int]](), [place]
-        while stack:
-            here = stack.pop()
-            for module in self._leaving.get(here, ()):
-                there = self._head[module]
-                into.setdefault(there, []).append(here)
-                if there not in reached and there != meeting:
-                    reached.add(there)
-                    stack.append(there)
-        # An open end lies one step before the surroundings, with no module between.
-        ends = [p for p in into if p not in self._leaving] if meeting == SURROUNDINGS else [meeting]
-        useful, stack = set(ends), ends
-        while stack:
-            for before in into.get(stack.pop(), ()):
-                if before not in useful and before != place:
-                    useful.add(before)
-                    stack.append(before)
+        inside = nx.descendants(nx.restricted_view(self._places, [meeting], []), place)
+        useful = nx.ancestors(self._places.subgraph({*inside, meeting}), meeting)
         return {
-            p: tuple(m for m in self._leaving[p] if self._head[m] in useful)
-            for p in sorted(reached & (useful | {place}) & self._leaving.keys())
+            p: tuple(m for m in self._leaving[p] if self._head[m] in {*useful, meeting})
+            for p in sorted(useful | {place})
+            if p in self._leaving
         }
 
     def _measured(
@@ -152,21 +140,13 @@ class _Ways:
         provided: Mapping[str, str],
     ) -> list[str] | None:
         """The shortest branch whose modules all measure their loss."""
-        came: dict[int, str] = {}
-        before: dict[str, int] = {}
-        queue = [place]
-        for here in queue:
-            for module in region.get(here, ()):
-                there = self._head[module]
-                if module in provided and there not in came and there != place:
-                    came[there], before[module] = module, here
-                    queue.append(there)
-        if meeting not in came:
+        ways = [(p, self._head[m], m) for p in region for m in region[p][::-1] if m in provided]
+        measured = nx.DiGraph((here, there, {"module": m}) for here, there, m in ways)
+        measured.add_nodes_from([place, meeting])
+        if not nx.has_path(measured, place, meeting):
             return None
-        branch = [came[meeting]]
-        while before[branch[-1]] != place:
-            branch.append(came[before[branch[-1]]])
-        return branch[::-1]
+        branch = nx.shortest_path(measured, place, meeting)
+        return [measured.edges[step]["module"] for step in pairwise(branch)]
 
 
 def _signals(modules: Iterable[str], provided: Mapping[str, str]) -> Gathered:
