@@ -81,9 +81,6 @@ SEEN = 2.0
 """Multiple of the degree that shows a fault at which advice may leave one that is hard to see.
 Origin: assumed."""
 
-MOST_SENSORS = 4
-"""Sensors that one advice asks for at most. Origin: assumed."""
-
 WIDE_JUNCTION = 30
 """At junctions of more modules than this, pairs of faults of different modules are not listed:
 their number grows with the square. Origin: assumed."""

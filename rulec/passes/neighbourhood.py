@@ -14,10 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy
 from rulec_runtime.contract.plan import Array
 
-from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
 from rulec.passes.assemble import Assembly
 from rulec.passes.derive_signatures import Signatures, reference_inputs
@@ -190,28 +188,29 @@ class Linearised:
 
 def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> Linearised:
     """Evaluate gradients and slopes at the reference point."""
+    graph = assembly.graph
     outputs = {
         f"{observer}|{name}": node
         for observer, gradient in assembly.gradients.items()
         for name, node in gradient.items()
     }
-    for key, target in assembly.targets.items():
-        outputs[f"{key}|value"] = target.value
-        outputs |= {f"{key}|d|{o}": node for o, node in target.slopes.items()}
-    inputs = reference_inputs(network, signatures.reference)
-    values = {k: float(v[0]) for k, v in assembly.graph.plan(outputs).run(inputs).items()}
-    excesses = _excesses(assembly, signatures, values)
-    effects: dict[str, dict[str, float]] = {}
-    shifts: dict[str, float] = {}
+    moved: dict[str, tuple[str, ...]] = {}
+    of_signals: dict[str, str] = {}
     for h in assembly.hypotheses:
-        excess, scale = excesses[h.fault.rule.onset], h.fault.variant.scale
+        onset, scale = h.fault.rule.onset, graph.constant(h.fault.variant.scale)
         if h.fault.fault.acts_on == "flow":
-            effects[h.id] = {o: excess[o] * scale for o in h.affects}
-            continue
-        shift, slopes = excess[h.target] * scale, assembly.targets[h.target].slopes
-        effects[h.id] = {o: shift * values[f"{h.target}|d|{o}"] for o in h.affects if o in slopes}
-        if h.fault.fault.acts_on == "signal":
-            shifts[h.id] = shift
+            found = {o: lower(graph, onset, {G: assembly.observers[o]}) for o in h.affects}
+        else:
+            target = assembly.targets[h.target]
+            shift = lower(graph, onset, {G: target.value})
+            found = {o: graph.mul(shift, target.slopes[o]) for o in h.affects if o in target.slopes}
+            if h.fault.fault.acts_on == "signal":
+                of_signals[h.id] = h.target
+                outputs[f"{h.id}|shift"] = graph.mul(shift, scale)
+        moved[h.id] = tuple(found)
+        outputs |= {f"{h.id}|{o}": graph.mul(node, scale) for o, node in found.items()}
+    inputs = reference_inputs(network, signatures.reference)
+    values = {k: float(v[0]) for k, v in graph.plan(outputs).run(inputs).items()}
     return Linearised(
         gradients={
             observer: {name: values[f"{observer}|{name}"] for name in gradient}
@@ -221,27 +220,7 @@ def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> L
         uncertainties={
             k.removeprefix("u:"): v for k, v in inputs.items() if k.startswith("u:") and "." in k
         },
-        effects=effects,
-        shifts=shifts,
-        targets={h.id: h.target for h in assembly.hypotheses if h.id in shifts},
+        effects={h: {o: values[f"{h}|{o}"] for o in observers} for h, observers in moved.items()},
+        shifts={h: values[f"{h}|shift"] for h in of_signals},
+        targets=of_signals,
     )
-
-
-def _excesses(
-    assembly: Assembly, signatures: Signatures, values: Mapping[str, float]
-) -> dict[sympy.Expr, dict[str, float]]:
-    """Excess per unit of degree, by onset and observer or target; each law is evaluated once."""
-    scaled: dict[sympy.Expr, dict[str, float]] = {}
-    for h in assembly.hypotheses:
-        at = scaled.setdefault(h.fault.rule.onset, {})
-        if h.fault.fault.acts_on == "flow":
-            at |= {o: signatures.flows[o] for o in h.affects}
-        else:
-            at[h.target] = values[f"{h.target}|value"]
-    result = {}
-    for onset, at in scaled.items():
-        graph = Graph(["g"])
-        plan = graph.plan({"onset": lower(graph, onset, {G: graph.input("g")})})
-        excess = plan.run({"g": np.array(list(at.values()))})["onset"]
-        result[onset] = dict(zip(at, np.broadcast_to(excess, len(at)).tolist(), strict=True))
-    return result

@@ -23,7 +23,6 @@ from rulec.passes.derive_signatures import Signatures
 from rulec.passes.limits import (
     FAR_READERS,
     LEAST_SPREAD,
-    MOST_SENSORS,
     SEEN,
     SMALL_DEGREE,
     WIDE_JUNCTION,
@@ -67,8 +66,12 @@ class Adviser:
         """
         hood = self._hood(faults)
         each = () if hood is None else degrees_at(apart(hood.gram(faults)))
-        highest = (self._variants[f].highest / self._variants[f].scale for f in faults)
+        highest = self._highest(faults)
         return tuple(x if x <= most else np.inf for x, most in zip(each, highest, strict=False))
+
+    def _highest(self, faults: Sequence[str]) -> list[float]:
+        """The ends of the ranges of faults, as shares."""
+        return [self._variants[f].highest / self._variants[f].scale for f in faults]
 
     def close_pairs(self) -> Iterable[tuple[str, str]]:
         """Pairs within or beside a module that a small degree detects but does not isolate."""
@@ -114,13 +117,13 @@ class Adviser:
         return [self._faults[m] for m in modules if self._around[m] == key]
 
     def advise(self, faults: Sequence[str]) -> Advice | None:
-        """The cheapest one or two sensors that isolate a group, else a greedy choice of more."""
+        """The cheapest one or two sensors that isolate a group."""
         hood = self._hood(faults)
         if hood is None:
             return None
         modules = dict.fromkeys(self._module_of[f] for f in faults)
         sensors = [s for name in modules for s in self._sensors(name)]
-        return cheapest(hood, faults, sensors)
+        return cheapest(hood, faults, sensors, self._highest(faults))
 
     def _neighbours(self) -> Iterable[tuple[str, ...]]:
         """Each module, and each pair of modules that meet at a junction."""
@@ -253,9 +256,9 @@ def degrees_at(distance: Array) -> tuple[float, ...]:
 
 
 def cheapest(
-    hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor]
+    hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor], highest: Sequence[float]
 ) -> Advice | None:
-    """The cheapest one or two sensors that isolate all faults, else a greedy choice of more."""
+    """The cheapest one or two sensors that isolate all faults at degrees up to the `highest`."""
     gram = hood.gram(faults)
     effects, covariance = hood.added(faults, sensors)
     covariance = covariance + LEAST_SPREAD * np.eye(len(sensors))
@@ -276,25 +279,12 @@ def cheapest(
     choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
     for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
         far = ((among(c), c) for c in same)
-        isolating = [(max(degrees_at(d)), c) for d, c in far if _is_isolated(d)]
+        found = ((degrees_at(d), c) for d, c in far if _is_isolated(d))
+        isolating = [(max(x), c) for x, c in found if np.all(np.less_equal(x, highest))]
         if isolating:
             degree, chosen = min(isolating)
             return Advice(tuple(sensors[i] for i in chosen), degree)
-    chosen = ()
-    while len(chosen) < min(MOST_SENSORS, len(sensors)):
-        more = [(*chosen, i) for i in numbers if i not in chosen]
-        chosen = min(more, key=lambda c: (_degrees_left(among(c)), cost(c)))
-        distance = among(chosen)
-        if _is_isolated(distance):
-            return Advice(tuple(sensors[i] for i in chosen), max(degrees_at(distance)))
     return None
-
-
-def _degrees_left(distance: Array) -> tuple[int, float]:
-    """Number of faults that no degree isolates, and the largest degree of the others."""
-    degrees = np.array(degrees_at(distance))
-    never = np.isinf(degrees)
-    return int(never.sum()), float(degrees[~never].max(initial=0.0))
 
 
 def _is_isolated(distance: Array) -> bool:
