@@ -35,10 +35,6 @@ SADDLE_RIDGE = 1e-14
 """Taken off the lower diagonal block of the least-length system, which may be singular. Origin:
 numerical."""
 
-SHARED_SHARES = (1.0, 0.3, 0.1, 0.03)
-"""Shares of the reference readings that modules have in common, tried one after the other. Origin:
-assumed."""
-
 VANISHED_RESIDUAL = 1e-6
 """Share of the largest flow below which a residual counts as zero. Origin: numerical."""
 

@@ -21,7 +21,6 @@ from rulec.passes.limits import (
     REFERENCE_STEP,
     REFERENCE_STEPS,
     SADDLE_RIDGE,
-    SHARED_SHARES,
     VANISHED_RESIDUAL,
 )
 from rulec.passes.link import Network
@@ -32,20 +31,15 @@ def solve_reference(
 ) -> dict[str, float]:
     """Readings (SI) at which all residuals vanish.
 
-    Readings that several modules share, such as the loss of a mixer, are least known to makers: if
-    the numbers are inconsistent, smaller values of these are tried. Raises `Refused` (KB088) if no
-    such point is found near the given readings.
+    Raises `Refused` (KB088) if no such point is found near the given readings.
     """
     readings, free = _start(network, assembly)
     if not assembly.observers:
         return readings
     plan, names = _plan(assembly, free)
-    shared = _shared(assembly)
-    for share in SHARED_SHARES:
-        start = {s: v * share if s in shared else v for s, v in readings.items()}
-        found = _solved(network, residuals, assembly, plan, names, start, free)
-        if found is not None:
-            return found
+    found = _solved(network, residuals, assembly, plan, names, readings, free)
+    if found is not None:
+        return found
     message = "no fault-free operating point was found near the reference readings"
     hint = "give each module 'reference: {...}' with readings that fit together"
     raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
@@ -84,15 +78,6 @@ def _solved(
             damping /= 2.0
         readings = tried
     return None
-
-
-def _shared(assembly: Assembly) -> set[str]:
-    """Readings that observers of several modules use."""
-    users: dict[str, set[str]] = {}
-    for observer, gradient in assembly.gradients.items():
-        for signal in gradient:
-            users.setdefault(signal, set()).add(observer.partition(".")[0])
-    return {signal for signal, modules in users.items() if len(modules) > 1}
 
 
 def _agree(residuals: tuple[Residual, ...], assembly: Assembly, flows: Array) -> bool:
