@@ -18,7 +18,7 @@ from rulec.effects.candidate import CurveTerm
 from rulec.effects.free_form import curve_through
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
-from rulec.effects.repair import AdoptRefused, read_form, repair_of
+from rulec.effects.repair import AdoptRefused, plant_of, read_form, repair_of
 from rulec.effects.write_plant import put_in_place, write_plant
 from rulec.language.read_yaml import parse_document, read_document
 from rulec.language.write_yaml import flow, lines
@@ -75,7 +75,7 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
     file = folder / "mismatch.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     repair = repair_of(read_form(file), file)
-    builder = opened(repair.plant)
+    builder = opened(plant_of(read_form(file), file))
     assert builder.sources is not None
     with put_in_place(folder / "new") as place:
         write_plant(place, builder.sources, adoption_of(builder, repair), repair)
@@ -214,8 +214,9 @@ def test_what_is_no_physics_of_the_module_is_left_out(
 
 def left_out(folder: Path) -> str:
     """Reasons for what was not taken over."""
-    repair = repair_of(read_form(folder / "mismatch.json"), folder / "mismatch.json")
-    adoption = adoption_of(opened(repair.plant), repair)
+    file = folder / "mismatch.json"
+    data = read_form(file)
+    adoption = adoption_of(opened(plant_of(data, file)), repair_of(data, file))
     return "; ".join(reason for _, reason in adoption.left)
 
 

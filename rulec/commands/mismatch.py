@@ -32,13 +32,14 @@ from rulec.commands.arguments import (
     recording_given,
 )
 from rulec.commands.result import AnyPath, Columns, PageResult, parts_of
+from rulec.effects.candidate import Repair
 from rulec.effects.repair import (
     AGAIN,
     Proven,
-    Repair,
     basis_of,
     check_plant_unchanged,
     check_unchanged,
+    plant_of,
     proven_of,
     read_form,
     repair_of,
@@ -269,7 +270,7 @@ class Reread:
     @cached_property
     def opened(self) -> OpenedPlant:
         """The plant as it is now."""
-        return open_plant(self.repair.plant, effects=True)
+        return open_plant(plant_of(self.data, self.file), effects=True)
 
     @cached_property
     def builder(self) -> ModelBuilder:

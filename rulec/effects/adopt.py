@@ -8,13 +8,11 @@ named after its first module.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from rulec.effects.candidate import TIME, Candidate, Unknown
+from rulec.effects.candidate import TIME, Candidate, Repair, Unknown
 from rulec.effects.flow_by_state import Gathering, held_back
 from rulec.effects.limits import MAX_TYPE_STEM
 from rulec.effects.model_builder import ModelBuilder
-from rulec.effects.repair import AdoptRefused, Repair
+from rulec.effects.repair import AdoptRefused
 from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal
 from rulec.knowledge.plant import Module, Plant
@@ -80,14 +78,14 @@ def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
     readings = Gathering(network)
     taken: list[Candidate] = []
     left: list[tuple[str, str]] = []
-    for joined in repair.joined:
-        candidate = by_id.get(joined.id)
-        if candidate is None and joined.id.split("[")[0] not in free:
-            message = f"'{joined.id}' does not fit {network.plant.name}; has it changed since?"
+    for name in repair.joined:
+        candidate = by_id.get(name)
+        if candidate is None and name.split("[")[0] not in free:
+            message = f"'{name}' does not fit {network.plant.name}; has it changed since?"
             raise AdoptRefused(f"{message} Run rulec mismatch again")
         reason = NOT_PHYSICS["free"] if candidate is None else why_not(candidate, network)
         if candidate is None or reason:
-            left.append((joined.id, reason))
+            left.append((name, reason))
         else:
             taken.append(candidate)
     ids = tuple(c.id for c in taken)
@@ -111,9 +109,9 @@ def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
 def _refuse_unknown(builder: ModelBuilder, repair: Repair) -> None:
     known = {*builder.parameters.ids, *(s.id for s in builder.spots)}
     known |= {u.id for c in builder.candidates for u in c.unknowns}
-    for name in repair.parameters:
-        if name.partition("#")[0] not in known:
-            message = f"'{name}' is no parameter of this plant; has it changed since?"
+    for parameter in repair.parameters:
+        if parameter.id.partition("#")[0] not in known:
+            message = f"'{parameter.id}' is no parameter of this plant; has it changed since?"
             raise AdoptRefused(f"{message} Run rulec mismatch again")
 
 
@@ -140,9 +138,7 @@ def _instance(
 ) -> Adopted:
     """The instance with its amended type and the values found for its new parameters."""
     sources = {u.id: (c, u) for c in taken for u in c.unknowns}
-    values = {k: v for joined in repair.joined for k, v in joined.values.items()}
-    u = dict(zip(repair.parameters, np.sqrt(np.diag(repair.covariance)).tolist(), strict=True))
-    values |= dict(zip(repair.parameters, repair.values.tolist(), strict=True))
+    values, u = repair.values, {p.id: p.u for p in repair.parameters}
     brought = {}
     for local, input_ in amended.inputs.items():
         candidate, unknown = sources[input_]

@@ -174,7 +174,8 @@ class Repair:
     `joined` are ids of its candidates. `parameters`, those of the candidates behind base
     parameters, have a joint `covariance`, shape (parameters, parameters). `fixed` are references of
     joined candidates, `misfit` the remaining error per observer, m3/s, `ranges` the readings per
-    signal at which its relations were tested, `curves` the joined terms without physics.
+    signal at which its relations were tested, `curves` the joined terms without physics. It was
+    found in a `recording` of this name.
     """
 
     joined: tuple[str, ...]
@@ -184,6 +185,12 @@ class Repair:
     misfit: Mapping[str, float]
     ranges: Mapping[str, tuple[float, float]]
     curves: tuple[CurveTerm, ...] = ()
+    recording: str = ""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All values by id: parameters, and references of candidates."""
+        return {**self.fixed, **{p.id: p.value for p in self.parameters}}
 
 
 class Unwritable(Exception):

@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.adopt import Adopted, Adoption
-from rulec.effects.repair import Repair
+from rulec.effects.candidate import Repair
 from rulec.knowledge.module_type import Parameter
 from rulec.language.units import Unit
 from rulec.language.write_yaml import rounded
@@ -30,7 +30,7 @@ def calibration(adoption: Adoption, repair: Repair) -> dict[str, Any]:
 
 
 def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
-    place = {name: i for i, name in enumerate(repair.parameters)}
+    place = {name: i for i, name in enumerate(p.id for p in repair.parameters)}
     found = {local: place[id_] for local, id_ in _ids(own).items() if id_ in place}
     values = _values(own, repair, found)
     module = own.module
@@ -63,9 +63,8 @@ def _values(own: Adopted, repair: Repair, found: Mapping[str, int]) -> dict[str,
         if parameter.shared:
             continue
         if name in found:
-            i = found[name]
-            u = float(np.sqrt(repair.covariance[i, i]))
-            parameter = replace(parameter, value=float(repair.values[i]), u=u)
+            new = repair.parameters[found[name]]
+            parameter = replace(parameter, value=new.value, u=new.u)
         elif name not in joint and (parameter.value, parameter.u) == (declared.value, declared.u):
             continue
         result[name] = parameter

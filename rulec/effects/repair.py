@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.json_file import Damaged, read_json
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.formats import STANDARD_INPUT, bytes_of, is_there
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording_file import files_of
 
-from rulec.effects.candidate import CurveTerm
+from rulec.effects.candidate import Changed, CurveTerm, Repair
 from rulec.knowledge.sources import Sources
 
 
@@ -59,34 +58,6 @@ class Reported:
     recalibrated: float
     own: float
     points: int
-
-
-@dataclass(frozen=True)
-class Joined:
-    """An accepted candidate with the values of its unknowns by id, SI."""
-
-    id: str
-    values: Mapping[str, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Repair:
-    """A repaired model, SI.
-
-    `parameters` are ids of plan inputs, also of candidates, with their `values`, shape (n,), and
-    joint `covariance`, shape (n, n). `misfit` is per observer; `ranges` are the recorded ranges per
-    signal; `curves` are joined without physics.
-    """
-
-    plant: Path
-    recording: str
-    joined: tuple[Joined, ...]
-    parameters: tuple[str, ...]
-    values: Array
-    covariance: Array
-    misfit: Mapping[str, float]
-    ranges: Mapping[str, tuple[float, float]]
-    curves: tuple[CurveTerm, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,42 +162,41 @@ def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -
     if recalibrated:
         if not isinstance(part.get("recalibrated"), dict):
             raise AdoptRefused(f"{file}: it holds no recalibrated plant; run rulec mismatch again")
-        part = {"plant": part.get("plant"), "joined": [], **part["recalibrated"]}
+        part = {"joined": [], **part["recalibrated"]}
     try:
         # The name goes into comments: no line breaks.
         name = str(data.get("recording", ""))[:200]
-        return _repair(file, "".join(c for c in name if c.isprintable()), part)
+        return _repair("".join(c for c in name if c.isprintable()), part)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise _broken(file, error) from None
 
 
-def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
+def _repair(recording: str, part: Mapping[str, Any]) -> Repair:
     names = tuple(str(name) for name in part["parameters"])
     count = len(names)
-    values = np.array([_number(v) for v in part["values"]], dtype=float)
+    values = [_number(v) for v in part["values"]]
     covariance = np.array(part["covariance"], dtype=float).reshape(-1, max(count, 1))[:, :count]
-    if values.shape != (count,) or covariance.shape != (count, count):
+    if len(values) != count or covariance.shape != (count, count):
         raise ValueError(f"{count} parameters, but other numbers of values or covariances")
     if not np.all(np.isfinite(covariance)) or np.any(np.diag(covariance) < 0.0):
         raise ValueError("a variance is not a number, or below 0")
+    u = np.sqrt(np.diag(covariance)).tolist()
+    fixed: dict[str, float] = {}
+    for entry in part["joined"]:
+        known = {**entry["unknowns"], **(entry.get("fixed") or {})}
+        fixed |= {str(k): _number(v) for k, v in known.items()}
     return Repair(
-        plant=_plant(file, str(part["plant"])),
-        recording=recording,
-        joined=tuple(_joined(entry) for entry in part["joined"]),
-        parameters=names,
-        values=values,
+        joined=tuple(str(entry["id"]) for entry in part["joined"]),
+        parameters=tuple(map(Changed, names, values, u)),
         covariance=covariance,
+        fixed=fixed,
         misfit={str(k): _number(v) for k, v in (part.get("misfit") or {}).items()},
         ranges={
             str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()
         },
         curves=tuple(map(_curve, part.get("curves") or ())),
+        recording=recording,
     )
-
-
-def _joined(entry: Mapping[str, Any]) -> Joined:
-    values = {**entry["unknowns"], **(entry.get("fixed") or {})}
-    return Joined(str(entry["id"]), {str(k): _number(v) for k, v in values.items()})
 
 
 def _curve(entry: Mapping[str, Any]) -> CurveTerm:
@@ -243,8 +213,14 @@ def _number(value: Any) -> float:
     return number
 
 
-def _plant(file: Path, name: str) -> Path:
-    """The plant by its name relative to the working folder, or to the file."""
+def plant_of(data: Mapping[str, Any], file: Path) -> Path:
+    """The plant of a repair, by its name relative to the working folder, or to the file.
+
+    Raises `AdoptRefused` if it is not there.
+    """
+    name = data["repair"].get("plant")
+    if not isinstance(name, str):
+        raise _broken(file, KeyError("plant"))
     for path in (Path(name), file.parent / name):
         if path.exists():
             return path

@@ -9,18 +9,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.open_file import text_of
 from rulec_runtime.output.write_file import write_text
 
 from rulec.effects.adopt import Adopted, Adoption, adoption_of
-from rulec.effects.candidate import Repair as Found
-from rulec.effects.candidate import Unwritable
+from rulec.effects.candidate import Repair, Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.recalibrate import calibration
-from rulec.effects.repair import AdoptRefused, Joined, Repair
+from rulec.effects.repair import AdoptRefused
 from rulec.effects.write_module import write_module
 from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.layers import KB, Layer, shipped
@@ -82,7 +80,6 @@ def _module(
 def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, float]:
     """Readings (SI) of the drivers of adopted candidates: the median, or the mid-range."""
     name, result = own.module.name, dict[str, float]()
-    found = {k: v for joined in repair.joined for k, v in joined.values.items()}
     for candidate in adoption.taken:
         for source in map(reading_of, candidate.drivers.values()):
             if source.startswith(f"{name}.") and source in repair.ranges:
@@ -90,7 +87,7 @@ def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, floa
         for unknown in candidate.unknowns:
             at_median = unknown.fixed and len(unknown.quantiles) < 2
             if at_median and unknown.driver and unknown.driver.startswith(f"{name}."):
-                result[unknown.driver.split(".")[1]] = found[unknown.id]
+                result[unknown.driver.split(".")[1]] = repair.values[unknown.id]
     return {name: value for name, value in result.items() if name in own.module.type.signals}
 
 
@@ -125,11 +122,10 @@ def _copied(layer: Layer, file: Path) -> str:
     return f"{KB}/{inside}" if layer.is_whole else f"{KB}/{layer.name.replace('/', '-')}/{inside}"
 
 
-def trial(builder: ModelBuilder, found: Found) -> Ruleset:
+def trial(builder: ModelBuilder, repair: Repair) -> Ruleset:
     """Write a repair to a temporary folder, read and compile it; raises `Unwritable`."""
     assert builder.sources is not None
     try:
-        repair = _repair(builder.sources, found)
         with tempfile.TemporaryDirectory(prefix="rulec-adopt-") as folder:
             write_plant(Path(folder), builder.sources, adoption_of(builder, repair), repair)
             return compile_plant(Path(folder))
@@ -160,23 +156,3 @@ def put_in_place(target: Path) -> Iterator[Path]:
         folder.rename(target)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _repair(sources: Sources, found: Found) -> Repair:
-    assert sources.plant is not None
-    values = {p.id: p.value for p in found.parameters}
-    known = {**values, **found.fixed}
-    return Repair(
-        plant=Path(sources.plant.path),
-        recording="",
-        joined=tuple(
-            Joined(name, {k: v for k, v in known.items() if k.startswith(f"{name}.")})
-            for name in found.joined
-        ),
-        parameters=tuple(values),
-        values=np.array(list(values.values()), dtype=float),
-        covariance=found.covariance,
-        misfit=found.misfit,
-        ranges=found.ranges,
-        curves=found.curves,
-    )
