@@ -29,9 +29,6 @@ from rulec.passes.differentiate import TypeFault
 from rulec.passes.put_balances import Places, StoreFault, fault_change, store_faults, undoing
 from rulec.passes.types import Compilation
 
-Equations = dict[tuple[object, ...], str | None]
-"""Repaired equations by type and change, shared by all instances of a type."""
-
 
 @dataclass(frozen=True)
 class Matched:
@@ -68,9 +65,8 @@ def match_effects(models: Compilation, readings: Mapping[str, float]) -> Matches
     sites = {m.name: sites_of(around, m) for m in network.plant.modules.values()}
     found: list[Matched] = []
     missing: list[Missing] = []
-    equations: Equations = {}
     for module in network.plant.modules.values():
-        matcher = _Matcher(models, around, binder, module, sites[module.name], equations)
+        matcher = _Matcher(models, around, binder, module, sites[module.name])
         found += matcher.faults()
         for effect in network.plant.knowledge.effects.values():
             found += matcher.joined(effect, missing)
@@ -127,9 +123,8 @@ class _Matcher:
         binder: Binder,
         module: Module,
         sites: tuple[Site, ...],
-        equations: Equations,
     ) -> None:
-        self._models, self._binder, self._equations = models, binder, equations
+        self._models, self._binder = models, binder
         self._plant, self._stores = around.network.plant, around.network.stores
         self._module, self._sites = module, {site.key: site for site in sites}
 
@@ -242,23 +237,10 @@ class _Matcher:
 
     def _equation(self, change: Change, place: tuple[str, str]) -> str | None:
         """The repaired equation; None if it cannot be written, as for a division by zero."""
-        kind = self._module.type
-        key = (
-            kind.key,
-            change.places,
-            change.law.text,
-            str(change.substitutes),
-            str(change.also),
-            *change.drivers.items(),
-        )
-        if key not in self._equations:
-            try:
-                amended = amend(Amended(type=kind), change)
-            except Rejected:
-                self._equations[key] = None
-            else:
-                self._equations[key] = equation_of(amended, place)
-        return self._equations[key]
+        try:
+            return equation_of(amend(Amended(type=self._module.type), change), place)
+        except Rejected:
+            return None
 
     def _text(self, text: str, slots: Mapping[str, str]) -> str:
         titles = [m.title for m in self._plant.modules.values()]

@@ -8,18 +8,17 @@ are correlated by construction.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import sympy
 from rulec_runtime.contract.ruleset import MISFIT
 
-from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower, lower_all
 from rulec.knowledge.plant import Module
 from rulec.passes.corrected_observers import liquid_affects, undo_graph
 from rulec.passes.derive_residuals import Residual
-from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
+from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel, gradient_of
 from rulec.passes.link import Network
 
 Gradient = Mapping[str, Node]
@@ -318,7 +317,7 @@ class _Reader:
         """Slope by the downstream sum, its gradient and its curvature; the same for all signals."""
         variable, model = GATHERED + self.gathered, self.part.model
         expression = model.gradients[self.observer][variable]
-        derivatives = dict(_derivatives(expression, tuple(model.symbols.items())))
+        derivatives = gradient_of(expression, model.symbols)
         gradient = self.part.gradient(derivatives)
         curvature = derivatives.get(variable, sympy.S.Zero)
         return self.part.lower(expression), gradient, self.part.lower(curvature)
@@ -326,15 +325,6 @@ class _Reader:
 
 Readers = Mapping[str, list[_Reader]]
 """Observers of other modules, by the signal that they read through `downstream`."""
-
-
-@lru_cache(maxsize=10_000)
-def _derivatives(
-    expression: sympy.Expr, symbols: tuple[tuple[str, sympy.Symbol], ...]
-) -> tuple[tuple[str, sympy.Expr], ...]:
-    """Non-zero derivatives by name, calculated once per module type."""
-    free = expression.free_symbols
-    return tuple((n, derivative(expression, s)) for n, s in symbols if s in free)
 
 
 def _readers(parts: Iterable[_Instance]) -> Readers:

@@ -74,12 +74,9 @@ def derive_signatures(
     ]
     graph = assembly.graph
     outputs = {}
-    onsets: dict[tuple[str, Node], Node] = {}
     for i, (h, _, _, scaled, slope) in enumerate(candidates):
         outputs[f"slope:{i}"] = slope
-        onset = onsets.get((h.id, scaled))
-        if onset is None:
-            onset = onsets[h.id, scaled] = lower(graph, h.fault.rule.onset, {G: scaled})
+        onset = lower(graph, h.fault.rule.onset, {G: scaled})
         outputs[f"effect:{i}"] = graph.mul(slope, onset)
     for residual, variance in assembly.residual_variances.items():
         outputs[f"u:{residual}"] = graph.apply("sqrt", variance)

@@ -180,7 +180,7 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         type=kind,
         symbols=symbols,
         observers=observers,
-        gradients={name: _gradient(e, symbols) for name, e in observers.items()},
+        gradients={name: gradient_of(e, symbols) for name, e in observers.items()},
         guards={
             o.name: tuple(_guards(kind, o.expression, symbols)) for o in kind.observers.values()
         },
@@ -205,7 +205,7 @@ def _margins(
         for i, condition in enumerate(regime.when):
             if not condition.signal:
                 value = _translated(kind, condition.margin, table, symbols)
-                yield f"{regime.name}:{i}", (value, _gradient(value, symbols))
+                yield f"{regime.name}:{i}", (value, gradient_of(value, symbols))
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -246,7 +246,9 @@ def _translated(
     return to_sympy(expression, table, gathered, closed_forms(kind.fluid, symbols))
 
 
-def _gradient(expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]) -> dict[str, sympy.Expr]:
+def gradient_of(
+    expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]
+) -> dict[str, sympy.Expr]:
     """Non-zero derivatives by local variable."""
     free = expression.free_symbols
     return {n: derivative(expression, s) for n, s in symbols.items() if s in free}
@@ -299,14 +301,14 @@ def _target(
     return Target(
         name=name,
         value=value,
-        gradient=_gradient(value, symbols),
+        gradient=gradient_of(value, symbols),
         slopes=slopes,
-        slope_gradients={o: _gradient(slope, symbols) for o, slope in slopes.items()},
+        slope_gradients={o: gradient_of(slope, symbols) for o, slope in slopes.items()},
         curvatures=curvatures,
         inverse=inverse,
         driver=driver,
         whole=whole,
-        whole_gradient=_gradient(whole, symbols),
+        whole_gradient=gradient_of(whole, symbols),
     )
 
 
