@@ -30,29 +30,21 @@ def spots_of(
 
 
 def _spot(around: Survey, module: Module, site: Site) -> DisturbanceLocation:
+    kind, name = site.key
     unit = unit_of(around.network.plant, module, site)
-    return _at(module, site.key, site.title, unit.text, unit.factor, site.observers)
-
-
-def _at(
-    module: Module,
-    place: tuple[str, str],
-    title: str,
-    unit: str,
-    factor: float,
-    observers: tuple[str, ...],
-) -> DisturbanceLocation:
-    kind, name = place
+    per = ""
+    if kind == "balance":
+        unit, per = module.type.states[name].unit, "/s"
     id_ = f"{kind}:{module.name}.{name}"
     return DisturbanceLocation(
         id=id_,
         kind=kind,
         module=module.name,
         place=name,
-        title=title,
-        unit=unit,
-        factor=factor,
-        observers=observers,
+        title=site.title,
+        unit=f"{unit.text}{per}",
+        factor=unit.factor,
+        observers=site.observers,
         unknown=f"{id_}.error",
     )
 
@@ -69,17 +61,10 @@ def stores_of(
     around: Survey, module: Module, sites: Iterable[Site]
 ) -> Iterator[DisturbanceLocation]:
     """Balances of a module that stores, the law of its outflow, and its sensors."""
-    kind = module.type
-    if kind.states:
-        yield from (_spot(around, module, s) for s in sites if s.key == ("definition", OUTFLOW))
-    for state in kind.states.values():
-        unit, reached = state.unit, (f"{module.name}.{state.name}",)
-        place, title = ("balance", state.name), f"balance of {state.title}"
-        yield _at(module, place, title, f"{unit.text}/s", unit.factor, reached)
-    for reading in kind.readings:
-        unit, reached = kind.signals[reading].unit, (f"{module.name}.{reading}",)
-        place, title = ("reading", reading), f"what {reading} shows"
-        yield _at(module, place, title, unit.text, unit.factor, reached)
+    for site in sites:
+        law = bool(module.type.states) and site.key == ("definition", OUTFLOW)
+        if law or site.kind in ("balance", "reading"):
+            yield _spot(around, module, site)
 
 
 def _eligible(module: Module, sites: tuple[Site, ...]) -> list[Site]:
