@@ -45,7 +45,7 @@ BESIDE = {
     "rulec/effects/write_plant.py": "schemas that are shipped",
     "rulec/language/schema.py": "schemas that are shipped",
     "rulec/mtp/tables.py": "tables that are shipped",
-    "rulec/commands/fleet.py": "answers that the fleet wrote itself",
+    "rulec/fleet/store.py": "its own files, and to write them",
     "rulec/fleet/plant_days.py": "an address that was checked",
     "runtime/rulec_runtime/fleet/plant_day.py": "an address that was checked",
     "rulec/mtp/caex.py": "bytes that were read",
