@@ -23,7 +23,7 @@ from rulec.effects.write_plant import put_in_place, write_plant
 from rulec.language.read_yaml import parse_document, read_document
 from rulec.language.write_yaml import flow, lines
 from rulec.passes.lower import Lowering, lower_module
-from rulec.passes.pipeline import compile_plant, run_passes
+from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 
@@ -276,9 +276,7 @@ def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
     again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
     (tmp_path / "second").mkdir()
     second = adopted(tmp_path / "second", again)
-    kind = models_of(second).plant.modules["main"].type
-    assert 3 == kind.version
-    assert compile_plant(second).observers == compile_plant(second).observers
+    assert 3 == models_of(second).plant.modules["main"].type.version
 
 
 ODD: tuple[Any, ...] = (

@@ -165,38 +165,11 @@ def test_hostile_name_is_refused_once(here: Path, name: str) -> None:
     assert (found.code, found.place.line, found.place.column) == ("KB024", 5, 3)
 
 
-FILES: list[tuple[str, str | bytes, str]] = [
-    ("alias bomb", "a: &a [x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "KB007"),
-    ("python object", "module: !!python/object/apply:os.system ['true']\n", "KB008"),
-    ("deep flow", "[" * 100_000, "KB010"),
-    ("deep block", "\n".join(" " * i + "a:" for i in range(500)), "KB010"),
-    ("10 MB", "fluid: a # " + "x" * 10_000_000, "KB002"),
-    ("binary", bytes(range(256)) * 9, "KB003"),
-    ("utf-16", "fluid: a\n".encode("utf-16"), "KB003"),
-    ("escape code", "fluid: \x1b]0;owned\x07\n", "KB004"),
-    ("surrogate", 'fluid: "\\ud800"\n', "KB004"),
-    ("endless digits", "fluid: " + "9" * 5000, "KB013"),
-]
-
-
-@pytest.mark.parametrize(("content", "code"), [f[1:] for f in FILES], ids=[f[0] for f in FILES])
-def test_hostile_file_gives_diagnostics(here: Path, content: str | bytes, code: str) -> None:
-    """What is no knowledge file ends in a message with that code, clean for a terminal."""
-    found = _check(here / "m.yaml", content)
-    assert code in {d.code for d in found}
-    assert all(c.isprintable() or c == "\n" for c in render_all(found))
-
-
 def test_paths_that_cannot_be_read_give_diagnostics(here: Path) -> None:
-    """Missing file, folder without YAML, loop of links, device without end, no permission."""
-    (here / "empty").mkdir()
+    """A loop of links, a device without end."""
     (here / "loop.yaml").symlink_to(here / "loop.yaml")
-    codes = {p: [d.code for d in collect([Path(p)])] for p in ("no.yaml", "empty", "loop.yaml")}
-    assert codes == {"no.yaml": ["KB001"], "empty": ["KB001"], "loop.yaml": ["KB001"]}
-    assert [d.code for d in collect([Path("/dev/zero")])] == ["KB001"]
-    if os.name == "posix" and os.geteuid() != 0:  # root may read every file
-        (here / "m.yaml").touch(mode=0o000)
-        assert [d.code for d in collect([Path("m.yaml")])] == ["KB001"]
+    for path in ("loop.yaml", "/dev/zero"):
+        assert [d.code for d in collect([Path(path)])] == ["KB001"]
 
 
 @pytest.mark.parametrize("key", ["columns", "adjacency", "kb", "calibration"])

@@ -1,4 +1,5 @@
-"""The truth simulator of tanks obeys its physics, and is independent of what it tests."""
+"""The truth simulator of tanks obeys its physics, and is independent of what it tests; its hard
+cases have form errors, noise with a memory, drifts, any start, few set values."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,11 +10,24 @@ from rulec_runtime.contract.ruleset import Dynamics
 from rulec_runtime.simulation.balances import Balances
 
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth.kinds import difficulties
+from rulec.prove.truth.smooth import SIZE_OF_FORM, form_error
+from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks.balance import Course, integrate
-from rulec.prove.truth.tanks.build import CASCADED, LITRE_PER_HOUR, Layout, Setup, build
+from rulec.prove.truth.tanks.build import (
+    CASCADED,
+    LITRE_PER_HOUR,
+    METER_SLOPE,
+    Layout,
+    Setup,
+    build,
+    recorded_input,
+)
+from rulec.prove.truth.tanks.detection_limit import noise_of
 from rulec.prove.truth.tanks.feed import Bypass, Curve, Feed, Kink, Warming
-from rulec.prove.truth.tanks.laws import GRAVITY, arriving, loss, outflow, overflow, supply
+from rulec.prove.truth.tanks.laws import GRAVITY, loss, outflow, overflow, supply
 from rulec.prove.truth.tanks.plant import (
+    LEVEL_ZERO,
     Body,
     Fault,
     LevelSensor,
@@ -24,8 +38,9 @@ from rulec.prove.truth.tanks.plant import (
     Tank,
     Vortex,
 )
-from rulec.prove.truth.tanks.rows import write_plant
+from rulec.prove.truth.tanks.rows import row, write_plant
 from rulec.prove.truth.tanks.sensing import shown
+from rulec.prove.truth.tanks.suite import HARD, cases
 from tests.tank_row import ROW, SI, parameters, volumes, without_errors
 
 LAYOUTS = {layout.name: layout for layout in (CASCADED, ROW)}
@@ -127,49 +142,6 @@ def test_outlets_obey_their_laws() -> None:
     assert loss(replace(UPPER, side=Opening(0.02, 3.0)), 3.0) == 0.0
 
 
-def test_a_second_pipe_passes_either_way() -> None:
-    """By the difference of the levels; the outlet itself lets nothing back."""
-    joined = replace(UPPER, link=0.03)
-    down, up = (outflow(joined, *levels, 0.0) for levels in ((9.0, 4.0), (4.0, 9.0)))
-    assert down - outflow(UPPER, 9.0, 4.0, 0.0) == pytest.approx(outflow(UPPER, 4.0, 9.0, 0.0) - up)
-    assert down - outflow(UPPER, 9.0, 0.0, 0.0) == pytest.approx(
-        0.03 * np.sqrt(2 * GRAVITY * 5.0), rel=0.01
-    )
-
-
-def test_a_lying_cylinder_is_half_as_deep_where_it_is_widest() -> None:
-    tank = replace(UPPER, lying=10.0)
-    assert tank.surface(5.0) == pytest.approx(UPPER.area)
-    assert tank.surface(1.0) == pytest.approx(UPPER.area * 0.6)
-    assert volumes(tank, np.array([0.0, 10.0]))[1] == pytest.approx(
-        UPPER.area * 10.0 * np.pi / 4.0, rel=0.01
-    )
-
-
-def test_pumps_obey_their_laws() -> None:
-    """Lifted by the head that the square of the voltage leaves: 5 V against 3 V is 4 V; levels
-    take their part. Then a curve that levels off, a second slope, a power."""
-    feed = PLAIN.feed
-    assert supply(replace(feed, lift=9.0), 5.0) == pytest.approx(4.0 * 4.0)
-    assert supply(replace(feed, lift=9.0), 2.9) == 0.0
-    lifting = replace(feed, lift_level=0.9)
-    assert arriving(lifting, 20.0, 10.0, 0.0) == pytest.approx(16.0, rel=1e-3)
-    assert arriving(lifting, 4.0, 10.0, 0.0) == 0.0
-    assert arriving(replace(feed, held=0.05), 20.0, 4.0, 0.0) == pytest.approx(16.0)
-    assert supply(replace(feed, roll=0.25), 4.0) == pytest.approx(8.0)
-    assert supply(replace(feed, kink=Kink(3.0, 0.5)), 5.0) == pytest.approx(20.0 + 4.0)
-    assert supply(replace(feed, curve=Curve(0.5, 4.0)), 1.0) == pytest.approx(2.0)
-
-
-def test_what_ages_and_warms_follows_time() -> None:
-    decline = replace(PLAIN.feed, decline=1e-3)
-    assert arriving(decline, 20.0, 4.0, 1000.0) == pytest.approx(10.0)
-    warming = replace(PLAIN.feed, warming=Warming(0.5, 100.0))
-    assert [arriving(warming, 20.0, 4.0, t) for t in (0.0, 1e4)] == pytest.approx([30.0, 20.0])
-    fouled = outflow(replace(UPPER, closing=1e-3), 4.0, 0.0, 1000.0)
-    assert fouled == pytest.approx(0.5 * outflow(UPPER, 4.0, 0.0, 0.0))
-
-
 def test_a_sharp_rim_holds_the_level_a_notch_does_not() -> None:
     """The same flow runs over both."""
     sharp, broad = (
@@ -188,27 +160,6 @@ def test_delay_shifts_the_flow_and_lag_smooths_it() -> None:
     assert fed(step, delay=10.0).fed.tolist() == [4.0] * 13 + [12.0] * 27
     expected = 12.0 - 8.0 * np.exp(-4.0 * np.arange(30) / 10.0)
     assert fed(step, lag=10.0).fed[10:] == pytest.approx(expected, abs=1e-4)
-
-
-def test_a_drive_with_play_moves_when_it_is_pushed() -> None:
-    """Up with the input less half the play; back only after all of it."""
-    course = fed([2.0, 4.0, 4.0, 3.2, 2.0, 2.0], play=1.0)
-    assert course.fed.tolist() == pytest.approx([8.0, 14.0, 14.0, 14.0, 10.0, 10.0])
-
-
-def test_a_slow_drive_arrives_when_its_rate_has_it() -> None:
-    """A step of 2 V at 0.25 V/s takes 8 s, and what arrives meanwhile is its integral."""
-    course = fed([1.0] * 2 + [3.0] * 8, rate=0.25)
-    assert course.fed.tolist() == pytest.approx([4.0] * 3 + [8.0] + [12.0] * 6)
-    assert course.pumped[-1] == pytest.approx(8.0 * 4.0 + 8.0 * 8.0 + 20.0 * 12.0, rel=1e-5)
-
-
-def test_an_air_pocket_lets_out_what_it_stores_at_a_steady_rate() -> None:
-    """It empties after a stop by q' = -1 / (2 c), and what it stored arrives."""
-    course = fed([3.0] * 5 + [0.0] * 15, pocket=1.0)
-    expected = np.maximum(12.0 - 2.0 * np.arange(15), 0.0)
-    assert course.fed[5:] == pytest.approx(expected, abs=0.01)
-    assert course.pumped[-1] == pytest.approx(12.0 * 20.0 + 12.0**2, rel=1e-3)
 
 
 def test_dead_time_shows_levels_between_samples() -> None:
@@ -282,3 +233,90 @@ def test_plain_plant_is_what_the_compiler_makes_of_it(
     for tank, values in true.items():
         assert fine[tank] == pytest.approx(values, abs=1e-3)
         assert np.sqrt(np.mean((coarse[tank] - values) ** 2)) < 0.01
+
+
+ALL = difficulties("tanks", "all")
+METERED = next(r for r in map(row, range(20)) if r.metered)
+
+
+def hard_setup(*difficulties: str, samples: int = 256, seed: int = 4) -> Setup:
+    """The shipped plant with difficulties, at few set values."""
+    return build(CASCADED, seed, samples, "few-values", difficulties)
+
+
+def test_a_form_error_in_plain_numbers_is_the_one_that_was_drawn() -> None:
+    """Over its range; beyond it, it stays."""
+    form = form_error(stream(1, "form"), 0.01, ((0.0, 30.0),))
+    levels = np.linspace(0.0, 30.0, 50)
+    assert [form.at(float(v)) for v in levels] == pytest.approx(form(levels).tolist(), abs=1e-12)
+    assert form.at(40.0) == form.at(30.0)
+
+
+def test_every_outlet_and_the_pump_are_off_by_their_form_errors() -> None:
+    """By 0.5 to 2 %; a flow meter has no law."""
+    setup = hard_setup("form")
+    for tank in setup.plant.tanks:
+        assert tank.form is not None
+        assert SIZE_OF_FORM[0] <= tank.form.rms <= SIZE_OF_FORM[1]
+        off = outflow(tank, 9.0, 0.0, 0.0) / outflow(replace(tank, form=None), 9.0, 0.0, 0.0)
+        assert off - 1.0 == pytest.approx(tank.form.at(9.0), abs=1e-12)
+    feed = setup.plant.feed
+    assert feed.form is not None
+    off = supply(feed, 4.0) / supply(replace(feed, form=None), 4.0)
+    assert off - 1.0 == pytest.approx(feed.form.at(4.0), abs=1e-12)
+    assert build(METERED, 1, 40, "", ("form",)).plant.feed.form is None
+
+
+def test_noise_has_the_memory_that_the_answer_states() -> None:
+    """Of the reading of a level that stands still."""
+    setup = hard_setup("coloured", samples=20)
+    (sensor,) = setup.plant.sensors
+    many = 20000
+    still = replace(setup.course, time=np.arange(many * 1.0))
+    still = replace(still, sensed=np.full((many, 1), 9.0), fallen=np.zeros((many, 2)))
+    readings = (shown(setup.plant, still, seed)["lower"] for seed in (1, None))
+    error = np.subtract(*readings)
+    assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(sensor.colour, abs=0.04)
+    assert error.std() == pytest.approx(noise_of(sensor), rel=0.05)
+    assert setup.told == {"coloured": {"lower": sensor.colour}}
+
+
+def test_sensors_drift_within_their_class() -> None:
+    for seed in range(8):
+        setup = build(METERED, seed, 60, "", ("drift",))
+        still = tuple(replace(s, wander=None) for s in setup.plant.sensors)
+        bare = replace(setup.plant, sensors=still)
+        course = integrate(bare, setup.time, setup.shown)
+        for sensor in setup.plant.sensors:
+            off = shown(setup.plant, course)[sensor.tank] - shown(bare, course)[sensor.tank]
+            assert np.abs(off + sensor.zero).max() <= 2.0 * LEVEL_ZERO + 1e-12
+            assert np.ptp(off) > 0.0
+        meter = recorded_input(setup, seed) / np.maximum(setup.shown, 1e-9) - 1.0
+        running = setup.shown > 0.0
+        assert np.abs(meter[running]).max() < (4.0 + 4.0 * 0.3) * METER_SLOPE
+
+
+def test_few_values_are_set_again_and_again() -> None:
+    given = hard_setup(samples=1024).shown
+    values, visits = np.unique(given), np.count_nonzero(np.diff(given)) + 1
+    assert 3 <= values.size <= 5
+    assert visits > 2 * values.size
+
+
+def test_tanks_begin_at_any_level() -> None:
+    """Low and high, and no sensor begins where it cannot show."""
+    setups = [hard_setup("starts", samples=10, seed=seed) for seed in range(30)]
+    levels = np.array([[tank.level for tank in s.plant.tanks] for s in setups])
+    assert np.ptp(levels[:, 0]) > 15.0
+    assert all(s.plant.tanks[1].level * s.plant.sensors[0].gain <= 8.0 + 1e-9 for s in setups)
+
+
+def test_the_suite_draws_tanks_of_all_groups() -> None:
+    """Clean ones plant nothing, and are as hard as the others."""
+    for case in cases(2, dict.fromkeys(HARD, 2)):
+        assert case.difficulties
+        assert bool(case.effects) != case.group.endswith("-clean")
+    (clean,) = cases(1, {"all-clean": 1}, 256)
+    answer = clean.make().answer
+    assert answer.verdict == "none"
+    assert set(ALL) >= set(answer.difficulties) > {"form", "coloured"}

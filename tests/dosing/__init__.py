@@ -13,7 +13,6 @@ from tests.dosing.plant import Operation, Plant
 from tests.dosing.recording import Recording, record
 from tests.dosing.rigs import RIGS
 from tests.dosing.runs import (
-    VALVE_TIME,
     Run,
     calibration_run,
     fault_replay,
@@ -22,29 +21,4 @@ from tests.dosing.runs import (
     operating_points,
     settling,
     visiting_run,
-    warm_run,
 )
-
-__all__ = [
-    "INSIDE",
-    "NOISE_FREE",
-    "RIGS",
-    "TABLE_1",
-    "VALVE_TIME",
-    "Operation",
-    "Plant",
-    "Recording",
-    "Run",
-    "Sensing",
-    "calibration_run",
-    "fault_replay",
-    "healthy_run",
-    "leakage_replay",
-    "operating_points",
-    "possible_faults",
-    "record",
-    "settling",
-    "visiting_run",
-    "warm_run",
-    "write_csv",
-]

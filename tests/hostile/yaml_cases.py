@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
-from tests.hostile.case import Case
+from tests.hostile.case import Case, Content
 from tests.hostile.texts import ESCAPED, MARKUP
 
 PLANT = """plant: p
@@ -64,7 +64,7 @@ def bomb(step: Callable[[str], str], count: int) -> str:
     return module("\n".join(lines), f"d{count}")
 
 
-def check(family: str, name: str, text: str, file: str = "plant.yaml") -> Case:
+def check(family: str, name: str, text: Content, file: str = "plant.yaml") -> Case:
     return Case(family, name, ("check", file), {file: text})
 
 
@@ -96,9 +96,12 @@ def cases() -> Iterator[Case]:
         yield check("equations", f"law {i}", FAULT.format(law=law), "fault.yaml")
 
 
-def _shapes() -> Iterator[str]:
+def _shapes() -> Iterator[Content]:
     joined = "[A -> C, B -> C]"
     yield "a: " + "[" * 5000 + "]" * 5000
+    yield "[" * 100_000
+    yield "\n".join(" " * i + "a:" for i in range(500))
+    yield "fluid: a\n".encode("utf-16")
     yield "a: " + "{a: " * 3000 + "}" * 3000
     yield "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n"
     yield "plant: !!python/object/apply:os.system [touch ../outside/owned]\n"

@@ -78,16 +78,11 @@ def to_si(rules: Ruleset, columns: Mapping[str, Array]) -> dict[str, Array]:
     return {n: v * s.factor + s.offset for n, (s, v) in found.items() if v is not None}
 
 
-def evaluate(
-    rules: Ruleset, values: Mapping[str, Array], parameters: float = 1.0, **u: float
-) -> dict[str, Array]:
-    """All outputs of the plan; `u` may replace sensor uncertainties (`A_dp=...`), SI."""
-    inputs: dict[str, Array | float] = dict(values)
-    for signal in rules.signals:
-        if signal.id in values:
-            standard = systematic_u(signal, values[signal.id])
-            inputs[f"u:{signal.id}"] = u.get(signal.id.replace(".", "_"), standard)
-    return rules.plan.run({**inputs, "u:parameters": parameters, "u:model": parameters})
+def evaluate(rules: Ruleset, values: Mapping[str, Array]) -> dict[str, Array]:
+    """All outputs of the plan."""
+    known = [s for s in rules.signals if s.id in values]
+    u = {f"u:{s.id}": systematic_u(s, values[s.id]) for s in known}
+    return rules.plan.run({**values, **u, "u:parameters": 1.0, "u:model": 1.0})
 
 
 def points(rules: Ruleset, values: Mapping[str, Array]) -> Points:

@@ -33,15 +33,6 @@ def test_five_points_separate_a_stiff_pumps_line_from_its_sensor(fault: str) -> 
         assert 0.2 == pytest.approx(largest.degree, abs=0.05)
 
 
-def test_one_point_leaves_doubt() -> None:
-    """The same at one point: in some recordings the twin stays an alternative, or is named."""
-    doubt = 0
-    for seed in SEEDS:
-        (finding,) = found({"A.clogging": 0.2}, 1, 500 + seed)
-        doubt += finding.fault.id != "A.clogging" or bool(finding.alternatives)
-    assert doubt > 0
-
-
 PAIRS = [
     {"A.leakage": 0.3, "B.clogging": 0.3},
     {"A.P_el.high": 0.4, "C.dp.low": 0.3},

@@ -58,15 +58,6 @@ def test_simulated_signs_are_those_of_the_derived_matrix(plant: str, low: str) -
     assert low == row_of(derived, "A.dp.low")[RESIDUALS.index("A.power-pump")]
 
 
-def test_written_rules_read_like_the_paper() -> None:
-    """The rules shown beside a diagnosis are Eq. 12 and, with its own slope, Eq. 16."""
-    equations = {(c.fault, c.residual): c.equation for c in ruleset("abc").cells}
-    assert "x = R/A.pump, R = A.pump-plant" == equations["A.leakage", "A.pump-plant"]
-    own = "D = R/mu, mu = - d(A.plant)/d(A.loss), R = A.pump-plant"
-    assert f"x = D/(A.loss - D), {own}" == equations["A.clogging", "A.pump-plant"]
-    assert f"x = -D/(A.loss - D), {own}" == equations["A.widening", "A.pump-plant"]
-
-
 @pytest.mark.parametrize("plant", OTHERS)
 def test_signs_of_other_plants(plant: str) -> None:
     """Other plants from other plant files, nothing else: the matrix has the listed signs, and the

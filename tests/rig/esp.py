@@ -16,9 +16,6 @@ IMPELLERS = ("P37", "P100", "HC12500")
 SPACING = 60.0
 """Seconds between two rows; they stand for no real time."""
 
-DILUTED = 1230.0
-"""Density in kg/m3 below which glycerin is diluted; the column `fluid` is wrong on some rows."""
-
 HEADER = (
     "time [s]",
     "pump.n [rpm]",
@@ -42,11 +39,6 @@ def of_water(row: Row) -> bool:
 def of_glycerin(row: Row) -> bool:
     """Points with glycerin, pure or diluted."""
     return row["kind"] == "viscous"
-
-
-def of_pure_glycerin(row: Row) -> bool:
-    """Points with one viscous liquid, whose viscosity follows the temperature alone."""
-    return of_glycerin(row) and float(row["rho_in_kgpm3"]) > DILUTED
 
 
 def write_points(folder: Path, impeller: str, chosen: Choice, target: Path) -> int:

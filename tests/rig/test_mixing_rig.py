@@ -2,12 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from tests.dosing import RIGS
-from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, PLANTS, QUICK
-from tests.rig.mixing_rig.drawn import drawn
+from tests.rig.mixing_rig.cases import EXPERIMENTS, PLANTS, QUICK
 from tests.rig.mixing_rig.judge import Answer, run
 from tests.rig.mixing_rig.measure import FORMS, counted, sample_figures, sound_form
 
@@ -20,29 +17,6 @@ def test_answers_are_counted() -> None:
     found = counted([Answer("", "", 1, 0.2, {"A.leakage": 0.2}, named) for named in said])
     assert (2, 5) == (found["first"]["count"], found["first"]["of"])
     assert (0.02, 0.06) == pytest.approx((found["error"], found["error_any"]))
-
-
-def test_size_of_the_full_runs() -> None:
-    """At least 1200 stationary points of all faults, and 100,000 fault-free samples, no seed twice.
-    540 recordings of abc, each fault and degree with ten calibrations; the fault begins with its
-    plateau."""
-    names = ("degrees", "alarms", "sound", "sound-start")
-    degrees, alarms, sound, start = (EXPERIMENTS[name](FULL) for name in names)
-    samples = [sum(t.case.run.operation.time.size for t in tasks) for tasks in (alarms, sound)]
-    assert [100_000] * 2 == samples
-    assert not any(t.case.faults for t in [*alarms, *sound])
-    assert 1376 == sum(len(task.plateaus) for task in degrees)
-    assert 540 == len(start)
-    for tasks in ([*degrees, *alarms], start):
-        assert len(tasks) == len({t.case.seed for t in tasks})
-    cases: dict[str, set[int]] = {}
-    for task in start:
-        cases.setdefault(str(task.case.faults), set()).add(task.draw)
-    assert {10} == {len(draws) for draws in cases.values()}
-    ((begin, _),) = start[0].plateaus
-    degree = start[0].case.run.faults[next(iter(start[0].case.faults))]
-    assert np.all(degree[:begin] == 0.0)
-    assert degree[begin + 1] > 0.0
 
 
 @pytest.mark.prove
@@ -77,16 +51,3 @@ def test_small_faults_are_named_and_sound_plants_are_sound(tmp_path: Path) -> No
     assert 18 == first["of"]
     assert first["count"] >= 17
     assert 0 == sound["default"]["fault"]["count"]
-
-
-def test_a_drawn_plant_is_off_inside_its_uncertainty() -> None:
-    """Another plant for each seed, the same for the same; what is exact stays."""
-    plant = RIGS["abc"]
-    sheet = {name: value for name, value in plant.values.items() if value}
-    drawings = [drawn(plant, seed).values for seed in range(200)]
-    assert drawings[7] == drawn(plant, 7).values
-    off = np.array([[one[n] / value for n, value in sheet.items()] for one in drawings]) - 1.0
-    spread, exact = off.std(axis=0), np.array([name.endswith(".V") for name in sheet])
-    assert np.all((spread == 0.0) == exact)
-    # The largest of 200 draws cut at two standard uncertainties; their spread is 0.88 of one.
-    assert np.all(np.abs(off).max(axis=0)[~exact] < 2.0 / 0.7 * spread[~exact])

@@ -48,16 +48,6 @@ def lower(course: Course) -> Array:
     return course.shown[:, tanks()[1].outputs.index("shown:lower.y")]
 
 
-@pytest.mark.parametrize(
-    ("by_hand", "volts"), [(SHIPPED, 1e-5), (LIVELY, 1e-3)], ids=["shipped", "lively"]
-)
-def test_two_tanks_as_another_solver_has_them(by_hand: Mapping[str, float], volts: float) -> None:
-    """Random steps of the voltage: LSODA from sample to sample."""
-    time, u = random_inputs(seed=0)
-    found = lower(run(time, u, values_of(by_hand)))
-    np.testing.assert_allclose(found, two_tanks(time, u, by_hand), rtol=0, atol=volts)
-
-
 def test_limits_hold(tmp_path: Path) -> None:
     """A tank that runs empty is never below its lower limit; a store with a wall keeps what it
     can, and at the wall its level follows the wall alone. No number is lost there, derivatives

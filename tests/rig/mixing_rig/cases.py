@@ -66,7 +66,7 @@ QUICK = Scale(
     start_draws=1,
     start_degrees=(0.1,),
     start_repetitions=1,
-    start_samples=6_000,
+    start_samples=3_000,
 )
 ALARM_HOLD = 40  # samples at each operating point of a fault-free recording
 

@@ -41,13 +41,8 @@ def counted(answers: Sequence[Answer]) -> dict[str, Any]:
 
 
 def start_form(judged: Judged) -> dict[str, Any]:
-    """All, by degree; and every answer that does not name the right fault first."""
     by_degree = grouped(judged.answers, lambda a: f"{a.set_degree:g}")
-    return {
-        "all": counted(judged.answers),
-        "degree": {degree: counted(part) for degree, part in by_degree.items()},
-        "misses": [_miss(a) for a in judged.answers if not _is_first(a)],
-    }
+    return {"degree": {degree: counted(part) for degree, part in by_degree.items()}}
 
 
 def sound_form(covered: Sequence[Covered]) -> dict[str, Any]:
@@ -103,12 +98,6 @@ def _error(answers: Sequence[Answer]) -> float | None:
     """Mean error of the degree of the fault named first, against the true one's."""
     off = [abs(a.named[0][1] - next(iter(a.true.values()))) for a in answers]
     return sum(off) / len(off) if off else None
-
-
-def _miss(answer: Answer) -> Mapping[str, Any]:
-    (fault,) = answer.true
-    said = [f"{name} {degree:.3f} at {sure:.0%}" for name, degree, sure in answer.named]
-    return {"fault": fault, "degree": answer.set_degree, "seed": answer.case, "said": said}
 
 
 def _mean(values: Array | NDArray[np.bool_]) -> float:
