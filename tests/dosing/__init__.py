@@ -10,7 +10,7 @@ from rulec.prove.truth.recording import write_csv
 from rulec.prove.truth.sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
 from tests.dosing.faults import possible_faults
 from tests.dosing.plant import Operation, Plant
-from tests.dosing.recording import Recording, record
+from tests.dosing.recording import record
 from tests.dosing.rigs import RIGS
 from tests.dosing.runs import (
     Run,
