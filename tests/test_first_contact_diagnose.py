@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
+from rulec_runtime.live.follower import follow
+from rulec_runtime.live.memory import nothing_yet
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from tests.method.readings import calibrated
+from tests.rig.follower.plants import part_of
 from tests.written import told_by, write_columns, write_plant
 
 HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
@@ -91,9 +95,10 @@ METERS = ("pump.Q.high", "pump.Q.low", "pump.dp.high", "pump.dp.low")
 def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A tenth more head than the sheet says, at 6.6 u: told once, in terminal, page and JSON."""
-    file = recorded(tmp_path, 1.1)
-    found, heading = said(tmp_path, knowing(rules(tmp_path), *METERS), file)
+    """A tenth more head than the sheet says, at 6.6 u: told once, in terminal, page and JSON, and
+    by a watch."""
+    file, ruleset = recorded(tmp_path, 1.1), knowing(rules(tmp_path), *METERS)
+    found, heading = said(tmp_path, ruleset, file)
     assert ("S", []) == (found["status"], found["findings"])
     (told,) = found["unknown"]
     assert told["from_sheet"]
@@ -103,3 +108,6 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     assert off["threshold"] < off["share"] < 0.3
     assert "is not as its sheet says" in capsys.readouterr().out
     assert "Not as its sheet says, from the first sample" == heading
+    recording = read_recording(file, ruleset)
+    *_, watched = follow(ruleset, nothing_yet(False), part_of(recording, 0, len(recording)))
+    assert [told["text"]] == [period.text for period in watched.diagnosis.unknown]

@@ -131,16 +131,6 @@ def told_of(
 ) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant show in settled stretches."""
     each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in evaluated]
-    return together(ruleset, timeline, evaluated, each)
-
-
-def together(
-    ruleset: Ruleset,
-    timeline: Timeline,
-    evaluated: Sequence[EvaluatedPoints],
-    each: Sequence[Found],
-) -> tuple[int, Found]:
-    """The same, given the results of each part."""
     judged = np.any([part.isolation.judged for part in evaluated], axis=0)
     found = joined(each, latest_of(ruleset, timeline, evaluated))
     found = replace(

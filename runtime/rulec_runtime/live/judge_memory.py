@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, diagnose, restless, together
+from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, diagnose, restless, told_of
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
@@ -18,7 +18,6 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     judgeable,
 )
 from rulec_runtime.diagnosis.steady.findings import Found, Period
-from rulec_runtime.diagnosis.steady.growing_faults import found_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined, some
 from rulec_runtime.live.memory import Memory, without_first
@@ -50,8 +49,7 @@ def judged_memory(ruleset: Ruleset, memory: Memory) -> tuple[Diagnosis, float | 
         diagnosis = assembled(health, ruleset, "default", judged=0, found=found)
         return diagnosis, None, _bounded(memory, whole, stretches, np.zeros(0, dtype=bool))
     evaluated = evaluate_points(ruleset, whole.points, whole.halves, "default")
-    each = [found_of(whole.timeline, ruleset, part) for part in evaluated]
-    samples, found = together(ruleset, whole.timeline, evaluated, each)
+    samples, found = told_of(ruleset, whole.timeline, evaluated)
     found.not_judged.extend(_unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
     over = _over(whole.timeline, evaluated, diagnosis)
