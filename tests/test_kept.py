@@ -10,10 +10,9 @@ from rulec_runtime import limits
 from rulec_runtime.output import private_folder
 from rulec_runtime.output.private_folder import keep, kept
 
-from rulec.knowledge.read import read_plant
 from rulec.language.diagnostics import Refused
 from rulec.passes import compile_cache, pipeline
-from rulec.passes.compile_cache import ruleset_of_plant, sources_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant
 from tests.conftest import ROOT, compiled
 from tests.test_imports import HEAVY, loaded
 
@@ -110,32 +109,6 @@ def test_source_that_changes_meanwhile_is_not_kept(
     monkeypatch.setattr(pipeline, "compile_plant", lambda p: (_longer(plant), compiled("abc"))[1])
     ruleset_of_plant(plant)
     assert not folder.exists()
-
-
-@pytest.mark.parametrize("effects", [False, True])
-def test_kept_documents_are_those_read(effects: bool, folder: Path) -> None:
-    """To the last digit and place, whether the plant is named as a folder or as a file."""
-    plant = ROOT / "plants" / "dosing-line"
-    fresh = read_plant(plant, effects)
-    for given in (plant, plant, plant / "plant.yaml"):
-        assert repr(sources_of_plant(given, effects)) == repr(fresh)
-        assert vars(sources_of_plant(given, effects).plant) == vars(fresh.plant)
-    found = sources_of_plant(plant, effects)
-    places = [(d.values, d.keys) for part in found.by_kind.values() for d in part]
-    assert places == [(d.values, d.keys) for part in fresh.by_kind.values() for d in part]
-    assert found.digest() == fresh.digest()
-
-
-def test_kept_documents_are_named_from_where_the_tool_runs(
-    plant: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Messages name files as seen from the working folder, which may be another one now."""
-    sources_of_plant(plant)
-    monkeypatch.chdir(plant)
-    again = sources_of_plant(Path())
-    assert again.plant is not None
-    assert again.plant.path == again.plant.place("modules").file == "plant.yaml"
-    assert repr(again) == repr(read_plant(Path()))
 
 
 def test_damaged_file_is_ignored_and_written_anew(

@@ -138,9 +138,7 @@ def _add(
     if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:
         kind, mistakes = "provider", []
     if kind == "provider" and "provides" not in document.data:
-        only_name = {key: document.data[key] for key in wanted or () if key in document.data}
-        bare = replace(document, data=only_name, values={}, keys={})
-        content.by_kind.setdefault("other", []).append(bare)
+        content.by_kind.setdefault("other", []).append(document)
     elif conforms(document, mistakes):
         content.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
 

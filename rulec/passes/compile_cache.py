@@ -57,12 +57,9 @@ def ruleset_of_plant(
     return ruleset
 
 
-def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any], now: str | None = None) -> Any:
-    """JSON data that depend only on a plant: those of an earlier start, else made by `make`.
-
-    `now` is as in `ruleset_of_plant`.
-    """
-    known = _text(now or known_print(plant), kind)
+def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any]) -> Any:
+    """JSON data that depend only on a plant: those of an earlier start, else made by `make`."""
+    known = _text(known_print(plant), kind)
     if known is not None:
         try:
             return parse_json(known)
@@ -256,24 +253,7 @@ def open_plant(path: Path, effects: bool = False) -> OpenedPlant:
 
     Only a comparison with recordings needs `effects`.
     """
+    from rulec.knowledge.read import read_plant  # loads a reader of YAML
+
     now = known_print(path)
-    return OpenedPlant(path, sources_of_plant(path, effects, now), now)
-
-
-def sources_of_plant(plant: Path, effects: bool = False, now: str | None = None) -> Sources:
-    """The documents of a plant as `read_plant` gives them, read only if something has changed.
-
-    `now` is as in `ruleset_of_plant`. Raises `Refused` with all mistakes of form.
-    """
-    from rulec.knowledge.sources import sources_form, sources_from  # loads a reader of YAML
-
-    read: list[Sources] = []
-
-    def form() -> dict[str, Any]:
-        from rulec.knowledge.read import read_plant
-
-        read.append(read_plant(plant, effects))
-        return sources_form(read[0])
-
-    found = kept_of_plant(plant, "effects" if effects else "sources", form, now=now)
-    return read[0] if read else sources_from(found, plant)
+    return OpenedPlant(path, read_plant(path, effects), now)

@@ -1,10 +1,10 @@
 """What an operator waits for before anything happens.
 
-Processor time of a process, where the compiled plant and its documents are kept from an earlier
-start. The start ends where the real work begins: the plant is read and checked, and so is the
-recording where there is one. `calibrate`, `mismatch` and `experiment` build their models after
-that, for which they load sympy. `study` and `adopt` build theirs before any recording: they are
-looked at until then. Others do nothing else, and are measured to their end.
+Processor time of a process, where the compiled plant is kept from an earlier start. The start ends
+where the real work begins: the plant is read and checked, and so is the recording where there is
+one. `calibrate`, `mismatch` and `experiment` build their models after that, for which they load
+sympy. `study` and `adopt` build theirs before any recording: they are looked at until then. Others
+do nothing else, and are measured to their end.
 """
 
 import json
@@ -21,6 +21,11 @@ from tests.conftest import ROOT, SOURCES
 
 GOAL = 0.4
 """Seconds of processor time of a second start, at most."""
+
+GOAL_OF_MODELS = 1.5
+"""The same of a command that builds models, for which it reads the plant's files again."""
+
+BUILD = ("calibrate", "study", "mismatch", "experiment", "adopt")
 
 ROUNDS = 5
 """The least of so many counts: others use the processor as well."""
@@ -116,4 +121,5 @@ def test_second_start_on_a_plant(tmp_path: Path, add: Add) -> None:
         words = call.replace("{}", str(tmp_path)).split()
         start_of(words, tmp_path, ends=False)  # the first start; an answer stands there then
         found = min(start_of(words, tmp_path) for _ in range(ROUNDS))
-        add(f"start: rulec {call}", found, "s CPU", GOAL)
+        goal = GOAL_OF_MODELS if words[0] in BUILD else GOAL
+        add(f"start: rulec {call}", found, "s CPU", goal)
