@@ -116,7 +116,7 @@ class MismatchResult(PageResult):
 
     def series_csv(self) -> str:
         """Measured and predicted courses, a row per sample."""
-        from rulec.mismatch.inference.prove import series_csv
+        from rulec.mismatch.inference.heldout_errors import series_csv
 
         return series_csv(self.found.series)
 
@@ -131,7 +131,7 @@ class MismatchResult(PageResult):
         return parts_of((*names, "text"), self.findings)
 
     def _series(self) -> Columns:
-        from rulec.mismatch.inference.prove import MODELS
+        from rulec.mismatch.inference.heldout_errors import MODELS
 
         series = self.found.series
         if series is None:

@@ -34,8 +34,8 @@ from rulec.mismatch.answer.written_plant import (
 from rulec.mismatch.evidence.configuration import ERROR
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
+from rulec.mismatch.inference.heldout_errors import confounded, heldout_spans
 from rulec.mismatch.inference.power import self_proof
-from rulec.mismatch.inference.prove import confounded, heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
 from rulec.mismatch.structure import hypotheses as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis

@@ -44,7 +44,7 @@ from rulec.mismatch.evidence.steady.repaired_model import (
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.screen import alike, noise_scale
 from rulec.mismatch.evidence.steady.system import System, system_of
-from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, rms
+from rulec.mismatch.inference.heldout_errors import Predicted, Proof, fit_of, rms
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.intermittent_fault import in_periods
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct

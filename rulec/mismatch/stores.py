@@ -33,7 +33,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import (
     stored_evidence,
     without_odd,
 )
-from rulec.mismatch.inference.prove import Predicted, Proof, fit_of, heldout_spans
+from rulec.mismatch.inference.heldout_errors import Predicted, Proof, fit_of, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search.curve_found import Accepted
 from rulec.mismatch.search.simulated import Found, curves_of, likeliest_curve, search

@@ -16,7 +16,7 @@ from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.configuration import HIDDEN
 from rulec.mismatch.evidence.model import Model, Variable, periods_of, region_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.inference.prove import profile
+from rulec.mismatch.inference.heldout_errors import profile
 from rulec.mismatch.result import (
     Alternative,
     Estimate,

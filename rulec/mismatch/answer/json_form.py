@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rulec_runtime.output.csv_cell import row_of
 
-from rulec.mismatch.inference.prove import heldout_spans
+from rulec.mismatch.inference.heldout_errors import heldout_spans
 from rulec.mismatch.result import (
     Alternative,
     Finding,

@@ -27,7 +27,7 @@ from rulec_runtime.report.wording import STATUS
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.story import Part, story
 from rulec.mismatch.answer.wording import hysteresis, is_repaired, letter, meaning
-from rulec.mismatch.inference.prove import rms
+from rulec.mismatch.inference.heldout_errors import rms
 from rulec.mismatch.result import Curves, HiddenDriver, Location, Mismatch, Shape
 
 # Pictures of a comparison: over time, over drivers, and courses that were not recorded.

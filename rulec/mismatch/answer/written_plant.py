@@ -28,7 +28,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import suffix
 from rulec.mismatch.evidence.configuration import HIDDEN
 from rulec.mismatch.evidence.model import Model, Samples, inside_of
-from rulec.mismatch.inference.prove import Predicted, Proof, course_of, rms
+from rulec.mismatch.inference.heldout_errors import Predicted, Proof, course_of, rms
 from rulec.mismatch.result import (
     CandidateSet,
     Check,

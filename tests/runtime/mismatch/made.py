@@ -28,7 +28,7 @@ from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.evidence.steady.system import system_of
-from rulec.mismatch.inference.prove import series_csv
+from rulec.mismatch.inference.heldout_errors import series_csv
 from rulec.mismatch.result import Mismatch
 from rulec.simulation.sensing import SensorErrors, sense
 from tests.conftest import ROOT

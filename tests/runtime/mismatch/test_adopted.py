@@ -22,7 +22,7 @@ from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.repaired_model import _ranges, predictors_for
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.stores.fit import plain_end
-from rulec.mismatch.inference.prove import course_of, heldout_spans, series_csv
+from rulec.mismatch.inference.heldout_errors import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, Capsys

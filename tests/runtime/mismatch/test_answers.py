@@ -20,7 +20,7 @@ from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.story import finding_facts
 from rulec.mismatch.answer.wording import VERDICTS
 from rulec.mismatch.evidence.failing_sensors import impossible
-from rulec.mismatch.inference.prove import MODELS
+from rulec.mismatch.inference.heldout_errors import MODELS
 from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic import benches

@@ -24,7 +24,7 @@ from rulec.mismatch.evidence.steady.screen import (
     screen,
     with_open_references,
 )
-from rulec.mismatch.inference.prove import profile
+from rulec.mismatch.inference.heldout_errors import profile
 from rulec.mismatch.search.operating_states import confirmed, explain
 from rulec.mismatch.search.posterior import reported_names
 from rulec.mismatch.search.refit import refitted

@@ -26,7 +26,7 @@ from rulec.mismatch.evidence.stores.noise import (
     score_covariance,
 )
 from rulec.mismatch.evidence.stores.simulation_problem import Record, SimulationProblem, record_of
-from rulec.mismatch.inference.prove import profile
+from rulec.mismatch.inference.heldout_errors import profile
 from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
