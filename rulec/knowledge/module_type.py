@@ -320,7 +320,7 @@ class ModuleType:
             descend(names, inside or path in found)
 
         def descend(names: Iterable[str], inside: bool = False) -> None:
-            for name in names:
+            for name in sorted(names):  # a set has no order of its own
                 if name in self.definitions:
                     visit(("definitions", name), self.definitions[name], inside)
 
