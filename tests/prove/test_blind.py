@@ -5,7 +5,6 @@ import io
 import pytest
 from rich.console import Console
 
-from rulec.cli import main
 from rulec.mismatch.result import Detectability, SelfProof
 from rulec.prove.blind import Blind, blind, page, show
 from tests.conftest import ROOT
@@ -49,13 +48,6 @@ def test_terminal_and_page_tell_the_same() -> None:
     assert "Slip in [b]A (4)" in text
     assert "Leakage &lt;in&gt; A" in html
     assert "no size" in html
-
-
-def test_options_of_drawn_cases_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    plant = ROOT / "plants" / "abc"
-    asked = ["prove", "--blind", str(plant), str(plant / "examples" / "healthy.csv"), "--hard"]
-    assert 2 == main(asked)
-    assert "leave --hard out" in capsys.readouterr().err
 
 
 @pytest.mark.prove

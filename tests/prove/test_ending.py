@@ -90,44 +90,34 @@ def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "text"),
+    ("path", "code", "text"),
     [
-        ("", "a file is in the way"),
-        (SEALS + "/notes", "a run has a file there"),
-        (CASES, "a run has a folder there"),
-        (CASES + "/mine", "no run of rulec prove left it"),
+        ("", 2, "a file is in the way"),
+        (SEALS + "/notes", 2, "a run has a file there"),
+        (SEALS, 1, "holds another run"),
+        (CASES, 2, "a run has a folder there"),
+        (CASES + "/mine", 2, "no run of rulec prove left it"),
     ],
 )
 def test_a_folder_with_something_in_the_way(
-    path: str, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    path: str, code: int, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line with place and remedy, and everything stays."""
-    work = tmp_path / "folder"
+    """One line with place and remedy, and everything stays, also what is not even text. What lies
+    beside a run, such as its page, does not matter."""
+    work, mine = tmp_path / "folder", b"\xff mine"
     file = work / path if path else work
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text("mine")
-    before = sorted(tmp_path.rglob("*"))
-    assert 2 == main(["prove", *FEW, f"--keep={work}"])
-    said = capsys.readouterr().err
-    assert said.startswith(f"rulec prove: --keep: {work}")
-    assert text in said
-    assert said.endswith("; name another folder\n")
-    assert (1, before, "mine") == (said.count("\n"), sorted(tmp_path.rglob("*")), file.read_text())
-
-
-def test_seals_of_something_else_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file that is no list of seals, not even text, is not written over."""
-    (tmp_path / SEALS).write_bytes(b"\xff mine")
-    assert 1 == main(["prove", *FEW, f"--keep={tmp_path}"])
-    assert f"{tmp_path} holds another run; name another folder" in capsys.readouterr().err
-    assert b"\xff mine" == (tmp_path / SEALS).read_bytes()
-
-
-def test_what_lies_beside_a_run_does_not_matter(tmp_path: Path) -> None:
-    """Such as the page of the run, or what it wrote to the terminal."""
-    (tmp_path / "log.txt").write_text("mine")
+    (tmp_path / "log.txt").touch()
     assert unusable(tmp_path) is None
     assert unusable(tmp_path / "new" / "folder") is None
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(mine)
+    before = sorted(tmp_path.rglob("*"))
+    assert code == main(["prove", *FEW, f"--keep={work}"])
+    said = capsys.readouterr().err
+    assert f"--keep: {work}" in said
+    assert text in said
+    assert said.endswith("; name another folder\n")
+    assert (before, mine) == (sorted(tmp_path.rglob("*")), file.read_bytes())
 
 
 @pytest.fixture

@@ -158,7 +158,8 @@ def test_a_wrong_answer_is_told(folder: Path, effect: dict[str, Any] | None, why
 
 
 def test_all_mistakes_come_at_once(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """As the command says them; a folder that is not there, and a name that no rig has, as well."""
+    """As the command says them; a folder that is not there, a name that no rig has, and options
+    that exclude each other as well."""
     shutil.copytree(folder / "small", folder / "other")
     for name in ("small", "other"):
         (folder / name / "rig.yaml").unlink()
@@ -167,8 +168,13 @@ def test_all_mistakes_come_at_once(folder: Path, capsys: pytest.CaptureFixture[s
         (1, ["--real", str(folder), "--only=third"], ("no rig has this in its name",)),
         (1, ["--real", str(folder / "nowhere")], ("there is no such folder",)),
         (2, ["--hidden-names"], ("add --real DIR",)),
-        (2, ["--real", str(folder), "--rounds=2"], ()),
-        (2, ["--real", str(folder), "--hard"], ()),
+        (2, ["--real", str(folder), "--rounds=2"], ("leave --real out",)),
+        (2, ["--real", str(folder), "--hard"], ("leave --hard out",)),
+        (2, ["--blind", str(ROOT / "plants" / "abc"), "x.csv", "--hard"], ("leave --hard out",)),
+        (2, ["--quick", "--baselines"], ("add --rounds 2",)),
+        (2, ["--quick", "--baselines", "same"], ("add --rounds 2",)),
+        (2, ["--quick", "--rounds", "2"], ("add --only stationary",)),
+        (2, ["--quick", "--rounds", "2", "--hard"], ("leave --hard out",)),
         (2, ["--real", str(folder), f"--json={folder / 'no' / 'x'}"], ()),
     ):
         assert code == main(["prove", *words])
@@ -287,21 +293,6 @@ def test_false_names(rig: Rig) -> None:
     assert 0.97 == alarm.again
 
 
-@pytest.mark.parametrize(("verdict", "silent"), [("none", True), ("named", False)])
-def test_silence(rig: Rig, verdict: str, silent: bool) -> None:
-    found = [] if silent else [finding("leak", "boiler.Q", 0.95)]
-    result = told_of(rig, effects=found, verdict=verdict)
-    assert silent == result.silent
-    assert (not silent) == bool(result.sure)
-
-
-def test_what_no_entry_names(rig: Rig) -> None:
-    """The verdict is right, not a name."""
-    there = [{"module": "boiler", "place": "Q"}]
-    result = told_of(rig, Missing((), ("boiler.Q",)), verdict="unnamed", locations=there)
-    assert (1.0, 1.0) == (result.place, result.named)
-
-
 def test_utility_by_hand() -> None:
     """f = 10; silence: 1 - 1*(10 + 1)/(10*2); one wrong name: 1 - 2/20 - 10/20."""
     truth = (Missing(("a",), ("P",)),)
@@ -310,12 +301,17 @@ def test_utility_by_hand() -> None:
     assert utility(truth, [scored_finding(finding("a", "P.x", 1.0))], 10) == pytest.approx(1.0)
 
 
-def test_no_answer_counts_as_wrong(rig: Rig) -> None:
-    """A rig on which the tool gave up is in all shares."""
-    found = {**asked(), "form": None, "error": "rulec mismatch: no answer in 600 s"}
-    result = scored(rig, found)
-    assert (0.0, 0.0) == (result.place, result.named)
-    assert "no answer" == result.verdict
+def test_an_answer_without_a_name(rig: Rig) -> None:
+    """Right where nothing is missing, and where no entry names what is; a rig on which the tool
+    gave up is in all shares."""
+    leak = [finding("leak", "boiler.Q", 0.95)]
+    told = told_of(rig, verdict="none"), told_of(rig, effects=leak, verdict="named")
+    assert [(True, ()), (False, told[1].said)] == [(t.silent, t.sure) for t in told]
+    there = [{"module": "boiler", "place": "Q"}]
+    odd = told_of(rig, Missing((), ("boiler.Q",)), verdict="unnamed", locations=there)
+    assert (1.0, 1.0) == (odd.place, odd.named)
+    lost = scored(rig, {**asked(), "form": None, "error": "rulec mismatch: no answer in 600 s"})
+    assert (0.0, 0.0, "no answer") == (lost.place, lost.named, lost.verdict)
 
 
 @pytest.fixture

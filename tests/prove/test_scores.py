@@ -26,10 +26,6 @@ def text(made: Run, width: int = 100) -> str:
     return shown.get()
 
 
-def row(cases: list[Judged], start: str):  # type: ignore[no-untyped-def]
-    return next(r for r in table(cases) if r.score.startswith(start))
-
-
 @pytest.mark.parametrize(("hits", "count"), [(0, 5), (5, 5), (187, 200), (1, 1), (95, 100)])
 def test_intervals_are_those_of_wilson(hits: int, count: int) -> None:
     expected = binomtest(hits, count).proportion_ci(method="wilson")
@@ -46,27 +42,37 @@ def test_a_share_without_case_is_not_met() -> None:
     assert "no case" in text(made)
 
 
-def test_goals_are_judged_with_their_doubt() -> None:
-    """200 of 200 is more than 98.1 %, which is not surely 99 %; 150 of 200 is surely less."""
-    good = [judged(clean_right=1.0)] * 200
-    bad = [judged(clean_right=0.0)] * 50
-    assert "met, not surely" == row(good, "clean").words
-    assert "missed" == row([*good[:150], *bad], "clean").words
-    assert "met" == row(good * 4, "clean").words
+RIGHT, WRONG = judged(clean_right=1.0), judged(clean_right=0.0)
+TWO = planted("a", "leakage", 9.0, claims=(Claim(0.95, True), Claim(0.92, False)))
+UNSURE = planted("b", "leakage", 9.0, claims=(Claim(0.8, False),), name_right=0.5)
+FALSE = judged(clean_right=0.0, claims=(Claim(0.99, False),))
 
 
-def test_ambiguity_counts_by_its_size() -> None:
-    """Half a hit; truth in intervals is counted by interval."""
-    cases = [planted("a", "leakage", 9.0), planted("b", "leakage", 9.0, name_right=0.5)]
-    assert (2, 1.5) == (row(cases, "name").count, row(cases, "name").hits)
-    cases = [judged(inside=(3, 4)), judged(inside=(2, 2)), judged()]
-    assert (6, 5) == (row(cases, "truth").count, row(cases, "truth").hits)
-
-
-def test_intervals_may_be_too_wide_as_well() -> None:
-    """All of 1000 inside is not what 95 % promises."""
-    assert "missed" == row([judged(inside=(1000, 1000))], "truth").words
-    assert row([judged(inside=(950, 1000))], "truth").met
+@pytest.mark.parametrize(
+    ("score", "cases", "hits", "words"),
+    [
+        # 200 of 200 is more than 98.1 %, which is not surely 99 %; 150 of 200 is surely less.
+        ("clean", [RIGHT] * 200, (200, 200), "met, not surely"),
+        ("clean", [RIGHT] * 150 + [WRONG] * 50, (150, 200), "missed"),
+        ("clean", [RIGHT] * 800, (800, 800), "met"),
+        # An ambiguity is half a hit; truth in intervals is counted by interval.
+        ("name", [TWO, UNSURE], (1.5, 2), "missed, not surely"),
+        ("truth", [judged(inside=(3, 4)), judged(inside=(2, 2)), RIGHT], (5, 6), None),
+        # All of 1000 inside is not what 95 % promises.
+        ("truth", [judged(inside=(1000, 1000))], (1000, 1000), "missed"),
+        ("truth", [judged(inside=(950, 1000))], (950, 1000), "met"),
+        # False names of clean cases too; what is told as one of several is none.
+        ("false names", [TWO, UNSURE, FALSE], (2, 3), "missed"),
+        ("false names", [TWO] * 100, (100, 200), "missed"),
+        ("false names", [planted("c", "leakage", 9.0)], (0, 1), "met, not surely"),
+    ],
+)
+def test_scores_are_counted_and_judged_with_their_doubt(
+    score: str, cases: list[Judged], hits: tuple[float, int], words: str | None
+) -> None:
+    found = next(row for row in table(cases) if row.score.startswith(score))
+    assert hits == (found.hits, found.count)
+    assert words in (None, found.words)
 
 
 def test_the_worst_come_first() -> None:
@@ -160,16 +166,3 @@ def test_probabilities_are_held_against_what_is_right() -> None:
     shown = Run((*sure, *shy))
     assert "too sure" in text(shown)
     assert "too sure" in page(shown)
-
-
-def test_false_names_are_a_share_of_all_told_as_certain() -> None:
-    """Those of clean cases too; what is told as one of several is none."""
-    cases = [
-        planted("a", "leakage", 9.0, claims=(Claim(0.95, True), Claim(0.92, False))),
-        planted("b", "leakage", 9.0, claims=(Claim(0.8, False),)),
-        judged(clean_right=0.0, claims=(Claim(0.99, False),)),
-    ]
-    found = row(cases, "false names")
-    assert (3, 2, False) == (found.count, found.hits, found.met)
-    assert row(cases[:1] * 100, "false names").share == 0.5
-    assert row([planted("c", "leakage", 9.0)], "false names").met
