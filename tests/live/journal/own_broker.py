@@ -45,7 +45,7 @@ class OwnBroker:
 async def serve(port: str, certificate: str = "") -> None:
     listener: dict[str, Any] = {"type": "tcp", "bind": f"127.0.0.1:{port}"}
     if certificate:
-        key = str(Path(certificate).with_suffix(".key"))
+        key = str(Path(certificate).with_suffix(".pem"))
         listener |= {"ssl": True, "certfile": certificate, "keyfile": key}
     plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
     await Broker({"listeners": {"default": listener}, "plugins": plugins}).start()

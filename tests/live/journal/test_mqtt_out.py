@@ -1,21 +1,14 @@
 """Events and status at a real broker; TLS to one that nobody vouches for."""
 
-import ipaddress
+import asyncio
 import json
+import ssl
 from collections.abc import Iterator
 from pathlib import Path
 from queue import Queue
 from typing import Any
 
 import pytest
-from asyncua.crypto.cert_gen import (
-    dump_private_key_as_pem,
-    generate_private_key,
-    generate_self_signed_app_certificate,
-)
-from cryptography import x509
-from cryptography.hazmat.primitives.serialization import Encoding
-from cryptography.x509.oid import ExtendedKeyUsageOID
 from paho.mqtt import client as paho
 from rulec_runtime.live.journal.mqtt_out import MqttOut
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
@@ -24,7 +17,7 @@ from rulec_runtime.live.sources.open import open_source
 from tests.conftest import compiled
 from tests.live.journal.events import event_in, story
 from tests.live.journal.own_broker import OwnBroker
-from tests.live.sources.plant_server import free_port
+from tests.live.sources.plant_server import certificate, free_port
 from tests.live.sources.taking import Taken
 from tests.live.test_watch import until
 
@@ -93,60 +86,50 @@ def test_what_cannot_be_used() -> None:
     sink.close()
 
 
-def certificate(file: Path, address: str = "127.0.0.1") -> Path:
-    """A certificate that vouches for itself, with its key beside it."""
-    key, names = generate_private_key(), [x509.IPAddress(ipaddress.ip_address(address))]
-    usage = [ExtendedKeyUsageOID.SERVER_AUTH]
-    made = generate_self_signed_app_certificate(key, file.stem, {}, names, extended=usage)
-    file.write_bytes(made.public_bytes(Encoding.PEM))
-    file.with_suffix(".key").write_bytes(dump_private_key_as_pem(key))
-    return file
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two authorities that vouch for themselves at localhost."""
     made = tmp_path_factory.mktemp("tls")
-    certificate(made / "right.pem")
-    certificate(made / "wrong.pem")
-    certificate(made / "elsewhere.pem", "10.0.0.1")
+    for name in ("right", "wrong"):
+        asyncio.run(certificate(made, name, "urn:broker"))
+        text = ssl.DER_cert_to_PEM_cert((made / f"{name}.der").read_bytes())
+        (made / f"{name}.crt").write_text(text)
     return made
 
 
 @pytest.fixture(scope="module")
 def tls_broker(folder: Path) -> Iterator[OwnBroker]:
-    made = OwnBroker(folder / "right.pem")
+    made = OwnBroker(folder / "right.crt")
     yield made
     made.stop()
 
 
-def opened(port: int, folder: Path, ca: str) -> Taken:
-    file = folder / f"{port}-{ca}.yaml"
-    security = f"security: {{ca: {ca}.pem}}\n" if ca else ""
+def opened(place: str, folder: Path, ca: str) -> Taken:
+    file = folder / "map.yaml"
+    security = f"security: {{ca: {ca}.crt}}\n" if ca else ""
     file.write_text(f"{security}signals: {{A.dp: t/dp}}\n", encoding="utf-8")
-    rules = compiled("abc")
-    return Taken(open_source(f"mqtts://127.0.0.1:{port}", rules, file))
+    return Taken(open_source(f"mqtts://{place}", compiled("abc"), file))
 
 
 def test_a_source_reads_from_the_right_broker_alone(tls_broker: OwnBroker, folder: Path) -> None:
-    taken = opened(tls_broker.port, folder, "right").until(lambda t: "connected" in t.kinds())
+    port = tls_broker.port
+    taken = opened(f"localhost:{port}", folder, "right").until(lambda t: "connected" in t.kinds())
     taken.source.close()
-    other = OwnBroker(folder / "elsewhere.pem")
-    for port, ca, why in (
-        (tls_broker.port, "wrong", "its certificate is not trusted: self-signed certificate; name"),
-        (tls_broker.port, "", "its certificate is not trusted: self-signed certificate; name"),
-        (other.port, "elsewhere", "certificate is not valid for '127.0.0.1'"),
+    for host, ca, why in (
+        ("localhost", "wrong", "its certificate is not trusted: self-signed certificate; name"),
+        ("localhost", "", "its certificate is not trusted: self-signed certificate; name"),
+        ("127.0.0.1", "right", "certificate is not valid for '127.0.0.1'"),
     ):
-        taken = opened(port, folder, ca).until(lambda t: t.kinds())
+        taken = opened(f"{host}:{port}", folder, ca).until(lambda t: t.kinds())
         taken.take(0.2).source.close()
         assert taken.kinds() == ["lost"]
         assert why in taken.told[0][1]
-    other.stop()
 
 
 def test_events_go_to_the_right_broker_alone(tls_broker: OwnBroker, folder: Path) -> None:
-    url, said = f"mqtts://127.0.0.1:{tls_broker.port}", list[str]()
+    url, said = f"mqtts://localhost:{tls_broker.port}", list[str]()
     right, wrong = (
-        MqttOut(url, "abc", authorities=str(folder / f"{name}.pem"), say=said.append)
+        MqttOut(url, "abc", authorities=str(folder / f"{name}.crt"), say=said.append)
         for name in ("right", "wrong")
     )
     until(lambda: right.sessions and said)

@@ -104,21 +104,26 @@ def test_rows_come_and_nothing_is_written(
 
 def test_a_server_that_is_killed_is_read_again(watch: Watch) -> None:
     """Lost, stale, connected and the gap are told once each time, and rows go on; a plant that is
-    off at the start is waited for."""
-    port = free_port()
-    taken = watch.of(f"opc.tcp://127.0.0.1:{port}").take()
+    off at the start is waited for, and a namespace is followed by its URI."""
+    port, text = free_port(), MAP.replace("ns=2", "nsu=urn:plant")
+    taken = watch.of(f"opc.tcp://127.0.0.1:{port}", text).take()
     assert taken.kinds() == ["lost"]
     server = PlantServer(port=port)
     taken.until(lambda t: len(t.times) >= 2)
     server.stop()
     taken.until(lambda t: {"lost", "stale"} <= set(t.kinds()[-2:]))
-    count = len(taken.times)
+    count, server.namespaces = len(taken.times), ["urn:other", "urn:plant"]
     server.start()
-    taken.until(lambda t: len(t.times) > count + 1).source.close()
+    taken.until(lambda t: len(t.times) > count + 1 and np.isfinite(t.of("A.dp")[-1]))
+    taken.source.close()
     server.stop()
     kinds = taken.kinds()
     assert [kinds.count(k) for k in ("lost", "gap", "connected")] == [2, 1, 2], taken.told
     assert (np.diff(taken.times) > 0).all()
+    server.namespaces = ["urn:other"]
+    server.start()
+    watch.refused(server.url, "no namespace 'urn:plant'; it has .*urn:other", text)
+    server.stop()
 
 
 def test_a_server_that_falls_silent_is_given_up(plant: PlantServer, watch: Watch) -> None:
@@ -230,20 +235,6 @@ def test_a_node_that_was_deleted_and_comes_again(plant: PlantServer, watch: Watc
     plant.add("A.dp", 1.6, ua.VariantType.Double, ua.ObjectIds.Double)
     taken.until(lambda t: t.of("A.dp")[-1] == 1.6e5)
     assert "lost" not in taken.kinds()
-
-
-def test_a_namespace_is_followed_by_its_uri(plant: PlantServer, watch: Watch) -> None:
-    text = MAP.replace("ns=2", "nsu=urn:plant")
-    taken = watch.of(plant.url, text).until(lambda t: t.times)
-    plant.stop()
-    taken.until(lambda t: "lost" in t.kinds())
-    count, plant.namespaces = len(taken.times), ["urn:other", "urn:plant"]
-    plant.start()
-    taken.until(lambda t: len(t.times) > count and not math.isnan(t.of("A.dp")[-1])).source.close()
-    plant.stop()
-    plant.namespaces = ["urn:other"]
-    plant.start()
-    watch.refused(plant.url, "no namespace 'urn:plant'; it has .*urn:other", text)
 
 
 FILES = "certificate: watch.der, key: watch.pem"
