@@ -61,6 +61,7 @@ FALSE = judged(clean_right=0.0, claims=(Claim(0.99, False),))
         # All of 1000 inside is not what 95 % promises.
         ("truth", [judged(inside=(1000, 1000))], (1000, 1000), "missed"),
         ("truth", [judged(inside=(950, 1000))], (950, 1000), "met"),
+        ("truth", [judged(inside=(965, 1000))], (965, 1000), "met, not surely"),
         # False names of clean cases too; what is told as one of several is none.
         ("false names", [TWO, UNSURE, FALSE], (2, 3), "missed"),
         ("false names", [TWO] * 100, (100, 200), "missed"),
