@@ -1,27 +1,18 @@
 """Recordings of plants that store, made with their own balances and true parameters."""
 
 from collections.abc import Mapping
-from functools import cache
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.passes.pipeline import compile_plant
 from rulec.simulation.sensing import SensorErrors, sense
-from tests.conftest import ROOT
+from tests.conftest import compiled as plant
 from tests.runtime.sheets import sampled
 
 Fault = tuple[str, float, float]
 """Id, degree, and the share of the recording behind which it is there."""
-
-
-@cache
-def plant(name: str) -> Ruleset:
-    """A plant of plants/."""
-    return compile_plant(ROOT / "plants" / name)
 
 
 def made(

@@ -21,8 +21,9 @@ from rulec_runtime.report.blindness import blindness, brought_back, unseen
 from rulec.study.sensors_needed import without_each
 from tests.conftest import compiled
 from tests.dosing import RIGS, TABLE_1, operating_points, record, visiting_run
+from tests.runtime.mismatch.made import changed, without
 from tests.runtime.sheets import sampled
-from tests.runtime.test_sensor_health import of_columns, put
+from tests.runtime.test_sensor_health import of_columns
 
 GONE_WITH_DP = {
     *(f"A.{fault}" for fault in ("leakage", "clogging", "widening")),
@@ -39,14 +40,10 @@ def run_of(hold: int = 25) -> Recording:
     return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
 
 
-def without(recording: Recording, *names: str) -> Recording:
-    return replace(recording, values={n: v for n, v in recording.values.items() if n not in names})
-
-
 def gone(recording: Recording, name: str, rows: slice | Array) -> Recording:
     values = recording.values[name].copy()
     values[rows] = np.nan
-    return put(recording, name, values)
+    return changed(recording, {name: values})
 
 
 def test_readings_that_bring_faults_back() -> None:
@@ -97,7 +94,7 @@ def test_a_pump_at_rest_hides_nothing() -> None:
     for pause, told in pauses.items():
         speed = whole.values["A.n"].copy()
         speed[slice(*pause)] = 0.5 * (rules.signal_by_id["A.n"].minimum or np.nan)
-        blind = blind_of(put(without(whole, "A.dp"), "A.n", speed), rules)
+        blind = blind_of(changed(without(whole, "A.dp"), {"A.n": speed}), rules)
         hidden = [b for b in blind if GONE_WITH_DP & set(b.faults)]
         assert told == sorted({(b.since, b.until) for b in hidden if "A.leakage" in b.faults})
         assert bool(hidden) == bool(told)

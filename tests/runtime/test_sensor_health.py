@@ -20,22 +20,19 @@ from rulec_runtime.recordings.standing_still import last_digit, standing_still
 from rulec_runtime.report.wording import kept_of
 
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.conftest import compiled
 from tests.dosing import INSIDE, RIGS, TABLE_1, operating_points, record, visiting_run
 from tests.method.readings import built, recording, ruleset
 from tests.runtime import tanks
+from tests.runtime.mismatch.made import changed
 from tests.runtime.sheets import sampled
+from tests.written import write_plant
 
-PLANTS = {
-    "abc": "plants/abc",
-    "mixing-rig": "plants/mixing-rig",
-    "three": "tests/method/plants/three",
-}
+PLANTS = ("abc", "mixing-rig", "three")
 
 
-@cache
 def plant(name: str) -> Ruleset:
-    return compile_plant(ROOT / PLANTS[name])
+    return ruleset(name) if name == "three" else compiled(name)
 
 
 @cache
@@ -55,10 +52,6 @@ def of_columns(ruleset: Ruleset, columns: dict[str, Array]) -> Recording:
     return sampled(values, columns["time [s]"])
 
 
-def put(recording: Recording, name: str, values: Array) -> Recording:
-    return replace(recording, values={**recording.values, name: values})
-
-
 def constant(
     recording: Recording, ruleset: Ruleset, name: str, value: float | None, since: float = 0.0
 ) -> Recording:
@@ -66,14 +59,14 @@ def constant(
     column = recording.values[name].copy()
     first = round(since * len(column))
     column[first:] = column[first] if value is None else value
-    return put(recording, name, column)
+    return changed(recording, {name: column})
 
 
 def below_zero(recording: Recording, ruleset: Ruleset, name: str) -> Recording:
     """A broken wire: 3.5 mA where 4 to 20 mA are the range."""
     signal = ruleset.signal_by_id[name]
     reading = signal.lowest - 0.5 / 16.0 * (signal.highest - signal.lowest)
-    return put(recording, name, np.full(len(recording), reading))
+    return changed(recording, {name: np.full(len(recording), reading)})
 
 
 def headed(recording: Recording, ruleset: Ruleset, name: str, header: str, true: str) -> Recording:
@@ -81,12 +74,11 @@ def headed(recording: Recording, ruleset: Ruleset, name: str, header: str, true:
     wrong, right = (parse_unit(u, ruleset.units) for u in (header, true))
     values = recording.values[name] * wrong.factor / right.factor
     scales = {**recording.scales, name: (wrong.factor, 0.0)}
-    return replace(put(recording, name, values), scales=scales)
+    return replace(changed(recording, {name: values}), scales=scales)
 
 
 def swapped(recording: Recording, ruleset: Ruleset, one: str, other: str) -> Recording:
-    values = recording.values
-    return put(put(recording, one, values[other]), other, values[one])
+    return changed(recording, {one: recording.values[other], other: recording.values[one]})
 
 
 CASES: dict[str, tuple[Callable[..., Recording], tuple[Any, ...], tuple[str, ...], str]] = {
@@ -143,7 +135,7 @@ def test_a_sound_recording_has_sound_sensors(name: str) -> None:
     for signal in ruleset.signals:
         if signal.is_input and signal.id in recording.values:
             held = np.repeat(recording.values[signal.id][::25], 25)[: len(recording)]
-            recording = put(recording, signal.id, held)
+            recording = changed(recording, {signal.id: held})
     assert () == examine(recording, ruleset).findings
 
 
@@ -151,7 +143,7 @@ def test_a_sound_recording_has_sound_sensors(name: str) -> None:
     ("name", "level"), [("cascaded-tanks", "lower.y"), ("wastewater-lab", "tank1.l")]
 )
 def test_levels_that_fail(name: str, level: str) -> None:
-    ruleset, recording = tanks.plant(name), tanks.made(name, 1)
+    ruleset, recording = compiled(name), tanks.made(name, 1)
     low = ruleset.signal_by_id[level].lowest
     for bent, told in (
         (constant(recording, ruleset, level, low), "dead"),
@@ -167,12 +159,12 @@ def test_levels_that_fail(name: str, level: str) -> None:
 
 @pytest.mark.parametrize("length", [9, 45])
 def test_a_voltage_set_in_steps_is_not_stuck(length: int) -> None:
-    ruleset, recording = tanks.plant("cascaded-tanks"), tanks.made("cascaded-tanks", 2)
+    ruleset, recording = compiled("cascaded-tanks"), tanks.made("cascaded-tanks", 2)
     random = np.random.default_rng(3)
     levels = np.round(random.uniform(1.5, 3.2, len(recording)), 3)
     lengths = random.choice([2, 3, length], len(recording))
     held = np.repeat(levels, lengths)[: len(recording)]
-    assert () == examine(put(recording, "pump.u", held), ruleset).findings
+    assert () == examine(changed(recording, {"pump.u": held}), ruleset).findings
 
 
 def test_noise_tells_a_measured_input_from_a_set_one() -> None:
@@ -220,8 +212,7 @@ def leaking(points: int = 6, hold: int = 40) -> Recording:
 
 
 def times(made: Recording, ruleset: Ruleset, factor: float, *names: str) -> Recording:
-    values = {n: v * factor if n in names else v for n, v in made.values.items()}
-    return replace(made, values=values)
+    return changed(made, {name: factor * made.values[name] for name in names})
 
 
 ALL = ("A.dp", "B.dp", "C.dp")
@@ -268,11 +259,9 @@ def test_a_pressure_without_noise_is_dead_while_its_pump_runs(
     speed: float, dead: list[str], tmp_path: Path
 ) -> None:
     """Also where nothing else gives the flow."""
-    text = f"plant: p\ntitle: p\nkb: {ROOT / 'kb'}\nmodules: {{A: {{type: dosing-pcp}}}}\n"
-    (tmp_path / "plant.yaml").write_text(f"{text}connections: []\n", encoding="utf-8")
     noise = np.random.default_rng(1).normal(0.0, 0.1, 80) * (speed > 0.0)
     readings = sampled({"A.n": (speed + noise) / 60.0, "A.dp": np.zeros(80)})
-    found = diagnose(readings, compile_plant(tmp_path))
+    found = diagnose(readings, compile_plant(write_plant(tmp_path, {"A": "dosing-pcp"})))
     assert dead == [f.signal for f in found.sensors if f.condition.name == "dead"]
 
 
@@ -284,7 +273,7 @@ def test_a_leakage_beside_a_dead_pressure_of_its_module(points: int, kind: str) 
     shown[30:] = shown[30]
     if kind == "range":
         shown[:] = 1.08 * signal.highest
-    found = diagnose(put(made, "A.dp", shown), ruleset("abc"))
+    found = diagnose(changed(made, {"A.dp": shown}), ruleset("abc"))
     assert [f"A.dp.{kind}"] == [s.id for s in found.sensors]
     leakage_of(found)
     if kind == "stuck":

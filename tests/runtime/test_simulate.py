@@ -16,6 +16,7 @@ from rulec.simulation.simulate import simulate_with
 from tests import dosing as truth
 from tests.conftest import ROOT, compiled
 from tests.method.readings import built, evaluate, ruleset, to_si
+from tests.written import write_plant
 
 PLANTS = ("abc", "abc-membrane", "abc-centrifugal", "mixing-rig")
 DEGREES, SPEEDS = (
@@ -111,13 +112,9 @@ def test_readings_that_nothing_determines_are_given() -> None:
 
 def test_parallel_branches_leave_one_reading_free(tmp_path: Path) -> None:
     """The line of A reads the loss of one branch; nothing ties the other one, so it is given."""
-    (tmp_path / "plant.yaml").write_text(
-        "plant: split\ntitle: Two branches into one vessel\n"
-        "modules: {A: {type: dosing-pcp}, C: {type: static-mixer}, D: {type: static-mixer},\n"
-        "  T: {type: plain-pipe, title: vessel}}\n"
-        "connections: [A -> C, A -> D, C -> T, D -> T]\n"
-    )
-    split = equations_of(compile_plant(tmp_path))
+    types = {"A": "dosing-pcp", "C": "static-mixer", "D": "static-mixer", "T": "plain-pipe"}
+    plant = write_plant(tmp_path, types, "A -> C, A -> D, C -> T, D -> T")
+    split = equations_of(compile_plant(plant))
     assert ("A.n", "D.dp") == split.given
     assert ("A.dp", "A.P_el", "C.dp") == split.predicted
 
@@ -129,13 +126,9 @@ def test_over_determined_plant_is_refused(tmp_path: Path) -> None:
     free = "sensor: converter-power, "
     kind.write_text(kind.read_text().replace(free, f"{free}input: true, "))
     power = ruleset("abc").signal_by_id["A.P_el"].reference
-    (tmp_path / "plant.yaml").write_text(
-        "plant: fixed\ntitle: Speed and power set\nkb: kb\n"
-        f"modules: {{A: {{type: dosing-pcp, reference: {{P_el: {power!r}}}}},\n"
-        f"  B: {{type: dosing-pcp, reference: {{P_el: {power!r}}}}}, C: {{type: static-mixer}}}}\n"
-        "connections: [A -> C, B -> C]\n"
-    )
-    fixed = compile_plant(tmp_path)
+    pump = f"dosing-pcp, reference: {{P_el: {power!r}}}"
+    types = {"A": pump, "B": pump, "C": "static-mixer"}
+    fixed = compile_plant(write_plant(tmp_path, types, "A -> C, B -> C", kb="kb"))
     with pytest.raises(SimulationRefused, match=r"A\.pump, .*more equations than unknowns"):
         equations_of(fixed)
 

@@ -2,7 +2,6 @@
 
 import csv
 import gzip
-import json
 import shutil
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from rulec.cli import main
 from tests.conftest import ROOT, Capsys, compiled, recordings_folder
 from tests.rig.zema import read_cycles, write_cycles
 from tests.states.plants import plant_in
-from tests.written import read_columns
+from tests.written import read_columns, told_by
 
 ABC = ROOT / "plants" / "abc"
 HEALTHY = ABC / "examples" / "healthy.csv"
@@ -92,9 +91,7 @@ def test_a_folder_becomes_a_folder(tmp_path: Path) -> None:
 def test_what_was_put_in_is_found(fault: str, tmp_path: Path) -> None:
     options = (*(("--fault", f"{fault}=0.2@20:60") if fault else ()), "--noise", "5")
     made = simulated(HEALTHY, tmp_path / "made.csv", *options)
-    found = tmp_path / "found.json"
-    assert 0 == main(["diagnose", str(ABC), str(made), "--json", str(found)])
-    findings = json.loads(found.read_text(encoding="utf-8"))["findings"]
+    findings = told_by("diagnose", ABC, made)["findings"]
     assert [fault] * bool(fault) == [finding["fault"] for finding in findings]
     for finding in findings:
         assert 0.2 == pytest.approx(finding["degree"], abs=0.02)
