@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import NDArray
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT
-from tests.dosing import INSIDE, Operation, Plant, Run, record
-from tests.dosing.faults import Faults
+from tests.dosing import INSIDE, Operation, Run, record
 from tests.dosing.plant import LIQUID_TEMPERATURE
 from tests.method.readings import built, calibrated, recording, ruleset
 from tests.rig.long_run.physics import SLIP, idle, scaled
@@ -76,10 +74,11 @@ def test_a_regime_is_told_and_no_other(
             assert found.status in ("S", "C")
 
 
-def test_sound_plants_run_in_no_regime() -> None:
+def test_sound_plants_run_in_no_regime_and_say_nothing() -> None:
     for seed in range(10):
-        for speed in (1.0, 0.5):
-            assert not ran("mixing-rig", "C", 100 + seed, speed=speed).regimes
+        assert not ran("mixing-rig", "C", 100 + seed, speed=0.5).regimes
+        found = ran("mixing-rig", "C", 100 + seed)
+        assert ("ok", (), (), ()) == (found.status, found.findings, found.unknown, found.regimes)
 
 
 MIXERS = {"abc": "C", "mixing-rig": "M1"}
@@ -89,32 +88,19 @@ COLD = (1.15, 0.8)
 RIGS = pytest.mark.parametrize("rig", MIXERS)
 
 
-def thicker_run(
-    plant: Plant,
-    later: NDArray[np.bool_],
-    friction: float,
-    slip: float,
-    cooled: float,
-    faults: Faults,
-) -> Run:
-    """Run at nominal speed; while `later`, friction losses and slips are multiplied by factors (of
-    their own, as a plant has laminar and turbulent paths), and the liquid is colder, K."""
-    thicker = scaled(plant, (".k2",), np.where(later, friction, 1.0))
-    thicker = scaled(thicker, SLIP, np.where(later, slip, 1.0))
-    speeds = {name: np.full(later.size, module.speed) for name, module in plant.modules.items()}
-    warmth = LIQUID_TEMPERATURE - np.where(later, cooled, 0.0)
-    time = np.arange(later.size, dtype=np.float64)
-    operation = Operation(time, speeds, temperature=dict.fromkeys(speeds, warmth))
-    return Run(thicker, operation, faults)
-
-
 def recorded(rig: str, seed: int, *change: float, **degrees: float) -> Recording:
-    """Friction, slip and temperature change in the second half, in which there are faults, too."""
+    """At nominal speed. In the second half friction and slip change by factors (of their own, as a
+    plant has laminar and turbulent paths), the liquid is colder, K, and there are faults."""
     later = np.arange(2 * HOLD) >= HOLD
     faults = {name.replace("_", ".", 1): degree * later for name, degree in degrees.items()}
     friction, slip, cooled = (*change, *(1.0, 1.0, 0.0)[len(change) :])
-    run = thicker_run(built(rig), later, friction, slip, cooled, faults)
-    return recording(calibrated(ruleset(rig)), record(run, INSIDE, seed).readings)
+    plant = scaled(built(rig), (".k2",), np.where(later, friction, 1.0))
+    plant = scaled(plant, SLIP, np.where(later, slip, 1.0))
+    speeds = {name: np.full(later.size, module.speed) for name, module in plant.modules.items()}
+    warmth = dict.fromkeys(speeds, LIQUID_TEMPERATURE - np.where(later, cooled, 0.0))
+    operation = Operation(np.arange(2.0 * HOLD), speeds, temperature=warmth)
+    made = record(Run(plant, operation, faults), INSIDE, seed)
+    return recording(calibrated(ruleset(rig)), made.readings)
 
 
 def said(rig: str, seed: int, *change: float, **degrees: float) -> Diagnosis:
@@ -169,15 +155,6 @@ def test_remarks() -> None:
     fell, stayed = (said("abc", 1, *COLD, cooled).findings[0] for cooled in (15.0, 0.0))
     assert "2 temperatures fell by 15 K, which speaks for it" in fell.text
     assert "2 temperatures stayed within 0.5 K, which speaks against it" in stayed.text
-
-
-@pytest.mark.parametrize(
-    "seeds", [range(4), pytest.param(range(4, 20), marks=pytest.mark.prove)], ids=["few", "more"]
-)
-def test_sound_plants_say_nothing(seeds: range) -> None:
-    for seed in seeds:
-        found = said("mixing-rig", 500 + seed)
-        assert ("ok", (), ()) == (found.status, found.findings, found.unknown)
 
 
 def test_a_trace_names_the_liquid() -> None:

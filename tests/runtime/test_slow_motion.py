@@ -36,6 +36,7 @@ from tests.dosing import (
 )
 from tests.method.readings import built, recording, ruleset
 from tests.rig.follower.plants import Planted, recorded
+from tests.runtime.mismatch.made import changed
 
 HOLD = 30
 LEAK = 0.2
@@ -132,23 +133,17 @@ def test_estimates_that_lags_may_spoil_are_not_used() -> None:
 SAMPLES = 40
 
 
-def healthy(seed: int) -> Recording:
-    made = record(healthy_run(built("abc"), SAMPLES), INSIDE, seed)
-    return recording(ruleset("abc"), made.readings)
-
-
-def with_course(plain: Recording, signal: str, course: Array) -> Recording:
-    values = plain.values[signal]
-    return replace(plain, values={**plain.values, signal: values + course * np.mean(values)})
-
-
 def test_a_reading_that_still_settles_is_known_less_well() -> None:
     """Power that is 15 % off and returns within a stretch raises no alarm; held it does."""
     seconds = np.arange(float(SAMPLES))
-    decay = np.where(seconds >= 20, 0.15 * np.exp(-(seconds - 20) / 6.0), 0.0)
-    plain = healthy(3)
-    wandering = with_course(plain, "A.P_el", decay)
-    held = with_course(plain, "A.P_el", np.where(seconds >= 20, 0.15, 0.0))
+    off = np.where(seconds >= 20, 0.15, 0.0)
+    made = record(healthy_run(built("abc"), SAMPLES), INSIDE, 3)
+    plain = recording(ruleset("abc"), made.readings)
+    power = plain.values["A.P_el"]
+    wandering, held = (
+        changed(plain, {"A.P_el": power + course * np.mean(power)})
+        for course in (off * np.exp(-(seconds - 20) / 6.0), off)
+    )
     assert "ok" == diagnose(wandering, ruleset("abc")).status
     assert ["A.P_el.high"] == [f.fault.id for f in diagnose(held, ruleset("abc")).findings]
 
