@@ -1,8 +1,5 @@
 """Replays of a recording by the plant's own model, and how often they tell what they hold."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,6 +14,7 @@ from rulec.mismatch.search.simulated import begun as begun_with_stores
 from tests.conftest import ROOT, Capsys
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
 from tests.runtime.mismatch.made import SLIP, USUAL, Built, alone, rows_at, warmed
+from tests.written import told_by
 
 LEAK, LATE = "A.slip-linear@Q_geo", "A.valve-delay@Q_geo"
 """Both take off what is in proportion to pressure."""
@@ -121,10 +119,8 @@ def test_what_was_found_is_concealed_at_its_size() -> None:
     assert np.isnan(unseen.size)
 
 
-def test_command_tells_it_behind_the_report(tmp_path: Path, capsys: Capsys) -> None:
-    file = tmp_path / "m.json"
-    assert 0 == main(["mismatch", *HEALTHY, "--power", "A.leakage", SLIP, "--json", str(file)])
-    form = json.loads(file.read_text(encoding="utf-8"))
+def test_command_tells_it_behind_the_report(capsys: Capsys) -> None:
+    form = told_by("mismatch", *HEALTHY, "--power", "A.leakage", SLIP)
     assert ("none", [], "Nothing to do.") == tuple(form[k] for k in ("verdict", "effects", "next"))
     assert [] == form["repair"]["joined"]
     power = form["power"]
