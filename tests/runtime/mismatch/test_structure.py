@@ -1,8 +1,6 @@
 """Columns that are not what their header says or of another clock, and pipes that lie elsewhere."""
 
-import csv
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +26,9 @@ from rulec.mismatch.structure.structure_search import structure_of
 from rulec.mismatch.structure.wiring import hypothesis_of
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, Capsys
+from tests.runtime import sheets
 from tests.runtime.mismatch.made import changed, opened, recorded, sampled, tour, without
+from tests.runtime.sheets import Sheet
 from tests.runtime.tanks import made
 
 TANKS = "wastewater-lab"
@@ -99,22 +99,12 @@ def test_nor_are_those_of_tanks() -> None:
     assert () == looked(TANKS, made(TANKS, 1, (faults[0], 0.3, 0.5)))
 
 
-def answered(
-    folder: Path,
-    column: str,
-    by: Callable[[list[str]], list[str]],
-    capsys: Capsys,
-    *options: str,
-) -> tuple[Any, str]:
+CALIBRATION = sheets.example("calibration")
+
+
+def answered(folder: Path, sheet: Sheet, capsys: Capsys, *options: str) -> tuple[Any, str]:
     """What is told of the shipped calibration recording with another column: a failing sensor."""
-    text = (EXAMPLES / "calibration.csv").read_text(encoding="utf-8")
-    head, *rows = csv.reader(text.splitlines())
-    place = head.index(column)
-    for row, value in zip(rows, by([row[place] for row in rows]), strict=True):
-        row[place] = value
-    file, answer = folder / "recording.csv", folder / "answer.json"
-    with file.open("w", encoding="utf-8", newline="") as out:
-        csv.writer(out).writerows([head, *rows])
+    file, answer = sheets.write(folder, sheet.text()), folder / "answer.json"
     words = ["mismatch", str(ROOT / "plants/abc"), str(file), "--json", str(answer), *options]
     assert 0 == main(words)
     form = json.loads(answer.read_text(encoding="utf-8"))
@@ -125,15 +115,10 @@ def answered(
 def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     tmp_path: Path, capsys: Capsys
 ) -> None:
+    """Most of the readings of its sensor are then impossible."""
     answer, page = tmp_path / "answer.json", tmp_path / "answer.html"
-    form, shown = answered(
-        tmp_path,
-        "A.dp [bar]",
-        lambda column: [f"{100.0 * float(v):.6g}" if v else "" for v in column],
-        capsys,
-        "--report",
-        str(page),
-    )
+    bent = CALIBRATION.mapped("A.dp", lambda _, cell: f"{100.0 * float(cell):.6g}")
+    form, shown = answered(tmp_path, bent, capsys, "--report", str(page))
     told = "A.dp is in kPa, not bar"
     assert f"{told}: its values are 100 times" in shown
     assert told in page.read_text(encoding="utf-8")
@@ -231,7 +216,9 @@ def test_what_a_delay_of_the_catalogue_explains_is_left_to_it(signal: str, late:
 
 @pytest.mark.prove
 def test_the_answer_says_by_how_much_and_is_adopted(tmp_path: Path, capsys: Capsys) -> None:
-    form, shown = answered(tmp_path, "A.P_el [W]", lambda column: column[-4:] + column[:-4], capsys)
+    power = [row[CALIBRATION.index("A.P_el")] for row in CALIBRATION.rows]
+    late = CALIBRATION.mapped("A.P_el", lambda k, _: power[k - 4])
+    form, shown = answered(tmp_path, late, capsys)
     assert "A.P_el is recorded 4 s too late against the others" in shown
     assert ("clock-shift", "A.P_el") == tuple(form["effects"][0][k] for k in ("effect", "place"))
     assert 4.0 == form["repair"]["misread"][0]["late"]
