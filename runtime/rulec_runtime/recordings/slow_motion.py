@@ -38,13 +38,6 @@ def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, d
     return stretches, noise_within(recording, settled, noise)
 
 
-def settle_or_slow_by(
-    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
-) -> Stretches:
-    """The same stretches for known noise of readings."""
-    return _with_slow(find_stretches(recording, ruleset, noise), recording, ruleset, noise)
-
-
 def _with_slow(
     settled: Stretches, recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> Stretches:

@@ -61,7 +61,7 @@ def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> b
         return False
     degree, u = course.now
     own = [f for f in found.findings if f.fault.id == faults[course.fault].id]
-    # What remains after a fault that came and went must be as certain as a course: there are many.
+    # What remains after a fault that came and went must be as certain as a course, of many faults.
     certain = np.sqrt(-2.0 * np.log(limits.ALARM_PER_RECORDING / len(faults)))
     if degree < u * (certain if found.findings else common.THRESHOLD):
         return True
