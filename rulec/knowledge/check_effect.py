@@ -324,8 +324,7 @@ def is_neutral(effect: Effect, name: str) -> bool:
 
 def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
     judged = 0
-    for known, plain in _trials(effect, join):
-        known[name] = {**known, **plain}[at]
+    for known, plain in _trials(effect, join, equal={name: at}):
         try:
             value = constant(join.law.expression, {**known, **plain})
         except Rejected:
@@ -343,17 +342,23 @@ def _is_plain(value: float | None, plain: Mapping[str, float]) -> bool:
 
 
 def _trials(
-    effect: Effect, join: Join, at_null: bool = False
+    effect: Effect, join: Join, at_null: bool = False, equal: Mapping[str, str] | None = None
 ) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
-    """Readings with parameters, and values of the plain laws there; the same in every call."""
+    """Readings with parameters, and values of the plain laws there; the same in every call.
+
+    Parameters in `equal` are at the reading of a driver, or at the plain law.
+    """
     draw = random.Random(0)
     nulls = {n: p.null for n, p in effect.parameters.items() if p.null is not None}
+    of_law = [n for n, p in effect.parameters.items() if p.driver == PLAIN]
     for _ in range(EFFECT_TRIES):
         known = readings(effect, draw)
         known |= parameters(effect, known, draw) | (nulls if at_null else {})
+        known |= {name: known[at] for name, at in (equal or {}).items() if at in known}
         plain = plain_laws(join, known, draw)
-        own = (n for n, p in effect.parameters.items() if p.fixed and p.driver == PLAIN)
-        yield {**known, **{n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in own}}, plain
+        known |= {n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in of_law}
+        known |= {name: plain[PLAIN] for name, at in (equal or {}).items() if at == PLAIN}
+        yield known, plain
 
 
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
@@ -362,16 +367,16 @@ def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
 
 
 def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
-    """Parameters anywhere in their range; fixed ones near the reading of their driver.
+    """Parameters near the reading of their driver, the others anywhere in their range.
 
-    Those fixed at a reading of the joined signal itself are left out.
+    Those that are readings of the joined signal itself are left out.
     """
     return {
         name: known[p.driver] * draw.uniform(0.5, 2.0)
-        if p.fixed and p.driver
+        if p.driver
         else draw.uniform(p.lowest, p.highest)
         for name, p in effect.parameters.items()
-        if not (p.fixed and p.driver == PLAIN)
+        if p.driver != PLAIN
     }
 
 

@@ -54,9 +54,8 @@ def test_every_parameter_moves_something(name: str) -> None:
             known = readings(effect, draw)
             known |= parameters(effect, known, draw)
             law = plain_laws(join, known, random.Random(seed))["law"]
-            places = {**known, "law": law}
-            beside = {n: p.driver for n, p in effect.parameters.items() if p.driver}
-            known |= {n: places[driver] * draw.uniform(0.5, 2.0) for n, driver in beside.items()}
+            of_law = [n for n, p in effect.parameters.items() if p.driver == "law"]
+            known |= {n: law * draw.uniform(0.5, 2.0) for n in of_law}
             # What is stored is off its rest by a fifth, and moves at its rate.
             known |= dict.fromkeys(effect.states, 0.8 * law)
             for n, p in [*still.items()]:
@@ -80,6 +79,20 @@ def test_entry_is_sound(name: str) -> None:
     assert slots & strength
     named = r"\d|assumed|own derivation|law|branch|hydrostatics|characteristic|balance|Weisbach"
     assert re.search(rf"{named}|Handbook|Poiseuille", effect.origin.source)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "neutral"),
+    [
+        ("head-speed", "n0", True),
+        ("head-temperature", "T0", True),
+        ("pump-upturn", "u0", False),
+        ("tank-leak", "l0", False),
+    ],
+)
+def test_reading_at_which_an_effect_vanishes(name: str, parameter: str, neutral: bool) -> None:
+    """Also where the law changes a reading, and where another parameter switches the effect off."""
+    assert knowledge().effects[name].parameters[parameter].neutral is neutral
 
 
 def test_each_effect_has_a_place() -> None:
