@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,8 @@ from rulec.prove.truth.settled.rig import Rig
 from rulec.prove.truth.settled.rigs import drawn_rig, write_plant
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks.balance import integrate
-from rulec.prove.truth.tanks.build import CASCADED, Setup, build
-from rulec.prove.truth.tanks.feed import Curve, Kink, Warming
-from rulec.prove.truth.tanks.laws import GRAVITY
-from rulec.prove.truth.tanks.plant import Opening, Plant
+from rulec.prove.truth.tanks.build import Setup, build
+from rulec.prove.truth.tanks.plant import CASCADED, GRAVITY, Plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
 from tests.conftest import ROOT
@@ -44,7 +41,6 @@ NUMBERS: dict[str, Any] = {
     **{"BAR": BAR, "LITRE_PER_HOUR": LITRE_PER_HOUR, "RPM": RPM, "DAY": 86400.0},
     # Flow through 1 cm2 under 10 cm, m3/s.
     "ORIFICE": float(np.sqrt(2.0 * GRAVITY * 10.0)) * 1e-6,
-    **{part.__name__: part for part in (Curve, Kink, Warming, Opening)},
 }
 """Names in the formulas of the table."""
 
@@ -67,8 +63,8 @@ def truth_of(name: str = "") -> np.ndarray:
     """True level of the lower tank, m."""
     setup, plant, _ = tanks()
     row = TABLE["tanks"].get(name, {})
-    plant = plant.with_tank(replace(plant.tank("upper"), **numbers(row.get("tank", {}))))
-    plant = replace(plant, feed=replace(plant.feed, **numbers(row.get("feed", {}))))
+    plant = plant.with_("upper", **numbers(row.get("tank", {})))
+    plant = plant.with_("pump", **numbers(row.get("feed", {})))
     return 0.01 * integrate(plant, setup.time, setup.shown).levels[:, 1]
 
 
@@ -106,9 +102,9 @@ def test_an_entry_of_level_sensors_shows_what_the_truth_shows(name: str) -> None
     """Of the same level, but for what two integrators differ by; without the entry far off."""
     setup, plant, _ = tanks()
     row = TABLE["sensors"][name]
-    erring = replace(plant.sensor("lower"), **numbers(row["sensor"]))
+    erring = plant.with_("lower.y", **numbers(row["sensor"]))
     course = integrate(plant, setup.time, setup.shown)
-    true = shown(plant.with_sensor(erring), course)["lower"]
+    true = shown(erring, course)["lower"]
     plain = shown(plant, course)["lower"]
     assert np.max(np.abs(plain - true)) > 0.1
     assert model_of(row)[1] == pytest.approx(true, abs=SAME_LEVEL)

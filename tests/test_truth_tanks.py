@@ -15,29 +15,14 @@ from rulec.prove.truth.smooth import SIZE_OF_FORM, form_error
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks.balance import Course, integrate
 from rulec.prove.truth.tanks.build import (
-    CASCADED,
     LITRE_PER_HOUR,
     METER_SLOPE,
-    Layout,
     Setup,
     build,
     recorded_input,
 )
 from rulec.prove.truth.tanks.detection_limit import noise_of
-from rulec.prove.truth.tanks.feed import Bypass, Curve, Feed, Kink, Warming
-from rulec.prove.truth.tanks.laws import GRAVITY, loss, outflow, overflow, supply
-from rulec.prove.truth.tanks.plant import (
-    LEVEL_ZERO,
-    Body,
-    Fault,
-    LevelSensor,
-    Opening,
-    Plant,
-    Power,
-    Rim,
-    Tank,
-    Vortex,
-)
+from rulec.prove.truth.tanks.plant import CASCADED, GRAVITY, LEVEL_ZERO, Layout, Plant, law
 from rulec.prove.truth.tanks.rows import row, write_plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.tanks.suite import HARD, cases
@@ -45,52 +30,48 @@ from tests.tank_row import ROW, SI, parameters, volumes, without_errors
 
 LAYOUTS = {layout.name: layout for layout in (CASCADED, ROW)}
 
-UPPER = Tank("upper", 15.0, 0.1, 8.0)
-LOWER = Tank("lower", 14.0, 0.12, 3.0)
-PLAIN = Plant("two", Feed("pump", 4.0), (UPPER, LOWER), (LevelSensor("lower", 0.5),))
+TWO = Layout("two", "pump", ("upper", "lower"), ("lower",), False, 4.0, "u [V]", {})
+PLAIN = (
+    Plant(TWO, {})
+    .with_("pump", gain=4.0)
+    .with_("upper", area=15.0, outlet=0.1, start=8.0)
+    .with_("lower", area=14.0, outlet=0.12, start=3.0)
+    .with_("lower.y", gain=0.5)
+)
+
+EVERYTHING: dict[str, dict[str, float]] = {
+    "upper": {
+        **{"growth": 0.4, "body": 4.0, "body_height": 6.0, "cone": 0.02, "laminar": 0.2},
+        **{"drowned": 4.0, "rim": 9.0, "weir": 8.0, "caught": 0.4, "seepage": 0.3},
+        **{"leak": 0.01, "leak_begin": 333.3, "side": 0.02, "side_height": 3.0, "link": 0.01},
+        **{"vortex": 10.0, "vortex_share": 0.2, "vortex_period": 50.0, "closing": 1e-4},
+    },
+    "lower": {
+        **{"power": 0.7, "power_level": 5.0, "height": 0.5, "rim": 8.0, "weir": 20.0},
+        **{"clog": 0.2, "clog_begin": 505.0},
+    },
+    "pump": {
+        **{"dead_band": 0.1, "limit": 5.0, "droop": 0.02, "lag": 7.0, "delay": 9.0},
+        **{"bypass": 9.0, "bypass_share": 0.3, "lift": 0.5, "lift_level": 0.05, "held": 0.01},
+        **{"roll": 0.03, "kink": 2.0, "steeper": 0.3, "exponent": 0.2, "usual": 3.0},
+        **{"decline": 1e-4, "warming": 0.2, "warming_time": 200.0},
+        **{"play": 0.3, "rate": 0.2, "pocket": 0.4},
+    },
+}
+"""Almost all effects of tanks and feed at once."""
 
 
 def everything() -> Plant:
-    """A plant in which almost all effects of tanks and feed are at work at once."""
-    upper = replace(
-        UPPER,
-        growth=0.4,
-        body=Body(4.0, 6.0),
-        laminar=0.2,
-        drowned=4.0,
-        rim=Rim(9.0, 8.0, 0.4),
-        seepage=0.3,
-        leak=Fault(0.01, 333.3),
-        vortex=Vortex(10.0, 0.2, 50.0),
-        cone=0.02,
-        side=Opening(0.02, 3.0),
-        link=0.01,
-        closing=1e-4,
-    )
-    lower = replace(
-        LOWER, power=Power(0.7, 5.0), height=0.5, rim=Rim(8.0, 20.0, 0.0), clog=Fault(0.2, 505.0)
-    )
-    feed = replace(
-        PLAIN.feed,
-        dead_band=0.1,
-        limit=5.0,
-        droop=0.02,
-        lag=7.0,
-        delay=9.0,
-        bypass=Bypass(9.0, 0.3),
-        lift=0.5,
-        lift_level=0.05,
-        held=0.01,
-        roll=0.03,
-        kink=Kink(2.0, 0.3),
-        curve=Curve(0.2, 3.0),
-        decline=1e-4,
-        warming=Warming(0.2, 200.0),
-        play=0.3,
-        rate=0.2,
-        pocket=0.4,
-    )
-    return replace(PLAIN, feed=feed, tanks=(upper, lower))
+    plant = PLAIN
+    for part, numbers in EVERYTHING.items():
+        plant = plant.with_(part, **numbers)
+    return plant
+
+
+def flows(level: float, below: float = 0.0, **numbers: Any) -> dict[str, float]:
+    """What the laws of the upper tank give, with some other numbers."""
+    flow = law("flows", PLAIN.with_("upper", **numbers).parts["upper"])
+    return dict(zip(("left", "over", "away"), flow(level, below, 0.0, 0.0), strict=False))
 
 
 def constant(plant: Plant, voltage: float, samples: int = 150) -> Course:
@@ -100,7 +81,7 @@ def constant(plant: Plant, voltage: float, samples: int = 150) -> Course:
 
 def fed(voltages: list[float], **feed: Any) -> Course:
     """The plain plant with another feed, a voltage each 4 s."""
-    plant = replace(PLAIN, feed=replace(PLAIN.feed, **feed))
+    plant = PLAIN.with_("pump", **feed)
     return integrate(plant, 4.0 * np.arange(float(len(voltages))), np.array(voltages))
 
 
@@ -108,7 +89,7 @@ def fed(voltages: list[float], **feed: Any) -> Course:
 def test_volume_is_conserved(plant: Plant) -> None:
     random = np.random.default_rng(1)
     course = integrate(plant, 4.0 * np.arange(300.0), np.repeat(random.uniform(0.0, 6.0, 30), 10))
-    stored = sum(volumes(tank, course.levels[:, i]) for i, tank in enumerate(plant.tanks))
+    stored = sum(volumes(t, course.levels[:, i]) for i, t in enumerate(plant.tanks.values()))
     assert course.pumped == pytest.approx(
         stored - stored[0] + course.drained + course.lost, abs=0.02
     )
@@ -120,32 +101,31 @@ def test_levels_at_rest_follow_torricelli() -> None:
     flow = 4.0 * 3.0
     level = constant(PLAIN, 3.0).levels[-1]
     assert level == pytest.approx([(flow / a) ** 2 / (2 * GRAVITY) for a in (0.1, 0.12)], rel=1e-3)
-    seeping = constant(PLAIN.with_tank(replace(UPPER, seepage=1.0)), 3.0).levels[-1]
+    seeping = constant(PLAIN.with_("upper", seepage=1.0), 3.0).levels[-1]
     assert seeping[1] / level[1] == pytest.approx((11.0 / 12.0) ** 2, rel=1e-3)
 
 
 def test_outlets_obey_their_laws() -> None:
     """Loss linear plus quadratic; another exponent; counted from the outlet; held back; a rim;
     openings at the floor and in the wall."""
-    laminar = outflow(replace(UPPER, laminar=0.3), 9.0, 0.0, 0.0)
+    laminar = flows(9.0, laminar=0.3)["left"]
     assert 0.3 * laminar + (laminar / 0.1) ** 2 / (2 * GRAVITY) == pytest.approx(9.0)
-    power = replace(UPPER, power=Power(0.8, 4.0))
-    ratio = outflow(power, 8.0, 0.0, 0.0) / outflow(UPPER, 4.0, 0.0, 0.0)
+    ratio = flows(8.0, power=0.8, power_level=4.0)["left"] / flows(4.0)["left"]
     assert ratio == pytest.approx(2.0**0.8, rel=1e-4)
-    for tank in (replace(UPPER, height=2.0), replace(UPPER, drowned=5.0)):
-        assert outflow(tank, 9.0, 7.0, 0.0) == outflow(UPPER, 7.0, 0.0, 0.0)
-    assert outflow(replace(UPPER, height=2.0), 1.9, 0.0, 0.0) == 0.0
-    assert overflow(replace(UPPER, rim=Rim(5.0, 3.0, 0.5)), 9.0) == pytest.approx(24.0)
+    for changed in ({"height": 2.0}, {"drowned": 5.0}):
+        assert flows(9.0, 7.0, **changed)["left"] == flows(7.0)["left"]
+    assert flows(1.9, height=2.0)["left"] == 0.0
+    assert flows(9.0, rim=5.0, weir=3.0)["over"] == pytest.approx(24.0)
     torricelli = 0.02 * np.sqrt(2 * GRAVITY * 4.0)
-    assert loss(replace(UPPER, drain=0.02), 4.0) == pytest.approx(torricelli, rel=1e-4)
-    assert loss(replace(UPPER, side=Opening(0.02, 3.0)), 7.0) == pytest.approx(torricelli, rel=1e-4)
-    assert loss(replace(UPPER, side=Opening(0.02, 3.0)), 3.0) == 0.0
+    assert flows(4.0, drain=0.02)["away"] == pytest.approx(torricelli, rel=1e-4)
+    assert flows(7.0, side=0.02, side_height=3.0)["away"] == pytest.approx(torricelli, rel=1e-4)
+    assert flows(3.0, side=0.02, side_height=3.0)["away"] == 0.0
 
 
 def test_a_sharp_rim_holds_the_level_a_notch_does_not() -> None:
     """The same flow runs over both."""
     sharp, broad = (
-        constant(PLAIN.with_tank(replace(UPPER, rim=Rim(5.0, strength, 0.5))), 4.0)
+        constant(PLAIN.with_("upper", rim=5.0, weir=strength, caught=0.5), 4.0)
         for strength in (200.0, 2.0)
     )
     assert sharp.levels[-1, 0] == pytest.approx(5.1, abs=0.1)
@@ -164,7 +144,7 @@ def test_delay_shifts_the_flow_and_lag_smooths_it() -> None:
 
 def test_dead_time_shows_levels_between_samples() -> None:
     """6 s ago with samples each 4 s: the level of a finer run."""
-    slow = PLAIN.with_sensor(LevelSensor("lower", 0.5, dead_time=6.0))
+    slow = PLAIN.with_("lower.y", dead_time=6.0)
     coarse = shown(slow, constant(slow, 3.0, 20))["lower"]
     fine = integrate(PLAIN, np.arange(77.0), np.full(77, 3.0)).levels[:, 1]
     assert coarse[2:] == pytest.approx(0.5 * fine[2:71:4], abs=1e-5)
@@ -178,12 +158,12 @@ def test_sensor_errors_come_in_their_order() -> None:
     course = replace(course, sensed=triangle[:, None])
 
     def read(**errors: Any) -> list[float]:
-        sensor = replace(LevelSensor("lower", 1.0), **errors)
-        return list(shown(PLAIN.with_sensor(sensor), course)["lower"].tolist())
+        plant = PLAIN.with_("lower.y", **{"gain": 1.0, **errors})
+        return list(shown(plant, course)["lower"].tolist())
 
     assert read(play=2.0)[9:14] == [8.0, 9.0, 9.0, 9.0, 8.0]
     assert read(step=4.0, limit=7.0)[5:9] == [4.0, 7.0, 7.0, 7.0]
-    assert read(stuck=(8.0, 20.0))[:7] == [0.0, 1.0, 2.0, 2.0, 2.0, 5.0, 6.0]
+    assert read(stuck=8.0, stuck_end=20.0)[:7] == [0.0, 1.0, 2.0, 2.0, 2.0, 5.0, 6.0]
     assert read(offset=0.5, slope=0.1, drift=0.25)[1] == pytest.approx(1.1 + 0.5 + 1.0)
 
 
@@ -255,41 +235,42 @@ def test_a_form_error_in_plain_numbers_is_the_one_that_was_drawn() -> None:
 def test_every_outlet_and_the_pump_are_off_by_their_form_errors() -> None:
     """By 0.5 to 2 %; a flow meter has no law."""
     setup = hard_setup("form")
-    for tank in setup.plant.tanks:
-        assert tank.form is not None
-        assert SIZE_OF_FORM[0] <= tank.form.rms <= SIZE_OF_FORM[1]
-        off = outflow(tank, 9.0, 0.0, 0.0) / outflow(replace(tank, form=None), 9.0, 0.0, 0.0)
-        assert off - 1.0 == pytest.approx(tank.form.at(9.0), abs=1e-12)
+    for tank in setup.plant.tanks.values():
+        form = tank["form"]
+        assert SIZE_OF_FORM[0] <= form.rms <= SIZE_OF_FORM[1]
+        laws = (law("flows", {**tank, "form": f}) for f in (form, None))
+        off, plain = (flow(9.0, 0.0, 0.0, 0.0)[0] for flow in laws)
+        assert off / plain - 1.0 == pytest.approx(form.at(9.0), abs=1e-12)
     feed = setup.plant.feed
-    assert feed.form is not None
-    off = supply(feed, 4.0) / supply(replace(feed, form=None), 4.0)
-    assert off - 1.0 == pytest.approx(feed.form.at(4.0), abs=1e-12)
-    assert build(METERED, 1, 40, "", ("form",)).plant.feed.form is None
+    off, plain = (law("supply", {**feed, "form": f})(4.0) for f in (feed["form"], None))
+    assert off / plain - 1.0 == pytest.approx(feed["form"].at(4.0), abs=1e-12)
+    assert build(METERED, 1, 40, "", ("form",)).plant.feed["form"] is None
 
 
 def test_noise_has_the_memory_that_the_answer_states() -> None:
     """Of the reading of a level that stands still."""
     setup = hard_setup("coloured", samples=20)
-    (sensor,) = setup.plant.sensors
+    (sensor,) = setup.plant.sensors.values()
     many = 20000
     still = replace(setup.course, time=np.arange(many * 1.0))
     still = replace(still, sensed=np.full((many, 1), 9.0), fallen=np.zeros((many, 2)))
     readings = (shown(setup.plant, still, seed)["lower"] for seed in (1, None))
     error = np.subtract(*readings)
-    assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(sensor.colour, abs=0.04)
+    assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(sensor["colour"], abs=0.04)
     assert error.std() == pytest.approx(noise_of(sensor), rel=0.05)
-    assert setup.told == {"coloured": {"lower": sensor.colour}}
+    assert setup.told == {"coloured": {"lower": sensor["colour"]}}
 
 
 def test_sensors_drift_within_their_class() -> None:
     for seed in range(8):
         setup = build(METERED, seed, 60, "", ("drift",))
-        still = tuple(replace(s, wander=None) for s in setup.plant.sensors)
-        bare = replace(setup.plant, sensors=still)
+        bare = setup.plant
+        for tank in setup.plant.sensors:
+            bare = bare.with_(f"{tank}.y", wander=None)
         course = integrate(bare, setup.time, setup.shown)
-        for sensor in setup.plant.sensors:
-            off = shown(setup.plant, course)[sensor.tank] - shown(bare, course)[sensor.tank]
-            assert np.abs(off + sensor.zero).max() <= 2.0 * LEVEL_ZERO + 1e-12
+        for tank, sensor in setup.plant.sensors.items():
+            off = shown(setup.plant, course)[tank] - shown(bare, course)[tank]
+            assert np.abs(off + sensor["zero"]).max() <= 2.0 * LEVEL_ZERO + 1e-12
             assert np.ptp(off) > 0.0
         meter = recorded_input(setup, seed) / np.maximum(setup.shown, 1e-9) - 1.0
         running = setup.shown > 0.0
@@ -306,9 +287,10 @@ def test_few_values_are_set_again_and_again() -> None:
 def test_tanks_begin_at_any_level() -> None:
     """Low and high, and no sensor begins where it cannot show."""
     setups = [hard_setup("starts", samples=10, seed=seed) for seed in range(30)]
-    levels = np.array([[tank.level for tank in s.plant.tanks] for s in setups])
+    levels = np.array([[tank["start"] for tank in s.plant.tanks.values()] for s in setups])
     assert np.ptp(levels[:, 0]) > 15.0
-    assert all(s.plant.tanks[1].level * s.plant.sensors[0].gain <= 8.0 + 1e-9 for s in setups)
+    for plant in (s.plant for s in setups):
+        assert plant.tanks["lower"]["start"] * plant.sensors["lower"]["gain"] <= 8.0 + 1e-9
 
 
 def test_the_suite_draws_tanks_of_all_groups() -> None:

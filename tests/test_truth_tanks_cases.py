@@ -16,11 +16,11 @@ from rulec.effects.model_builder import open_builder
 from rulec.prove.truth.detection_limit import expected_gain
 from rulec.prove.truth.kinds import STATED
 from rulec.prove.truth.sealed import HIDES
-from rulec.prove.truth.tanks.build import CASCADED, Layout, build
-from rulec.prove.truth.tanks.effect import EFFECTS, possible_effects
+from rulec.prove.truth.tanks.build import build
+from rulec.prove.truth.tanks.effect import EFFECTS, possible_effects, right
 from rulec.prove.truth.tanks.effect_size import ACCEPTED, Readings, change_of, rms, run
 from rulec.prove.truth.tanks.plan import Case
-from rulec.prove.truth.tanks.right_answer import right
+from rulec.prove.truth.tanks.plant import CASCADED, Layout
 from rulec.prove.truth.tanks.rows import row, write_plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.tanks.suite import HARD, RARELY, STRONGEST, WEAKEST, cases
@@ -71,11 +71,10 @@ def test_effects_act_in_the_row(effect: str) -> None:
 def test_faults_begin(effect: str) -> None:
     """Before that a fault changes nothing, afterwards it does."""
     faulty = made(effect)
-    upper, lower = faulty.plant.tanks
-    fault = upper.leak or lower.clog
-    assert fault is not None
+    upper, lower = faulty.plant.tanks.values()
+    begin = min(upper["leak_begin"], lower["clog_begin"])
     plain = made(seed=faulty.drawn)
-    before = faulty.readings["time [s]"] < fault.begin
+    before = faulty.readings["time [s]"] < begin
     assert 0.2 < before.mean() < 0.8
     for tank in (0, 1):
         healthy, found = (run(c.setup, c.plant).levels[:, tank] for c in (plain, faulty))
@@ -87,7 +86,7 @@ def test_an_effect_changes_neither_noise_nor_input() -> None:
     """A case less what its effect changes is the clean case of its seed."""
     high = made("lower.y.offset-high")
     plain = made(seed=high.drawn)
-    offset = high.planted[0].built.values["offset"]
+    offset = high.planted[0].built.names["offset"]
     ours, clean = (c.readings for c in (high, plain))
     assert ours["u [V]"].tolist() == clean["u [V]"].tolist()
     assert ours["y [V]"] - offset == pytest.approx(clean["y [V]"], abs=10.0 / 4096.0)
@@ -197,22 +196,20 @@ def test_places_of_the_key_are_places_of_the_tool() -> None:
     known = {f"{c.module}.{c.place}" for c in builder.candidates} | {"lower.h", "upper.h"}
     for effect in possible_effects(CASCADED):
         (one,) = made(effect).planted
-        assert set(right(made(effect).setup, one).places) <= known, effect
+        assert set(right(one.placed, one.built)["places"]) <= known, effect
 
 
 def test_parameters_are_those_of_the_entry() -> None:
     """In its unit: what is caught as share, the width as half of it, a share in percent."""
-    tank = made("upper.overflow-sharp").plant.tank("upper")
-    assert tank.rim is not None
+    tank = made("upper.overflow-sharp").plant.tanks["upper"]
     (overflow,) = made("upper.overflow-sharp").answer.effects
     assert overflow.names == ("overflow-caught",)
-    expected = {"l_o": tank.rim.height, "f": tank.rim.caught}
+    expected = {"l_o": tank["rim"], "f": tank["caught"]}
     assert overflow.parameters["overflow-caught"] == pytest.approx(expected)
     clogged = made("lower.clogging")
-    clog = clogged.plant.tank("lower").clog
-    assert clog is not None
+    clog = clogged.plant.tanks["lower"]["clog"]
     (clogging,) = clogged.answer.effects
-    assert clogging.parameters["blockage"]["x"] == pytest.approx(100.0 * clog.size)
+    assert clogging.parameters["blockage"]["x"] == pytest.approx(100.0 * clog)
     assert clogged.answer.verdict == "fault"
 
 

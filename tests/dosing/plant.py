@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rulec.prove.truth.settled.rig import UNITS, Rig
-from rulec.prove.truth.settled.solve import Change
+from rulec.prove.truth.settled.solve import Term
 from rulec.prove.truth.units import ZERO_CELSIUS, Array
 
 LIQUID_TEMPERATURE = 20.0 + ZERO_CELSIUS  # K
@@ -47,7 +47,7 @@ class Plant:
 
     rig: Rig
     values: Mapping[str, Any]
-    terms: tuple[Change, ...] = ()
+    terms: tuple[Term, ...] = ()
 
     @cached_property
     def modules(self) -> dict[str, Duty]:

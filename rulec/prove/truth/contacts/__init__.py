@@ -42,35 +42,34 @@ Numbers = Mapping[str, float]
 Arrays = Mapping[str, Array]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A law that may have another form; see `kinds.yaml`."""
+    """A law that may have another form; see `kinds.yaml`.
 
-    kind: Mapping[str, Any]
+    Attributes
+    ----------
+    type : the module type of its plants
+    ranges : of each setting
+    arguments : of each law, by its name in the module type
+    """
 
-    @property
-    def type(self) -> str:
-        """The module type of its plants."""
-        return str(self.kind["type"])
-
-    @property
-    def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """Range of each setting."""
-        return {name: (low, high) for name, (low, high) in self.kind["ranges"].items()}
-
-    @property
-    def arguments(self) -> Mapping[str, Sequence[str]]:
-        """Arguments of each law, by its name in the module type."""
-        found: Mapping[str, Sequence[str]] = self.kind["arguments"]
-        return found
+    type: str
+    ranges: Mapping[str, tuple[float, float]]
+    arguments: Mapping[str, Sequence[str]]
+    form: Mapping[str, tuple[float, float]]
+    ordinary: Numbers
+    laws: Mapping[str, str]
+    outputs: Sequence[str]
+    names: Sequence[str]
+    places: Sequence[str]
 
     def law(self, p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
         """Return true outputs by parameters, true inputs, law errors as factors, and sizes of
         another form."""
-        given = {**p, **x, **off, **self.kind["ordinary"], **form}
-        names = Names(None, {"FLOW": FLOW, "WARM": WARM}, **given)
-        names.fix(self.kind["laws"])
-        return {name: names[name] for name in self.kind["outputs"]}
+        given = {**p, **x, **off, **self.ordinary, **form}
+        names = Names(None, {"FLOW": FLOW, "WARM": WARM}, None, **given)
+        names.fix(self.laws)
+        return {name: names[name] for name in self.outputs}
 
     @property
     def file(self) -> Path:
@@ -93,18 +92,12 @@ class Kind:
             found[name] = Sensor(signal["unit"], 1.0, bound, relative=of == "reading")
         return found
 
-    @functools.cached_property
-    def accuracy(self) -> Numbers:
-        """Accuracy of each law as a share."""
-        laws = {law: self.stated["definitions"][law]["accuracy"] for law in self.arguments}
-        return {law: float(text.partition("%")[0]) / 100.0 for law, text in laws.items()}
-
 
 _TABLE = yaml.safe_load(Path(__file__).with_name("kinds.yaml").read_text(encoding="utf-8"))
 
 CLASSES: Mapping[str, tuple[float, str]] = {n: (b, of) for n, (b, of) in _TABLE["classes"].items()}
 
-KINDS: Mapping[str, Kind] = {name: Kind(stated) for name, stated in _TABLE["kinds"].items()}
+KINDS: Mapping[str, Kind] = {name: Kind(**stated) for name, stated in _TABLE["kinds"].items()}
 """In the order of the issue that asked for them."""
 
 
@@ -132,12 +125,12 @@ class Planned:
                 sheet[name] = float(f"{scaled:.4g}"), float(f"{stated['u'] * scaled / value:.3g}")
                 value = sheet[name][0] * factor(sheet[name][1] / sheet[name][0], random)
             true[name] = value
-        forms = {
-            law: form_error(random, 0.5 * kind.accuracy[law], tuple(kind.ranges[a] for a in by))
-            for law, by in kind.arguments.items()
-        }
+        forms = {}
+        for law, by in kind.arguments.items():
+            accuracy = float(kind.stated["definitions"][law]["accuracy"].partition("%")[0]) / 100.0
+            forms[law] = form_error(random, 0.5 * accuracy, tuple(kind.ranges[a] for a in by))
         # Drawn for a sound plant too, so that both have the same operation.
-        form = {name: float(random.uniform(*ends)) for name, ends in kind.kind["form"].items()}
+        form = {name: float(random.uniform(*ends)) for name, ends in kind.form.items()}
         form = form if self.other else {}
         given = _operated(kind, random)
         off = {law: 1.0 + forms[law](*(given[a] for a in kind.arguments[law])) for law in forms}
@@ -146,9 +139,9 @@ class Planned:
             title=self.kind,
             sort="physics",
             module=MODULE,
-            place=kind.kind["places"][0],
-            names=tuple(kind.kind["names"]),
-            places=tuple(f"{MODULE}.{place}" for place in kind.kind["places"]),
+            place=kind.places[0],
+            names=tuple(kind.names),
+            places=tuple(f"{MODULE}.{place}" for place in kind.places),
             parameters={},
             gain=float("nan"),
         )

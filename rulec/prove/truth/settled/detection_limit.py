@@ -7,23 +7,18 @@ if its module is settled, as the model describes settled operation only.
 Difficulties of hard cases count as known: what they hide of an effect is not made up for.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..detection_limit import expected_gain
 from ..units import Array
 from .operated_plant import SENSING, Scene
-from .solve import Change
+from .solve import Term
 
 RELATIVE = 1e-4
 """Share of an uncertainty by which a parameter is moved for its derivative."""
-
-
-Outputs = Mapping[str, Array]
-"""By signal, SI, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +34,10 @@ class VisibleOutputs:
 
     scene: Scene
     noise: Mapping[str, Array]
-    sensitivities: Array
     settled: Mapping[str, np.ndarray]
+    sensitivities: Array
 
-    def change(self, terms: Sequence[Change]) -> Array:
+    def change(self, terms: Sequence[Term]) -> Array:
         """Return the change of the readings by terms, over the noise; shape (outputs*n,)."""
         scene = self.scene
         shown = scene.shown(scene.truly(terms), terms)
@@ -54,10 +49,11 @@ class VisibleOutputs:
                 own = own - self.over(_outputs_moved(scene, name, off))
         return own
 
-    def gain(self, terms: Sequence[Change], flat: Array | None = None) -> float:
-        """Return the expected gain of a model with the terms."""
-        if flat is None:
-            flat = np.zeros((len(self.sensitivities), 0))
+    def gain(self, terms: Sequence[Term], others: Sequence[Sequence[Term]] = ()) -> float:
+        """Return the expected gain of a model with the terms, while others may have any size."""
+        flat = np.zeros((len(self.sensitivities), 0))
+        if others:
+            flat = np.stack([self.change(other) for other in others], 1)
         return expected_gain(self.change(terms), self.sensitivities, flat)
 
     def over(self, values: Mapping[str, Array]) -> Array:
@@ -70,40 +66,25 @@ class VisibleOutputs:
 
 
 def visible_outputs(scene: Scene) -> VisibleOutputs:
-    """Return the detectability in a scene; derivatives are finite differences."""
-    rig, slopes = scene.rig, slopes_of(scene)
-    noise = {}
-    for output in rig.outputs:
-        variance: Any = noise_of(scene, output) ** 2
-        for name in rig.inputs:
-            variance = variance + slopes[name][output] ** 2
-        noise[output] = np.sqrt(variance)
-    bare = VisibleOutputs(scene, noise, np.zeros((0, 0)), settled_of(scene))
-    changes = [*parameters_moved(scene), *sensors_moved(scene, slopes)]
-    return replace(bare, sensitivities=np.stack([bare.over(change) for change in changes], 1))
+    """Return the detectability in a scene; derivatives are finite differences.
 
-
-def slopes_of(scene: Scene) -> dict[str, dict[str, Array]]:
-    """Return the change of the outputs per standard deviation of each input's noise."""
-    return {name: _outputs_moved(scene, name, noise_of(scene, name)) for name in scene.rig.inputs}
-
-
-def parameters_moved(scene: Scene) -> Iterator[dict[str, Array]]:
-    """Yield the change of the outputs per standard uncertainty of each parameter."""
-    for name, (_, spread) in scene.rig.numbers.items():
-        if spread > 0:
-            step = RELATIVE * spread
-            moved = scene.truly(values={**scene.values, name: scene.values[name] + step})
-            yield {n: (moved[n] - scene.plain[n]) / RELATIVE for n in scene.rig.outputs}
-
-
-def sensors_moved(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]:
-    """Yield the change of the outputs by each sensor's error of the size of its class."""
-    zero = {name: np.zeros_like(scene.time) for name in scene.rig.outputs}
-    for name in scene.rig.outputs:
-        yield {**zero, name: class_of(scene, name)}
-    for name in scene.rig.inputs:
-        yield {n: slope / SENSING.statistical for n, slope in slopes[name].items()}
+    Sensitivities are to each parameter, per standard uncertainty, and to each sensor's error of the
+    size of its class.
+    """
+    rig, moved = scene.rig, []
+    own = {place: noise_of(scene, place) for place in (*rig.outputs, *rig.inputs)}
+    slopes = [_outputs_moved(scene, name, own[name]) for name in rig.inputs]
+    noise = {n: np.sqrt(sum((s[n] ** 2 for s in slopes), own[n] ** 2)) for n in rig.outputs}
+    for name, (_, u) in rig.numbers.items():
+        if u > 0:
+            values = {**scene.values, name: scene.values[name] + RELATIVE * u}
+            found = scene.truly(values=values)
+            moved.append({n: (found[n] - scene.plain[n]) / RELATIVE for n in rig.outputs})
+    zero = {name: np.zeros_like(scene.time) for name in rig.outputs}
+    moved += [{**zero, name: own[name] / SENSING.statistical} for name in rig.outputs]
+    moved += [{n: s[n] / SENSING.statistical for n in rig.outputs} for s in slopes]
+    bare = VisibleOutputs(scene, noise, settled_of(scene), np.zeros((0, 0)))
+    return replace(bare, sensitivities=np.stack([bare.over(change) for change in moved], 1))
 
 
 def settled_of(scene: Scene) -> dict[str, np.ndarray]:
@@ -113,10 +94,10 @@ def settled_of(scene: Scene) -> dict[str, np.ndarray]:
     seen[: scene.first] = False
     found: dict[str, np.ndarray] = {}
     for place in scene.rig.sensors:
-        module = place.partition(".")[0]
-        rests = found.setdefault(module, seen.copy())
+        rests = found.setdefault(place.partition(".")[0], seen.copy())
         if place in scene.plain and not place.endswith((".T", ".l")):
-            moves = np.abs(np.diff(scene.plain[place])) > class_of(scene, place)[1:]
+            class_ = noise_of(scene, place) / SENSING.statistical
+            moves = np.abs(np.diff(scene.plain[place])) > class_[1:]
             rests[1:] &= ~moves
             rests[:-1] &= ~moves
     return found
@@ -130,14 +111,8 @@ def noise_of(scene: Scene, place: str) -> Array:
     return np.asarray(size * np.ones_like(scene.time))
 
 
-def class_of(scene: Scene, place: str) -> Array:
-    """Return the standard deviation of a sensor's systematic error, SI, shape (n,)."""
-    return noise_of(scene, place) / SENSING.statistical
-
-
 def _outputs_moved(scene: Scene, name: str, off: Array) -> dict[str, Array]:
     """Change of all outputs by that of an input, to first order."""
     step = 1e-3 if np.max(np.abs(off)) > 0 else 0.0
-    given = {**scene.given, name: scene.given[name] + step * off}
-    moved = replace(scene, given=given).truly()
+    moved = replace(scene, given={**scene.given, name: scene.given[name] + step * off}).truly()
     return {n: (moved[n] - scene.plain[n]) / max(step, 1e-300) for n in scene.rig.outputs}

@@ -12,10 +12,13 @@ from ..smooth import Drift, Form, between, colours, drifts, form_errors
 from ..streams import stream
 from ..units import Array
 from .rig import Rig, Values
-from .solve import Change, Operated, State, Term, solve
+from .solve import Operated, State, Term, solve
 
 WOBBLE = 0.002, 0.01
 """Wobble of a setting over its range, root mean square, smallest and largest."""
+
+Ranges = tuple[tuple[float, float], ...]
+"""Range of each argument of a law, SI."""
 
 
 @dataclass(frozen=True)
@@ -46,34 +49,31 @@ class Difficulty:
         }
         return {name: sizes for name, sizes in found.items() if sizes}
 
-    def terms(self, rig: Rig, values: Values) -> tuple[Change, ...]:
+    def terms(self, rig: Rig, values: Values) -> tuple[Term, ...]:
         """Return the form errors as terms of the plant."""
-        return tuple(term(rig, values, law, form) for law, form in self.form.items())
+        return tuple(_term(rig, values, law, form) for law, form in self.form.items())
 
 
-def difficulty(rig: Rig, names: Sequence[str], seed: int, load: tuple[float, float]) -> Difficulty:
-    """Draw the named difficulties; `load` is the range of the pressure that a load sets, Pa.
-
-    Raises Stalled if the plant cannot run at its fastest.
-    """
+def difficulty(rig: Rig, names: Sequence[str], seed: int) -> Difficulty:
+    """Draw the named difficulties; raises Stalled if the plant cannot run at its fastest."""
     wobbling = rig.inputs if "wobble" in names else ()
     return Difficulty(
-        form_errors(seed, _laws(rig, load)) if "form" in names else {},
+        form_errors(seed, _laws(rig)) if "form" in names else {},
         colours(seed, rig.sensors) if "coloured" in names else {},
         drifts(seed, rig.sensors) if "drift" in names else {},
         {n: between(stream(seed, f"size of wobble {n}"), WOBBLE) for n in wobbling},
     )
 
 
-def _laws(
-    rig: Rig, load: tuple[float, float]
-) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
-    """Every law of a plant with the ranges of its arguments, SI."""
-    if rig.by_travel:
-        yield from ((f"{m}.flow", (rig.kind(m).speeds, load)) for m in rig.pumps)
-        return
+def _laws(rig: Rig) -> Iterator[tuple[str, Ranges]]:
+    """Every law of a plant with the ranges of its arguments."""
     if rig.by_load:
-        yield from ((f"{m}.{law}", (load,)) for m in rig.pumps for law in ("flow", "power"))
+        laws = ("flow",) if rig.by_travel else ("flow", "power")
+        for m in rig.pumps:
+            kind = rig.kind(m)
+            load = kind.settings["dp"]
+            own = (kind.speeds, load) if rig.by_travel else (load,)
+            yield from ((f"{m}.{law}", own) for law in laws)
         return
     values = {name: value for name, (value, _) in rig.numbers.items()}
     fastest = {f"{m}.n": np.array([rig.kind(m).speeds[1]]) for m in rig.pumps}
@@ -82,19 +82,18 @@ def _laws(
         fastest |= {f"{m}.Q": np.zeros(1) for m in rig.pumps}
     most = {name: float(v[0]) for name, v in solve(Operated(rig, values, fastest)).items()}
     for m in rig.pumps:
-        speeds, flow = rig.kind(m).speeds, (0.0, most[f"{m}.Q"])
-        pressure = 0.0, most[f"{m}.dp"]
-        yield f"{m}.head" if rig.kind(m).by_head else f"{m}.flow", (speeds, pressure)
-        yield f"{m}.power", (speeds, pressure)
+        point = rig.kind(m).speeds, (0.0, most[f"{m}.dp"])
+        yield f"{m}.head" if rig.kind(m).by_head else f"{m}.flow", point
+        yield f"{m}.power", point
         if not rig.by_meter:
-            yield f"{m}.loss", (flow,)
+            yield f"{m}.loss", ((0.0, most[f"{m}.Q"]),)
     for mixer in rig.mixers:
         total = sum(most[f"{m}.Q"] for m in rig.pumps if mixer in rig.path(m))
         yield f"{mixer}.loss", ((0.0, total),)
 
 
-def term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term:
-    """Return a form error as a term; `form` gives the share by the law's arguments."""
+def _term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term:
+    """A form error as a term; `form` gives the share by the law's arguments."""
     module, _, kind = law.partition(".")
 
     def share(s: State) -> Array:

@@ -19,26 +19,21 @@ LEAST = 4.0
 """Least expected gain of an effect."""
 
 
-def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made | None:
-    """Search the size at which an effect has the target gain; None if there is none.
+def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made:
+    """Search the size at which an effect has the target gain; one without a size stays as it is.
 
-    An effect without a size stays as it is. Raises Stalled if the plant cannot have it.
+    Raises Stalled if there is none, or if the plant cannot have the effect.
     """
-    effect = placed.effect
-    low, high = effect.low, effect.high
-    size, best, least = math.sqrt(low * high), None, math.inf
-    if effect.whole:
-        found = made_of(seen.scene, placed, size, seed)
-        return found if seen.gain(found.changes) >= LEAST else None
+    low, high = placed.effect.low, placed.effect.high
+    size, best, least, reached = math.sqrt(low * high), None, math.inf, 0.0
     for _ in range(TRIES):
         found = made_of(seen.scene, placed, size, seed)
         try:
             gain = seen.gain(found.changes)
         except Stalled:
-            high = size
-            size = math.sqrt(low * size)
+            high, size = size, math.sqrt(low * size)
             continue
-        off = abs(math.log(max(gain, 1e-9) / aim))
+        off = 0.0 if placed.effect.whole else abs(math.log(max(gain, 1e-9) / aim))
         if off < least:
             best, least, reached = found, off, gain
         if off < math.log(NEAR) or high / low < 1.01:
@@ -47,7 +42,7 @@ def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made |
         guess = size * math.sqrt(aim / max(gain, 1e-9))
         size = guess if low * 1.005 < guess < high / 1.005 else math.sqrt(low * high)
     if best is None or reached < LEAST or least > math.log(FAR):
-        return None
+        raise Stalled(f"{placed.effect.name} cannot be as strong as planned")
     return best
 
 
@@ -56,4 +51,4 @@ def made_of(scene: Scene, placed: Placed, size: float, seed: int) -> Made:
     # All faults begin at the same time, as rivals that another fault could be taken for.
     fault = placed.effect.sort == "fault"
     name = "fault" if fault else f"{placed.effect.name} {placed.module}"
-    return made(placed.effect, Here(scene, placed.module, size, stream(seed, name)))
+    return made(placed.effect, Here(size, stream(seed, name), scene, placed.module))

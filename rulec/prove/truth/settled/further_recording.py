@@ -40,9 +40,14 @@ def held(case: SettledCase, points: Sequence[Point], samples: Sequence[int]) -> 
     if unknown:
         raise ValueError(f"{sorted(unknown)[0]}: nobody can set this in {scene.rig.name}")
     for name in scene.rig.inputs:
-        last = float(scene.given[name][-1])
-        set_ = [_behind_display(case, name, p[name]) if name in p else last for p in points]
-        setting = np.concatenate([[last], np.repeat(set_, samples)])
+        sensor, last = scene.rig.sensors[name], float(scene.given[name][-1])
+        set_ = [last]
+        for point in points:
+            value = point[name] * sensor.scale + sensor.offset if name in point else last
+            for _ in range(ROUNDS if name in point else 0):
+                value -= (displayed(case, name, value) - point[name]) * sensor.scale
+            set_.append(value)
+        setting = np.repeat(set_, [1, *samples])
         time = np.arange(setting.size, dtype=np.float64)
         courses[name] = approach(time, setting, SPEED_TIME)[1:]
     return courses
@@ -53,15 +58,6 @@ def displayed(case: SettledCase, name: str, value: float) -> float:
     scene = case.scene
     course = shown_by(case.terms, name, np.full(scene.time.size, value))
     return float(scene.read(name, course, replace(SENSING, statistical=0.0))[-1])
-
-
-def _behind_display(case: SettledCase, name: str, shown: float) -> float:
-    """The true value, SI, at which a sensor shows a value in its unit."""
-    sensor = case.scene.rig.sensors[name]
-    value = shown * sensor.scale + sensor.offset
-    for _ in range(ROUNDS):
-        value -= (displayed(case, name, value) - shown) * sensor.scale
-    return value
 
 
 def repeated(scene: Scene, samples: int) -> dict[str, Array]:
@@ -107,11 +103,16 @@ def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:
 def _continued(scene: Scene, place: str, given: Mapping[str, Array], count: int) -> Array:
     """A signal that nobody sets, continued by `count` samples beside longer inputs."""
     values, known, module = scene.around[place], scene.time.size, place.partition(".")[0]
+
+    def back(values: Array) -> Array:
+        """The course and its return the way it came."""
+        return np.asarray(np.pad(values, (0, count), mode="symmetric"))
+
     if place.endswith(".p_1"):
         across = given[f"{module}.dp"]
-        return np.asarray(across + _back(values - across[:known], count))
+        return np.asarray(across + back(values - across[:known]))
     if not (place.endswith(".T") and scene.correlated):
-        return _back(values, count)
+        return back(values)
     load = given[f"{module}.{'dp' if scene.rig.by_load else 'n'}"]
     # T rises by (a + b load - T) / MEMORY per sample; a and b follow from its course so far.
     wanted = values[:-1] + MEMORY * np.diff(values)
@@ -121,8 +122,3 @@ def _continued(scene: Scene, place: str, given: Mapping[str, Array], count: int)
     for k in range(known, known + count):
         found[k] = found[k - 1] + (level + slope * load[k] - found[k - 1]) / MEMORY
     return found
-
-
-def _back(values: Array, count: int) -> Array:
-    """A course, continued by `count` samples in which it returns the way it came."""
-    return np.asarray(np.pad(values, (0, count), mode="symmetric"))

@@ -1,5 +1,6 @@
 """A true plant and its operation, before anything is planted."""
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -8,11 +9,11 @@ import numpy as np
 from ..sensors import Sensing, read
 from ..smooth import wobble
 from ..streams import stream
-from ..units import BAR, LITRE_PER_HOUR, Array
+from ..units import LITRE_PER_HOUR, Array
 from . import drive
 from .difficulty import Difficulty, difficulty
-from .rig import Rig, Values
-from .solve import Change, Operated, shown_by, solve, written_by
+from .rig import UNITS, Rig, Values
+from .solve import Operated, Term, shown_by, solve, written_by
 
 SENSING = Sensing(law="truncated")
 """Errors of sensors stay inside the bounds of their class."""
@@ -22,20 +23,8 @@ DAY = 86400.0
 FLOW = 1000.0 * LITRE_PER_HOUR
 """Largest flow of a metered pump, proportional to its speed."""
 
-SUCTION = 0.15 * BAR, -0.75 * BAR
-"""Gauge pressure before a metered pump, with the suction valve open and nearly closed."""
-
-LOAD = 120.0 * BAR, 170.0 * BAR
-"""Range of the pressure that a load sets."""
-
-ACROSS, BEHIND = (0.3 * BAR, 9.0 * BAR), (0.1 * BAR, 3.0 * BAR)
-"""Range of the pressure across a valve, and of the gauge pressure behind it."""
-
-TRAVEL = 0.08, 0.98
-"""Range of the travel of a valve."""
-
 USED = 0.08, 0.95
-"""Part of the range of a speed or load that operation uses."""
+"""Part of the range of the main setting, a speed or load, that operation uses."""
 
 OPENED = 0.1, 1.0
 """Range of the flow through the valve behind a pump, as share of the largest one."""
@@ -101,7 +90,7 @@ class Scene:
         """Temperature of the liquid at the first pump, K."""
         return self.plain[f"{next(iter(self.rig.pumps))}.T"]
 
-    def truly(self, terms: Sequence[Change] = (), values: Values | None = None) -> dict[str, Array]:
+    def truly(self, terms: Sequence[Term] = (), values: Values | None = None) -> dict[str, Array]:
         """Return the true values of all signals with some terms, SI.
 
         Raises Stalled if there is no operating point.
@@ -111,28 +100,23 @@ class Scene:
         found = solve(Operated(self.rig, values, self.given, laws), self.plain)
         return {**self.around, **self.given, **found}
 
-    def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
+    def shown(self, truth: Mapping[str, Array], terms: Sequence[Term] = ()) -> dict[str, Array]:
         """Return the columns of the file for sensors without errors of their class, SI."""
         return written_by(terms, self._sensed(truth, terms))
 
-    def _sensed(self, truth: Mapping[str, Array], terms: Sequence[Change]) -> dict[str, Array]:
-        return {
-            name: shown_by(terms, name, truth[name]) for name in self.rig.sensors if name in truth
-        }
+    def _sensed(self, truth: Mapping[str, Array], terms: Sequence[Term]) -> dict[str, Array]:
+        return {n: shown_by(terms, n, truth[n]) for n in self.rig.sensors if n in truth}
 
-    def recorded(
-        self, truth: Mapping[str, Array], terms: Sequence[Change] = ()
-    ) -> dict[str, Array]:
+    def recorded(self, truth: Mapping[str, Array], terms: Sequence[Term] = ()) -> dict[str, Array]:
         """Return the columns of the recording by header, in the units of the sensors."""
         read = {}
         for place, value in self._sensed(truth, terms).items():
-            if not place.endswith((".T", ".l")):
-                value = np.where(self.running, value, 0.0)
-            read[place] = self.read(place, value, SENSING)
-        columns = {"time [s]": self.clock}
-        for place, value in written_by(terms, read).items():
-            columns[f"{place} [{self.rig.sensors[place].unit}]"] = value
-        return columns
+            running = self.running | place.endswith((".T", ".l"))
+            read[place] = self.read(place, np.where(running, value, 0.0), SENSING)
+        columns = {
+            f"{p} [{self.rig.sensors[p].unit}]": v for p, v in written_by(terms, read).items()
+        }
+        return {"time [s]": self.clock, **columns}
 
     def read(self, place: str, value: Array, sensing: Sensing) -> Array:
         """Return the reading of a sensor with the errors of its class, in its unit."""
@@ -156,39 +140,38 @@ def scene(
     """
     random = stream(seed, "course")
     share = drive.shares(random, list(rig.pumps), profile, samples, before)
-    hard = difficulty(rig, difficulties, seed, ACROSS if rig.by_travel else LOAD)
+    hard = difficulty(rig, difficulties, seed)
     samples += before
     seconds = np.arange(samples, dtype=np.float64)
-
-    def setting() -> Array:
-        return drive.course(random, profile, samples)
 
     def reached(setting: Array) -> Array:
         return drive.approach(seconds, setting, drive.SPEED_TIME)
 
+    def setting(ends: tuple[float, float] = (0.0, 1.0)) -> Array:
+        return reached(_part(ends, drive.course(random, profile, samples)))
+
     given: dict[str, Array] = {}
     around: dict[str, Array] = {}
     for m in rig.pumps:
-        place, low, high = _main_setting(rig, m)
-        given[place] = reached(low + (high - low) * (USED[0] + (USED[1] - USED[0]) * share[m]))
+        (main, ends), *others = rig.kind(m).settings.items()
+        place = f"{m}.{main}"
+        given[place] = reached(_part(ends, _part(USED, share[m])))
         if place in hard.wobble:
             course = wobble(stream(seed, f"wobble {place}"), samples)
-            given[place] = given[place] + (high - low) * hard.wobble[place] * course
-        if rig.by_travel:
-            given[f"{m}.x"] = reached(TRAVEL[0] + (TRAVEL[1] - TRAVEL[0]) * setting())
+            given[place] = given[place] + (ends[1] - ends[0]) * hard.wobble[place] * course
+        given |= {f"{m}.{name}": setting(ends) for name, ends in others}
         if rig.by_meter:
-            opened = reached(OPENED[0] + (OPENED[1] - OPENED[0]) * setting())
-            given[f"{m}.Q"] = FLOW * opened * given[f"{m}.n"] / rig.numbers[f"{m}.n0"][0]
+            most = FLOW * setting(OPENED)
+            given[f"{m}.Q"] = most * given[f"{m}.n"] / rig.numbers[f"{m}.n0"][0]
     for m in rig.pumps:
         warm = drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
         (given if f"{m}.T" in rig.inputs else around)[f"{m}.T"] = warm
+    # Every pump has a tank, whether its level is recorded or not.
     around |= {f"{m}.l": drive.level(random, samples) for m in rig.pumps}
-    for m in rig.pumps if rig.by_meter else ():
-        around[f"{m}.p_s"] = SUCTION[0] + (SUCTION[1] - SUCTION[0]) * reached(setting()) ** 2
-    for m in rig.pumps if rig.by_travel else ():
-        behind = BEHIND[0] + (BEHIND[1] - BEHIND[0]) * reached(setting())
-        around[f"{m}.p_1"] = given[f"{m}.dp"] + behind
-    around |= {f"{m}.rho": drive.density(random, samples) for m in rig.pumps if rig.by_travel}
+    drawing = {"setting": setting, "density": functools.partial(drive.density, random, samples)}
+    for m, name in ((m, name) for name in rig.around for m in rig.pumps):
+        own = {"dp": given.get(f"{m}.dp"), **drawing}
+        around[f"{m}.{name}"] = UNITS.with_(**own).of(rig.around[name])
     around = {place: values for place, values in around.items() if place in rig.sensors}
     running = np.ones(samples, dtype=bool)
     if profile == "start-stop":
@@ -213,25 +196,21 @@ def scene(
     )
 
 
-def _main_setting(rig: Rig, module: str) -> tuple[str, float, float]:
-    """The input that is set by shares of its range, and that range, SI."""
-    if rig.by_load:
-        return f"{module}.dp", *(ACROSS if rig.by_travel else LOAD)
-    return f"{module}.n", *rig.kind(module).speeds
+def _part(ends: tuple[float, float], share: Array) -> Array:
+    """Values at shares of a range."""
+    return np.asarray(ends[0] + (ends[1] - ends[0]) * share)
 
 
 def may_be_set(rig: Rig) -> dict[str, tuple[float, float]]:
     """Return the limits of inputs, SI: the range that operation uses. Nobody sets temperatures."""
-    found = {}
+    found: dict[str, tuple[float, float]] = {}
     for m in rig.pumps:
-        place, low, high = _main_setting(rig, m)
-        ends = low + (high - low) * USED[0], low + (high - low) * USED[1]
-        found[place] = ends
-        if rig.by_travel:
-            found[f"{m}.x"] = TRAVEL
+        (main, ends), *others = rig.kind(m).settings.items()
+        low, high = _part(ends, np.array(USED)).tolist()
+        found |= {f"{m}.{main}": (low, high)} | {f"{m}.{name}": ends for name, ends in others}
         if rig.by_meter:
             usual = rig.numbers[f"{m}.n0"][0]
-            found[f"{m}.Q"] = FLOW * OPENED[0] * ends[0] / usual, FLOW * OPENED[1] * ends[1] / usual
+            found[f"{m}.Q"] = FLOW * OPENED[0] * low / usual, FLOW * OPENED[1] * high / usual
     return found
 
 

@@ -23,7 +23,7 @@ from .effect_size import sized
 from .operated_plant import Scene, may_be_set, scene
 from .rig import Rig
 from .rigs import drawn_rig, write_limits, write_plant
-from .solve import Change, Stalled
+from .solve import Stalled, Term
 
 ATTEMPTS = 40
 """Most plants that are drawn until one shows its effects as planned."""
@@ -85,7 +85,7 @@ class SettledCase:
 
     plan: Planned
     scene: Scene
-    terms: tuple[Change, ...]
+    terms: tuple[Term, ...]
     answer: Answer
     planted: tuple[tuple[Placed, float], ...]
 
@@ -128,21 +128,16 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
     pace = round(between(stream(seed, "pace"), PACES)) if slow else 1.0
     drawn = scene(rig, seed, samples, plan.profile, correlated, before, plan.difficulties, pace)
     seen = visible_outputs(drawn)
-    found = []
-    for one in placed:
-        made = sized(seen, one, plan.aim, seed)
-        if made is None:
-            raise Stalled(f"{one.effect.name} cannot be as strong as planned")
-        found.append((one, made))
+    found = [(one, sized(seen, one, plan.aim, seed)) for one in placed]
     terms = tuple(t for _, made in found for t in made.changes)
     if terms:
-        seen.scene.truly(terms)
+        drawn.truly(terms)  # Stalled if it cannot run with all of them
     if plan.group == "hiding":
         alone = sum(seen.gain(made.changes) for _, made in found)
         if math.sqrt(seen.gain(terms) / alone) > HIDES:
             raise Stalled("the effects do not hide each other")
     planted = tuple((one, made.size) for one, made in found)
-    return SettledCase(plan, seen.scene, terms, _answer_of(plan, seen, found), planted)
+    return SettledCase(plan, drawn, terms, _answer_of(plan, seen, found), planted)
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
@@ -174,25 +169,21 @@ def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> li
 
 def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed, Made]]) -> Answer:
     """The report of a perfect analysis."""
-    scene, planted = seen.scene, []
-    for placed, made in found:
-        others = [seen.change(m.changes) for p, m in found if p is not placed]
-        flat = np.stack(others, 1) if others else np.zeros((len(seen.sensitivities), 0))
-        effect = placed.effect
-        planted.append(
-            Planted(
-                effect=effect.name,
-                title=effect.title,
-                sort=effect.sort,
-                module=placed.module,
-                place=effect.title,
-                names=tuple(effect.entries),
-                places=(*placed.places, *made.elsewhere),
-                parameters=made.parameters,
-                gain=seen.gain(made.changes, flat),
-            )
+    scene, unrecorded = seen.scene, plan.group == "unrecorded"
+    planted = [
+        Planted(
+            effect=placed.effect.name,
+            title=placed.effect.title,
+            sort=placed.effect.sort,
+            module=placed.module,
+            place=placed.effect.title,
+            names=tuple(placed.effect.entries),
+            places=(*placed.places, *made.elsewhere),
+            parameters=made.parameters,
+            gain=seen.gain(made.changes, [m.changes for p, m in found if p is not placed]),
         )
-    unrecorded, effects = plan.group == "unrecorded", [placed.effect for placed, _ in found]
+        for placed, made in found
+    ]
     return Answer(
         case=plan.name,
         half="stationary",
@@ -202,6 +193,6 @@ def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed
         samples=scene.time.size,
         verdict="unnamed" if unrecorded else verdict_of([p.sort for p in planted]),
         effects=tuple(planted),
-        unrecorded=effects[0].driver if unrecorded else "",
+        unrecorded=found[0][0].effect.driver if unrecorded else "",
         difficulties=scene.hard.told,
     )

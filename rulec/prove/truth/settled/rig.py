@@ -18,26 +18,27 @@ from ..units import Array
 
 Values = Mapping[str, float]
 Numbers = Mapping[str, tuple[float, float]]
-"""Value and standard uncertainty, SI."""
+"""Value and standard uncertainty, or lowest and highest value, SI."""
 
 UNITS = Names(None, {**vars(units), "LH": units.LITRE_PER_HOUR, "LM": 1e-3 / 60.0})
 
 
 @dataclass(frozen=True)
 class PumpKind:
-    """A kind of pump and its dosing line; a valve likewise. See `pumps.yaml`."""
+    """A kind of pump and its dosing line; a valve likewise. See `pumps.yaml`; all SI."""
 
     stated: Mapping[str, Any]
     numbers: Numbers
     sensors: Mapping[str, Sensor]
     speeds: tuple[float, float]
+    settings: Numbers
 
     @classmethod
     def of(cls, stated: Mapping[str, Any]) -> PumpKind:
         """Read an entry of the table."""
-        slowest, fastest = map(UNITS.of, stated["rev/s"])
         sensors = {name: _sensor(*entry) for name, entry in stated["sensors"].items()}
-        return cls(stated, _numbers(stated), sensors, (float(slowest), float(fastest)))
+        settings = {name: _ends(ends) for name, ends in stated["settings"].items()}
+        return cls(stated, _numbers(stated), sensors, _ends(stated["rev/s"]), settings)
 
     @property
     def type(self) -> str:
@@ -68,6 +69,11 @@ class PumpKind:
     def head(self, p: Mapping[str, Any], speed: Array, flow: Array) -> Array:
         """Return the pressure, Pa."""
         return np.asarray(Names(None, {}, **p, speed=speed, flow=flow).of(self.stated["head"]))
+
+
+def _ends(formulas: Sequence[str]) -> tuple[float, float]:
+    low, high = map(UNITS.of, formulas)
+    return float(low), float(high)
 
 
 def _numbers(stated: Mapping[str, Any]) -> Numbers:
@@ -112,9 +118,20 @@ class Rig:
         return PUMPS[self.pumps[module]]
 
     @property
+    def _first(self) -> Mapping[str, Any]:
+        """The kind of the first pump; all are set alike."""
+        return PUMPS[next(iter(self.pumps.values()))].stated
+
+    @property
     def _set(self) -> Sequence[str]:
         """Signals that are set, the same for all pumps."""
-        found: Sequence[str] = PUMPS[next(iter(self.pumps.values()))].stated["inputs"]
+        found: Sequence[str] = self._first["inputs"]
+        return found
+
+    @property
+    def around(self) -> Mapping[str, str]:
+        """Signals beside T and l that no pump sets or causes, the same for all, with formulas."""
+        found: Mapping[str, str] = self._first.get("around", {})
         return found
 
     @property

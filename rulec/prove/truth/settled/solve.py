@@ -6,7 +6,7 @@ unknown.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -33,11 +33,12 @@ class Stalled(ValueError):
 
 
 Kind = Literal["slip", "gain", "head", "loss", "power", "shaft", "leak", "friction", "passage"]
-"""Where a term acts: `slip` lost flow of the pump, m3/s; `gain` lost share of the delivered flow;
+Shown = Literal["reading", "column"]
+"""What a term changes: `slip` lost flow of the pump, m3/s; `gain` lost share of the delivered flow;
 `head` lost pressure of a centrifugal pump, Pa; `loss` of a line or mixer, Pa; `power` at the motor,
 W; `shaft` lost share of the shown speed; `leak` share of the pump's flow that returns; `friction`
 added share of the friction of a line or mixer; `passage` flow of a pump that is none for a while,
-m3/s, NaN while its law holds."""
+m3/s, NaN while its law holds; `reading` of a sensor; `column` in the file."""
 
 
 @dataclass(frozen=True)
@@ -61,51 +62,38 @@ class State:
     slip: Array
 
 
-Law = Callable[[State], Array]
+def at(flow: Array, pressure: Array | float = 0.0, speed: Array | float = 0.0) -> State:
+    """Return the operating point of a line, or of a pump before its laws."""
+    zero = np.zeros_like(flow)
+    return State(zero + speed, flow, zero + pressure, zero, zero, zero)
 
 
 @dataclass(frozen=True)
 class Term:
-    """A law that is added in a module or mixer."""
+    """What is added to the plain laws, or what is shown instead of the truth.
 
-    kind: Kind
-    module: str
-    law: Law
-
-
-@dataclass(frozen=True)
-class Reading:
-    """The reading of a sensor by its true value, both SI, shape (n,); `place` such as `A.dp`."""
-
-    place: str
-    shown: Callable[[Array], Array]
-
-
-@dataclass(frozen=True)
-class Column:
-    """The column of `place` in the file by the correct columns, each of shape (n,).
-
-    The columns include noise. Units play no part.
+    Attributes
+    ----------
+    place : a module or mixer; of a reading or column a signal such as `A.dp`
+    law : by the operating point; a reading by the true value, SI; a column by the correct columns
+        with noise, by signal, in which units play no part; shape (n,)
     """
 
+    kind: Kind | Shown
     place: str
-    written: Callable[[Mapping[str, Array]], Array]
+    law: Callable[[Any], Array]
 
 
-Change = Term | Reading | Column
-
-
-def written_by(terms: Sequence[Change], columns: Mapping[str, Array]) -> dict[str, Array]:
+def written_by(terms: Sequence[Term], columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return the columns in the file by place."""
-    wrong = {t.place: t.written(columns) for t in terms if isinstance(t, Column)}
-    return {**columns, **wrong}
+    return {**columns, **{t.place: t.law(columns) for t in terms if t.kind == "column"}}
 
 
-def shown_by(terms: Sequence[Change], place: str, value: Array) -> Array:
+def shown_by(terms: Sequence[Term], place: str, value: Array) -> Array:
     """Return the reading of a sensor with all its errors beyond its class."""
     for term in terms:
-        if isinstance(term, Reading) and term.place == place:
-            value = term.shown(value)
+        if (term.kind, term.place) == ("reading", place):
+            value = term.law(value)
     return value
 
 
@@ -123,7 +111,7 @@ class Operated:
     rig: Rig
     values: Values
     given: Mapping[str, Array]
-    terms: Sequence[Change] = ()
+    terms: Sequence[Term] = ()
 
     def parameters(self, module: str) -> dict[str, Any]:
         """Return the parameters of a module by their own names, and a temperature input."""
@@ -134,10 +122,7 @@ class Operated:
 
     def laws(self, kind: Kind, module: str, state: State) -> list[Array]:
         """Return the values of all terms of a kind in a module."""
-        own = (
-            t for t in self.terms if isinstance(t, Term) and (t.kind, t.module) == (kind, module)
-        )
-        return [term.law(state) for term in own]
+        return [t.law(state) for t in self.terms if (t.kind, t.place) == (kind, module)]
 
     def total(self, kind: Kind, module: str, state: State) -> Array | float:
         """Return the sum of all terms of a kind in a module."""
@@ -146,42 +131,32 @@ class Operated:
 
     def delivered(self, module: str, pressure: Array, flow: Array) -> tuple[Array, State]:
         """Return the flow of a pump before a leak, m3/s, and its operating point."""
-        state = self._state(module, pressure, flow)
-        free, slip = self.rig.kind(module).flow(
-            self.parameters(module), state.speed, state.pressure
-        )
-        state = replace(state, pressure=pressure, slip=slip)
+        kind, p = self.rig.kind(module), self.parameters(module)
+        shown = self.given.get(f"{module}.{'x' if self.rig.by_travel else 'n'}", 1.0)
+        plain = at(flow, pressure, shown)
+        inner = pressure + self.total("head", module, plain)
+        speed = plain.speed * (1.0 - self.total("shaft", module, plain))
+        free, slip = kind.flow(p, speed, inner)
+        power = kind.power(p, speed, inner, free - slip)
+        idle = kind.power(p, speed, np.zeros_like(flow), free) if kind.rising else power
+        state = State(speed, flow, pressure, power, idle, slip)
         kept = 1.0 - self.total("gain", module, state)
         return (free - slip) * kept - self.total("slip", module, state), state
 
     def line_loss(self, name: str, flow: Array, behind: Array | float = 0.0) -> Array:
         """Return the loss of a line or mixer, Pa, with a pressure `behind` it."""
-        state = replace(_of_flow(flow), pressure=behind + np.zeros_like(flow))
+        state = at(flow, behind)
         friction = self.values[f"{name}.k2"] * (1.0 + self.total("friction", name, state))
         loss = self.values[f"{name}.k0"] + friction * flow * np.abs(flow)
         return np.asarray(loss + self.total("loss", name, state))
 
     def net(self, module: str, flow: Array) -> Array:
         """Return the part of a pump's flow that leaves its module, after a leak, m3/s."""
-        return np.asarray(flow * (1.0 - self.total("leak", module, _of_flow(flow))))
+        return np.asarray(flow * (1.0 - self.total("leak", module, at(flow))))
 
     def power(self, module: str, state: State) -> Array:
         """Return the power at the motor, W."""
         return np.asarray(state.power + self.total("power", module, state))
-
-    def _state(self, module: str, pressure: Array, flow: Array) -> State:
-        """Operating point of a pump at a pressure."""
-        kind, p = self.rig.kind(module), self.parameters(module)
-        zero = np.zeros_like(pressure)
-        setting = "x" if self.rig.by_travel else "n"
-        speed = self.given.get(f"{module}.{setting}", np.ones_like(pressure))
-        plain = State(speed, flow, pressure, zero, zero, zero)
-        pressure = pressure + self.total("head", module, plain)
-        speed = speed * (1.0 - self.total("shaft", module, plain))
-        free, slip = kind.flow(p, speed, pressure)
-        power = kind.power(p, speed, pressure, free - slip)
-        idle = kind.power(p, speed, zero, free) if kind.rising else power
-        return State(speed, flow, pressure, power, idle, slip)
 
 
 def solve(
@@ -204,12 +179,12 @@ def solve(
         flow = np.stack([start[f"{m}.Q"] for m in modules], 1)
     scale = np.abs(flow).max(axis=0)
     for _ in range(ITERATIONS):
-        off = _imbalance(plant, flow)
+        off, _ = _operated(plant, flow)
         jacobian = np.empty((*flow.shape, len(modules)))
         for k in range(len(modules)):
             moved = flow.copy()
             moved[:, k] += STEP * scale[k]
-            jacobian[:, :, k] = (_imbalance(plant, moved) - off) / (STEP * scale[k])
+            jacobian[:, :, k] = (_operated(plant, moved)[0] - off) / (STEP * scale[k])
         try:
             step = np.linalg.solve(jacobian, off[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError as problem:
@@ -225,62 +200,32 @@ def solve(
             raise Stalled("no operating point")
     if np.any(flow < 0.02 * scale) and not backflow:
         raise Stalled("a pump cannot overcome its back-pressure")
-    return _results(plant, flow)
+    return _operated(plant, flow)[1]
 
 
-def _of_flow(flow: Array) -> State:
-    """The operating point of a line."""
-    zero = np.zeros_like(flow)
-    return State(zero, flow, zero, zero, zero, zero)
-
-
-def _imbalance(plant: Operated, flow: Array) -> Array:
-    """Errors that vanish at the operating point, m3/s."""
-    pressure, _ = _pressures(plant, _net(plant, flow))
-    found = [_off(plant, m, pressure[:, k], flow[:, k]) for k, m in enumerate(plant.rig.pumps)]
-    return np.stack(found, 1)
-
-
-def _off(plant: Operated, module: str, pressure: Array, flow: Array) -> Array:
-    """Error that vanishes at the operating point of a pump, m3/s."""
-    given_flow, state = plant.delivered(module, pressure, flow)
-    kind, off = plant.rig.kind(module), flow - given_flow
-    if kind.by_head:
-        inner = flow + plant.total("slip", module, state)
-        inner = inner / (1.0 - plant.total("gain", module, state))
-        wanted = pressure + plant.total("head", module, state)
-        head = kind.head(plant.parameters(module), state.speed, inner)
-        off = (wanted - head) * HEAD_SCALE
-    for passing in plant.laws("passage", module, state):
-        off = np.where(np.isnan(passing), off, flow - passing)
-    return np.asarray(off)
-
-
-def _net(plant: Operated, flow: Array) -> Array:
-    return np.stack([plant.net(m, flow[:, k]) for k, m in enumerate(plant.rig.pumps)], 1)
-
-
-def _pressures(plant: Operated, net: Array) -> tuple[Array, Array]:
-    """Pressure across each pump and each mixer by net flows, Pa; shapes (n, ...)."""
-    rig = plant.rig
+def _operated(plant: Operated, flow: Array) -> tuple[Array, dict[str, Array]]:
+    """Errors that vanish at the operating point, m3/s, and the signals there, by the flows of the
+    pumps; shapes (n, pumps)."""
+    rig, found, errors = plant.rig, dict[str, Array](), []
+    net = np.stack([plant.net(m, flow[:, k]) for k, m in enumerate(rig.pumps)], 1)
     through = net @ rig.feeds
-    mixers = [plant.line_loss(m, through[:, k]) for k, m in enumerate(rig.mixers)]
-    mixer = np.stack(mixers, 1) if mixers else np.zeros((len(net), 0))
+    losses = {m: plant.line_loss(m, through[:, k]) for k, m in enumerate(rig.mixers)}
+    mixer = np.stack([*losses.values()], 1) if losses else np.zeros((len(net), 0))
     behind = mixer @ rig.feeds.T
-    lines = [plant.line_loss(m, net[:, k], behind[:, k]) for k, m in enumerate(rig.pumps)]
-    return np.stack(lines, 1) + behind, mixer
-
-
-def _results(plant: Operated, flow: Array) -> dict[str, Array]:
-    net = _net(plant, flow)
-    pressure, mixer = _pressures(plant, net)
-    found = {}
-    for k, m in enumerate(plant.rig.pumps):
-        _, state = plant.delivered(m, pressure[:, k], flow[:, k])
-        found[f"{m}.dp"] = pressure[:, k]
-        found[f"{m}.P_el"] = plant.power(m, state)
-        found[f"{m}.Q"] = net[:, k]
-    return found | {f"{m}.dp": mixer[:, k] for k, m in enumerate(plant.rig.mixers)}
+    for k, m in enumerate(rig.pumps):
+        pressure = plant.line_loss(m, net[:, k], behind[:, k]) + behind[:, k]
+        given, state = plant.delivered(m, pressure, flow[:, k])
+        off, kind = flow[:, k] - given, rig.kind(m)
+        if kind.by_head:
+            inner = flow[:, k] + plant.total("slip", m, state)
+            inner = inner / (1.0 - plant.total("gain", m, state))
+            wanted = pressure + plant.total("head", m, state)
+            off = (wanted - kind.head(plant.parameters(m), state.speed, inner)) * HEAD_SCALE
+        for passing in plant.laws("passage", m, state):
+            off = np.where(np.isnan(passing), off, flow[:, k] - passing)
+        errors.append(off)
+        found |= {f"{m}.dp": pressure, f"{m}.P_el": plant.power(m, state), f"{m}.Q": net[:, k]}
+    return np.stack(errors, 1), found | {f"{m}.dp": loss for m, loss in losses.items()}
 
 
 def _by_load(plant: Operated) -> dict[str, Array]:
@@ -300,15 +245,14 @@ def _by_meter(plant: Operated) -> dict[str, Array]:
 
     Terms beyond the curve may depend on the pressure, so both are found by iteration.
     """
-    found = {}
+    found: dict[str, Array] = {}
     for m in plant.rig.pumps:
         kind, p = plant.rig.kind(m), plant.parameters(m)
         shown, net = plant.given[f"{m}.n"], plant.given[f"{m}.Q"]
-        zero = np.zeros_like(net)
-        flow = net / (1.0 - plant.total("leak", m, _of_flow(net)))
+        flow = net / (1.0 - plant.total("leak", m, at(net)))
         pressure = kind.head(p, shown, flow)
         for _ in range(ITERATIONS):
-            plain = State(shown, flow, pressure, zero, zero, zero)
+            plain = at(flow, pressure, shown)
             speed = shown * (1.0 - plant.total("shaft", m, plain))
             inner = (flow + plant.total("slip", m, plain)) / (1.0 - plant.total("gain", m, plain))
             last, pressure = pressure, kind.head(p, speed, inner) - plant.total("head", m, plain)
@@ -317,9 +261,8 @@ def _by_meter(plant: Operated) -> dict[str, Array]:
         else:
             raise Stalled("no operating point")
         power = kind.power(p, speed, pressure, inner)
-        found[f"{m}.dp"] = pressure
-        found[f"{m}.P_el"] = plant.power(m, State(speed, flow, pressure, power, power, zero))
-        found[f"{m}.Q"] = net
+        state = State(speed, flow, pressure, power, power, np.zeros_like(net))
+        found |= {f"{m}.dp": pressure, f"{m}.P_el": plant.power(m, state), f"{m}.Q": net}
         if np.any(pressure < LEAST_HEAD):
             raise Stalled("a pump cannot overcome its back-pressure")
     return found

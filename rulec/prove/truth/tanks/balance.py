@@ -15,8 +15,7 @@ from scipy.integrate import odeint
 
 from ..units import Array
 from .drive import path, with_play
-from .laws import arriving, bypassed, loss, outflow, overflow, supply
-from .plant import Plant, Tank
+from .plant import Plant, law
 
 RELATIVE, ABSOLUTE = 1e-7, 1e-7
 """Tolerances; levels are of the order of 10 cm."""
@@ -29,6 +28,9 @@ SOLVED = "Integration successful."
 
 SAME = 1e-6
 """s; closer times are one."""
+
+Line = tuple[float, float, float, float, float]
+"""Course of an input: time and value at its beginning and end, and the supply at its beginning."""
 
 
 @dataclass(frozen=True)
@@ -54,41 +56,81 @@ class Course:
     lost: Array
 
 
+class Balances:
+    """The balances of a plant; states are levels, sensors with a lag, the flow after the lag of
+    the feed, the volume that air stores (with a pocket only), and three volumes of `Course`."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.feed, self.supply = plant.feed, law("supply", plant.feed)
+        self.arrival = law("arrival", plant.feed)
+        self.tanks = [(law("flows", tank), tank) for tank in plant.tanks.values()]
+        tanks = plant.layout.tanks
+        self.sensors = [(tanks.index(name), s["lag"]) for name, s in plant.sensors.items()]
+        self.lagging = len(self.tanks) + len(self.sensors)
+
+    def start(self, shown: float) -> list[float]:
+        """Return the states at the beginning, settled at an input."""
+        given, levels = self.supply(shown), [tank["start"] for _, tank in self.tanks]
+        stored = [self.feed["pocket"] * given**2] if self.feed["pocket"] else []
+        return [*levels, *(levels[i] for i, _ in self.sensors), given, *stored, 0.0, 0.0, 0.0]
+
+    def flows(
+        self, time: float, state: Sequence[float], middle: float, line: Line
+    ) -> tuple[list[float], list[float]]:
+        """Return the flow of the feed at its end, the inflow of each tank, and the outflow of each
+        by its outlet; and the rates of all states."""
+        feed, count, rates = self.feed, len(self.tanks), list[float]()
+        begin, first, end, last, given = line
+        if first != last:
+            given = self.supply(first + (last - first) * (time - begin) / (end - begin))
+        flow = driven = state[self.lagging] if feed["lag"] else given
+        if feed["pocket"]:
+            flow = math.sqrt(max(state[self.lagging + 1], 0.0) / feed["pocket"])
+        fed, missed = self.arrival(flow, state[0], time)
+        falls, leaves = [fed - missed, missed, *[0.0] * (count - 1)], []
+        lost = drained = 0.0
+        for i, (law_, tank) in enumerate(self.tanks):
+            below = state[i + 1] if i + 1 < count else 0.0
+            left, over, away, surface = law_(state[i], below, time, middle)
+            caught = tank["caught"] * over
+            rates.append((falls[i] - left - over - away) / surface)
+            lost += away + over - caught
+            drained = left + caught
+            falls[i + 1] += drained
+            leaves.append(left)
+        for j, (i, lag) in enumerate(self.sensors, start=count):
+            rates.append((state[i] - state[j]) / lag if lag else 0.0)
+        rates.append((given - state[self.lagging]) / feed["lag"] if feed["lag"] else 0.0)
+        if feed["pocket"]:
+            rates.append(driven - flow)
+        return [fed, *falls[:count], *leaves], [*rates, fed, drained, lost]
+
+    def rates(self, time: float, x: Array, middle: float, line: Line) -> list[float]:
+        """Return the rates of all states; x has shape (states,)."""
+        return self.flows(time, x.tolist(), middle, line)[1]
+
+
 def integrate(plant: Plant, time: Array, shown: Array) -> Course:
     """Simulate the plant; an input holds from its sample to the next."""
-    moved = with_play(shown, plant.feed.play) if plant.feed.play else shown
-    drive = path(time, moved, plant.feed.rate)
+    balances, feed = Balances(plant), plant.feed
+    moved = with_play(shown, feed["play"]) if feed["play"] else shown
+    drive = path(time, moved, feed["rate"])
     stops, sampled = _stops(plant, time, [] if drive.stepped else drive.times)
-    states = np.empty((len(stops), len(_start(plant, 0.0))))
-    flows = np.empty((len(stops), 1 + 2 * len(plant.tanks)))
-    states[0] = _start(plant, supply(plant.feed, float(shown[0])))
-    for i, (begin, end) in enumerate(pairwise(stops.tolist())):
+    states = [np.array(balances.start(float(shown[0])))]
+    flows = []
+    for begin, end in pairwise(stops.tolist()):
         middle = 0.5 * (begin + end)
-        tanks = tuple(t.at(middle) for t in plant.tanks)
         # Before the first sample the input was as at the first. Within an interval the drive
         # stands still, or moves linearly.
-        ends = (begin, end) if not drive.stepped else (middle, middle)
-        first, last = (drive.at(t - plant.feed.delay) for t in ends)
-        given = supply(plant.feed, first)
-        flows[i] = _flows(plant, tanks, begin, states[i].tolist(), given)
-
-        def rates(
-            t: float,
-            x: Sequence[float],
-            tanks: tuple[Tank, ...] = tanks,
-            line: tuple[float, float, float, float] = (begin, first, end, last),
-            given: float = given,
-        ) -> list[float]:
-            since, one, until, other = line
-            if one != other:
-                set_ = one + (other - one) * (t - since) / (until - since)
-                given = supply(plant.feed, set_)
-            return _rates(plant, tanks, t, x, given)
-
+        ends = (middle, middle) if drive.stepped else (begin, end)
+        first, last = (drive.at(t - feed["delay"]) for t in ends)
+        line = begin, first, end, last, balances.supply(first)
+        flows.append(balances.flows(begin, states[-1].tolist(), middle, line)[0])
         solved, report = odeint(
-            lambda t, x, rates=rates: rates(t, x.tolist()),
-            states[i],
+            balances.rates,
+            states[-1],
             (begin, end),
+            args=(middle, line),
             tfirst=True,
             rtol=RELATIVE,
             atol=ABSOLUTE,
@@ -97,18 +139,18 @@ def integrate(plant: Plant, time: Array, shown: Array) -> Course:
         )
         if report["message"] != SOLVED:
             raise RuntimeError(f"not solved from {begin} s on: {report['message']}")
-        states[i + 1] = solved[-1]
-    given = supply(plant.feed, last)
-    flows[-1] = _flows(plant, tanks, float(stops[-1]), states[-1].tolist(), given)
-    return _course(plant, stops, sampled, states, flows)
+        states.append(solved[-1])
+    line = begin, last, end, last, balances.supply(last)
+    flows.append(balances.flows(end, states[-1].tolist(), middle, line)[0])
+    return _course(plant, stops, sampled, np.array(states), np.array(flows))
 
 
 def _stops(plant: Plant, time: Array, corners: Sequence[float]) -> tuple[Array, NDArray[np.intp]]:
     """Times at which something jumps, turns or is read, and the indices of samples among them."""
-    begins = [f.begin for t in plant.tanks for f in (t.leak, t.clog) if f is not None]
-    turns = np.asarray(corners, dtype=np.float64) + plant.feed.delay
-    delayed = [turns, *([time + plant.feed.delay] if plant.feed.delay else [])]
-    read = [time - s.dead_time for s in plant.sensors if s.dead_time]
+    delay = plant.feed["delay"]
+    begins = [tank[f"{fault}_begin"] for tank in plant.tanks.values() for fault in ("leak", "clog")]
+    delayed = [np.array(corners, dtype=np.float64) + delay, time + delay]
+    read = [time - sensor["dead_time"] for sensor in plant.sensors.values()]
     between = np.concatenate([*delayed, *read, np.array(begins)])
     between = between[(between > time[0]) & (between < time[-1])]
     above = np.searchsorted(time, between)
@@ -117,78 +159,16 @@ def _stops(plant: Plant, time: Array, corners: Sequence[float]) -> tuple[Array, 
     return stops, np.flatnonzero(np.isin(stops, time))
 
 
-def _start(plant: Plant, given: float) -> list[float]:
-    """Levels, states of lagging sensors and of the feed, volume stored by air, three volumes."""
-    sensed = [plant.tank(s.tank).level for s in plant.sensors]
-    stored = [plant.feed.pocket * given**2] if plant.feed.pocket else []
-    return [*(t.level for t in plant.tanks), *sensed, given, *stored, 0.0, 0.0, 0.0]
-
-
-def _flows(
-    plant: Plant, tanks: Sequence[Tank], time: float, state: Sequence[float], given: float
-) -> list[float]:
-    """Flow of the feed, inflow of each tank, outflow of each by its outlet."""
-    count = len(tanks)
-    fed = _driven(plant, state, given)
-    if plant.feed.pocket:
-        fed = math.sqrt(max(_stored(plant, state), 0.0) / plant.feed.pocket)
-    fed = arriving(plant.feed, fed, state[0], time)
-    falls = [0.0] * (count + 1)
-    missed = bypassed(plant.feed, fed)
-    falls[0] += fed - missed
-    falls[1] += missed
-    leaves = []
-    for i, tank in enumerate(tanks):
-        below = state[i + 1] if i + 1 < count else 0.0
-        leaves.append(outflow(tank, state[i], below, time))
-        caught = tank.rim.caught * overflow(tank, state[i]) if tank.rim else 0.0
-        falls[i + 1] += leaves[i] + caught
-    return [fed, *falls[:count], *leaves]
-
-
-def _driven(plant: Plant, state: Sequence[float], given: float) -> float:
-    """Flow of the feed after its lag."""
-    return state[len(plant.tanks) + len(plant.sensors)] if plant.feed.lag else given
-
-
-def _stored(plant: Plant, state: Sequence[float]) -> float:
-    return state[len(plant.tanks) + len(plant.sensors) + 1]
-
-
-def _rates(
-    plant: Plant, tanks: Sequence[Tank], time: float, state: Sequence[float], given: float
-) -> list[float]:
-    count = len(tanks)
-    fed, *others = _flows(plant, tanks, time, state, given)
-    falls, leaves = others[:count], others[count:]
-    rates, lost, drained = [], 0.0, 0.0
-    for i, tank in enumerate(tanks):
-        over, away = overflow(tank, state[i]), loss(tank, state[i])
-        rates.append((falls[i] - leaves[i] - over - away) / tank.surface(state[i]))
-        caught = tank.rim.caught * over if tank.rim else 0.0
-        lost += away + over - caught
-        drained = leaves[i] + caught
-    for j, sensor in enumerate(plant.sensors):
-        level = state[[t.name for t in tanks].index(sensor.tank)]
-        rates.append((level - state[count + j]) / sensor.lag if sensor.lag else 0.0)
-    lagging = state[count + len(plant.sensors)]
-    rates.append((given - lagging) / plant.feed.lag if plant.feed.lag else 0.0)
-    if plant.feed.pocket:
-        let_out = math.sqrt(max(_stored(plant, state), 0.0) / plant.feed.pocket)
-        rates.append(_driven(plant, state, given) - let_out)
-    return [*rates, fed, drained, lost]
-
-
 def _course(
     plant: Plant, stops: Array, sampled: NDArray[np.intp], states: Array, flows: Array
 ) -> Course:
     """The course at the samples among all stops, and the levels that sensors show."""
-    count, time = len(plant.tanks), stops[sampled]
-    names = [t.name for t in plant.tanks]
-    sensed = np.empty((len(time), len(plant.sensors)))
-    for j, sensor in enumerate(plant.sensors):
-        followed = states[:, count + j if sensor.lag else names.index(sensor.tank)]
-        sensed[:, j] = np.interp(time - sensor.dead_time, stops, followed)
+    names, time = plant.layout.tanks, stops[sampled]
+    count = len(names)
+    sensed = []
+    for j, (tank, sensor) in enumerate(plant.sensors.items(), start=count):
+        followed = states[:, j if sensor["lag"] else names.index(tank)]
+        sensed.append(np.interp(time - sensor["dead_time"], stops, followed))
     picked, flow = states[sampled], flows[sampled]
     return Course(
         time,
@@ -196,8 +176,6 @@ def _course(
         flow[:, 0],
         flow[:, 1 : count + 1],
         flow[:, count + 1 :],
-        sensed,
-        picked[:, -3],
-        picked[:, -2],
-        picked[:, -1],
+        np.stack(sensed, 1),
+        *picked[:, -3:].T,
     )

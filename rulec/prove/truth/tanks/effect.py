@@ -1,46 +1,29 @@
-"""Effects of tanks, from `effects.yaml`: their place and size, and how they are built into a plant.
+"""Effects of tanks, from `effects.yaml`: their place and size, how they are built into a plant, and
+what a perfect analysis calls them.
 
 Ids of a case are such as `upper.leak` and `lower.y.lag`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from ..formulas import Names
+from ..formulas import Drawn, Names
 from ..units import Array
-from .build import Layout, Setup
-from .feed import Bypass, Curve, Kink, Warming
-from .laws import BROAD, GRAVITY, SHARP
-from .plant import Body, Fault, Opening, Plant, Power, Rim, Vortex
-
-Values = Mapping[str, Any]
-"""Numbers of an effect by name, its size among them."""
-
-CONSTANTS: Mapping[str, Any] = {
-    **{part.__name__: part for part in (Body, Fault, Opening, Power, Rim, Vortex)},
-    **{part.__name__: part for part in (Bypass, Curve, Kink, Warming)},
-    **{"BROAD": BROAD, "GRAVITY": GRAVITY, "SHARP": SHARP},
-}
-"""Names in the formulas of `effects.yaml` beside the attributes of `Here`."""
-
-
-def quantile(values: Array, share: float) -> float:
-    """Return a quantile."""
-    return float(np.quantile(values, share))
+from .build import Setup
+from .plant import CONSTANTS, SENSOR, Layout, Plant
 
 
 @dataclass(frozen=True)
 class Built:
-    """A plant with one more effect."""
+    """A plant with one more effect; `names` has the effect's numbers, its size among them."""
 
     plant: Plant
-    values: Values
+    names: Names
 
 
 @dataclass(frozen=True)
@@ -65,20 +48,38 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Here:
+class Placed:
+    """An effect and its place: a tank, the feed, or a sensor by its tank."""
+
+    effect: Effect
+    place: str
+
+    @property
+    def part(self) -> str:
+        """The place in a plant file: a module, or a signal."""
+        return f"{self.place}{SENSOR}" if self.effect.at == "sensor" else self.place
+
+    @property
+    def id(self) -> str:
+        """Such as `lower.y.clipping`."""
+        return f"{self.part}.{self.effect.name}"
+
+
+@dataclass(frozen=True)
+class Here(Drawn):
     """Place and size of an effect.
 
     `plant` has the effects that were built before, `place` is a tank (of a sensor: its tank) or the
-    feed, and `random` draws the shape of the effect. All attributes are names in the formulas,
-    beside `known`.
+    feed. All attributes are names in the formulas.
     """
 
     setup: Setup
     plant: Plant
     place: str
-    size: float
-    random: np.random.Generator
-    quantile = staticmethod(quantile)
+
+    def quantile(self, values: Array, share: float) -> float:
+        """Return a quantile."""
+        return float(np.quantile(values, share))
 
     def time_at(self, share: float) -> float:
         """Return the time after a share of the recording, s."""
@@ -87,111 +88,69 @@ class Here:
 
     def level(self, share: float) -> float:
         """Return a quantile of the level here, cm."""
-        return quantile(self.setup.levels(self.place), share)
+        return self.quantile(self.setup.levels(self.place), share)
 
     def voltage_at(self, share: float) -> float:
         """Return a quantile of the reading here, V."""
-        gain = self.plant.sensor(self.place).gain
-        return round(quantile(gain * self.setup.levels(self.place), share), 2)
-
-    def between(self, low: float, high: float) -> float:
-        """Draw uniformly."""
-        return float(self.random.uniform(low, high))
-
-    def signed(self, down: float) -> float:
-        """Draw the size, or `down` times it."""
-        return self.size * float(self.random.choice([down, 1.0]))
+        gain = self.plant.sensors[self.place]["gain"]
+        return round(self.quantile(gain * self.setup.levels(self.place), share), 2)
 
 
-def known(here: Here) -> Mapping[str, Any]:
-    """Return numbers and courses that formulas may use, beside the attributes of `here`.
-
-    `falls` is the inflow of this tank, `first_falls` that of the first, cm3/s; `shown` the recorded
-    input; `record` the length of the recording, s; `below` the tank below.
-    """
-    setup, place, shown = here.setup, here.place, here.setup.shown
-    tanks = setup.layout.tanks
-    names = {**CONSTANTS, "fed": setup.course.fed, "shown": shown}
-    names["record"] = float(np.ptp(setup.course.time))
-    first = tanks[0]
-    names["usual_input"], names["highest_input"] = quantile(shown, 0.5), float(shown.max())
-    names["usual_first"] = quantile(setup.levels(first), 0.5)
-    names["first_falls"] = setup.falling(first)
-    names["highest_fall"] = float(names["first_falls"].max())
-    if place in tanks:
-        names["tank"], names["below"] = here.plant.tank(place), dict(pairwise(tanks)).get(place)
-        names["highest"], names["falls"] = float(setup.levels(place).max()), setup.falling(place)
-        names["usual_fall"] = quantile(names["falls"], 0.5)
-        if names["below"]:
-            names["highest_below"] = float(setup.levels(names["below"]).max())
-    return names
-
-
-def made(effect: Effect, here: Here) -> Built:
+def made(placed: Placed, here: Here) -> Built:
     """Build an effect into the plant."""
-    stated, names = effect.stated, Names(here, known(here), size=here.size)
+    stated, names = placed.effect.stated, Names(here, CONSTANTS, NAMES, size=here.size)
     names.fix(stated.get("fixed", {}))
-    numbers = {field: names.of(formula) for field, formula in stated.get("set", {}).items()}
-    added = {field: names.of(formula) for field, formula in stated.get("each", {}).items()}
-    plant = here.plant
-    match effect.at:
-        case "feed":
-            plant = replace(plant, feed=replace(plant.feed, **numbers))
-        case "sensor":
-            plant = plant.with_sensor(replace(plant.sensor(here.place), **numbers))
-        case _ if numbers:
-            plant = plant.with_tank(replace(plant.tank(here.place), **numbers))
-    for tank in plant.tanks if added else ():
-        more = {field: getattr(tank, field) + value for field, value in added.items()}
-        plant = plant.with_tank(replace(tank, **more))
-    return Built(plant, {**names, **numbers, **added})
-
-
-SENSOR = ".y"
-"""Suffix of a sensor after the name of its tank."""
-
-
-@dataclass(frozen=True)
-class Placed:
-    """An effect and its place: a tank, the feed, or a sensor by its tank."""
-
-    effect: Effect
-    place: str
-
-    @property
-    def module(self) -> str:
-        """The place in a plant file: a module, or a signal."""
-        return f"{self.place}{SENSOR}" if self.effect.at == "sensor" else self.place
-
-    @property
-    def id(self) -> str:
-        """Such as `lower.y.clipping`."""
-        return f"{self.module}.{self.effect.name}"
-
-
-def facts(layout: Layout, place: str) -> dict[str, Any]:
-    """Return what formulas may ask of a place in a plant.
-
-    The datum of a level that is not `measured` is arbitrary; a flow meter already measures what a
-    pump does with its `voltage`.
-    """
-    return {
-        "first": place == layout.tanks[0],
-        "last": place == layout.tanks[-1],
-        "measured": place in layout.measured,
-        "one_sensor": len(layout.measured) == 1,
-        "voltage": not layout.metered,
-    }
+    numbers = {field: float(names.of(formula)) for field, formula in stated.get("set", {}).items()}
+    added = {field: float(names.of(formula)) for field, formula in stated.get("each", {}).items()}
+    plant = here.plant.with_(placed.part, **numbers)
+    for name, tank in plant.tanks.items() if added else ():
+        plant = plant.with_(name, **{field: tank[field] + more for field, more in added.items()})
+    names.update(numbers | added)
+    return Built(plant, names)
 
 
 def possible_effects(layout: Layout) -> dict[str, Placed]:
     """Return every effect at every place of a plant where it can show, by id."""
     places = {"tank": layout.tanks, "feed": (layout.feed,), "sensor": layout.measured}
     every = [Placed(effect, place) for effect in EFFECTS for place in places[effect.at]]
-    shows = (
-        Names(None, facts(layout, p.place)).of(p.effect.stated.get("where", "1")) for p in every
-    )
-    return {p.id: p for p, shown in zip(every, shows, strict=True) if shown}
+
+    def shows(placed: Placed) -> bool:
+        names = Names(None, {"layout": layout, "place": placed.place}, NAMES)
+        return bool(names.of(placed.effect.stated.get("where", "1")))
+
+    return {placed.id: placed for placed in every if shows(placed)}
+
+
+def right(placed: Placed, built: Built) -> dict[str, Any]:
+    """Return the right `names`, `places` and `parameters` of an effect; see `sealed.Planted`."""
+    layout, stated, names = built.plant.layout, placed.effect.stated, built.names
+    holding = [r for r in stated.get("right", ()) if names.of(r.get("if", "1"))]
+    places = [*stated["places"], *(p for r in holding for p in r.get("places", ()))]
+    named = {r["name"]: r.get("parameters", {}) for r in holding if "name" in r}
+    return {
+        "names": tuple(named),
+        "places": tuple(dict.fromkeys(x for p in places for x in _places(layout, placed.place, p))),
+        "parameters": {
+            name: {p: float(names.of(formula)) for p, formula in formulas.items()}
+            for name, formulas in named.items()
+            if formulas
+        },
+    }
+
+
+def _places(layout: Layout, here: str, place: str) -> Iterator[str]:
+    """Places such as `upper.inflow` for `here.inflow`; `each` means all tanks."""
+    where, _, what = place.partition(".")
+    if where == "feed":
+        of_meter = {"set": "Q", "flow": "flow"}
+        of_pump = {"set": "u", "flow": "pump"}
+        yield f"{layout.feed}.{(of_meter if layout.metered else of_pump)[what]}"
+    elif where == "each":
+        yield from (f"{tank}.{what}" for tank in layout.tanks)
+    else:
+        first, second, *_ = layout.tanks
+        tanks = {"here": here, "first": first, "second": second, "last": layout.tanks[-1]}
+        yield f"{tanks[where]}.{what}"
 
 
 def _effect(key: str, stated: Mapping[str, Any]) -> Effect:
@@ -202,7 +161,8 @@ def _effect(key: str, stated: Mapping[str, Any]) -> Effect:
     return Effect(name, stated["title"], sort, at, low, high, stated.get("scale", 1.0), stated)
 
 
-FILE = Path(__file__).with_name("effects.yaml")
-EFFECTS = tuple(
-    _effect(key, stated) for key, stated in yaml.safe_load(FILE.read_text(encoding="utf-8")).items()
-)
+_TABLE = yaml.safe_load(Path(__file__).with_name("effects.yaml").read_text(encoding="utf-8"))
+NAMES: Mapping[str, str] = _TABLE.pop("names")
+"""What formulas may ask of a place, beside the attributes of `Here`."""
+
+EFFECTS = tuple(_effect(key, stated) for key, stated in _TABLE.items())

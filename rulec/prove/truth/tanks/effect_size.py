@@ -75,7 +75,7 @@ def run(setup: Setup, plant: Plant) -> Course:
     """Simulate a plant; if only sensors err, the course is that of the setup."""
     plain = setup.plant
     same = (plant.feed, plant.tanks) == (plain.feed, plain.tanks)
-    if same and not any(s.lag or s.dead_time for s in plant.sensors):
+    if same and not any(s["lag"] or s["dead_time"] for s in plant.sensors.values()):
         return setup.course
     return integrate(plant, setup.time, setup.shown)
 
@@ -136,4 +136,4 @@ def _sought(
 
 def make(setup: Setup, plant: Plant, placed: Placed, size: float, seed: int) -> Built:
     """Make an effect of some size; its shape is the same at every size."""
-    return made(placed.effect, Here(setup, plant, placed.place, size, stream(seed, placed.id)))
+    return made(placed, Here(size, stream(seed, placed.id), setup, plant, placed.place))

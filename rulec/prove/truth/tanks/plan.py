@@ -12,12 +12,11 @@ from .. import sealed
 from ..recording import write_csv
 from ..streams import FURTHER
 from ..units import Array
-from .build import Layout, Setup, build, recorded_input
+from .build import Setup, build, recorded_input
 from .detection_limit import gains
-from .effect import Placed, possible_effects
+from .effect import Placed, possible_effects, right
 from .effect_size import Planted, change_of, is_inside, make, most, plant_each, run
-from .plant import Plant
-from .right_answer import right
+from .plant import Layout, Plant
 from .rows import write_plant
 from .sensing import shown
 
@@ -109,15 +108,15 @@ class Case:
         """The sealed answer; effects without an entry have the sort `unnamed`."""
         setup, effects = self.setup, []
         for one, gain in zip(self.planted, gains(setup, self.planted), strict=True):
-            effect, key = one.placed.effect, right(setup, one)
+            effect, key = one.placed.effect, right(one.placed, one.built)
             effects.append(
                 sealed.Planted(
                     effect=effect.name,
                     title=effect.title,
-                    sort=effect.sort if key.names else "unnamed",
-                    module=one.placed.module,
+                    sort=effect.sort if key["names"] else "unnamed",
+                    module=one.placed.part,
                     place=effect.at,
-                    **vars(key),
+                    **key,
                     gain=gain,
                 )
             )

@@ -1,198 +1,125 @@
-"""The plant: tanks in a row, their feed, and the level sensors. Every effect is optional.
-
-Lengths in cm, areas in cm2, flows in cm3/s, times in s, readings in V. A default leaves an effect
-out, so `Tank(...)` with the first four values is the plain tank of a textbook.
-"""
+"""The plant: its drawing, and the numbers of its parts in the laws of `laws.yaml`. cm, s, V."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
 
-from ..smooth import Drift, Form
-from .feed import Feed
+import yaml
 
-BODY_EDGE = 0.05
-"""cm over which a body ends; a step would slow the solver down."""
+from ..formulas import compiled
 
-LEVEL_ZERO = 0.025
-"""V; standard uncertainty of a transmitter's zero: 0.5 % of 10 V, over 2."""
+Numbers = Mapping[str, Any]
+"""Numbers of a part by name."""
 
-SLOT = 0.1
-"""Least width of a lying cylinder's surface over its diameter, for vents and sump."""
+SENSOR = ".y"
+"""Suffix of a sensor after the name of its tank."""
 
-
-@dataclass(frozen=True)
-class Rim:
-    """Overflow `strength` (h - height)**1.5; the part `caught` falls into the tank below."""
-
-    height: float
-    strength: float
-    caught: float
+_TABLE: Mapping[str, Any] = yaml.safe_load(
+    Path(__file__).with_name("laws.yaml").read_text(encoding="utf-8")
+)
 
 
-@dataclass(frozen=True)
-class Body:
-    """A body in the tank that displaces liquid below a height."""
-
-    area: float
-    height: float
-
-
-@dataclass(frozen=True)
-class Power:
-    """Outlet by (h / level)**exponent; at `level` it has the flow of the plain one."""
-
-    exponent: float
-    level: float
+def _orifice(area: float, head: float) -> float:
+    """Flow through an opening under a head."""
+    if head <= 0.0 or area == 0.0:
+        return 0.0
+    nearly_empty: float = CONSTANTS["NEARLY_EMPTY"]
+    return area * math.sqrt(2.0 * GRAVITY) * head / math.sqrt(head + nearly_empty)
 
 
-@dataclass(frozen=True)
-class Fault:
-    """Size of a fault, and its beginning in s."""
+# Laws are for one sample at a time, as an integrator asks for them; so they use plain numbers.
+_NAMES: dict[str, Any] = {
+    **{name: getattr(math, name) for name in ("exp", "sin", "sqrt", "pi")},
+    **{"__builtins__": {}, "abs": abs, "max": max, "min": min, "orifice": _orifice},
+}
+for _name, _formula in _TABLE["constants"].items():
+    _NAMES[_name] = eval(compiled(str(_formula)), _NAMES)
 
-    size: float
-    begin: float
+CONSTANTS: Mapping[str, float] = {name: _NAMES[name] for name in _TABLE["constants"]}
+GRAVITY, LEVEL_ZERO = CONSTANTS["GRAVITY"], CONSTANTS["LEVEL_ZERO"]
+
+LAWS: Mapping[str, tuple[str, str, str]] = {
+    "flows": ("tank", "level, below, time, middle", "left, over, away, surface"),
+    "supply": ("feed", "shown", "supply"),
+    "arrival": ("feed", "flow, level, time", "fed, missed"),
+}
+"""Kind of part, arguments and results of each law."""
 
 
-@dataclass(frozen=True)
-class Vortex:
-    """Above `flow` an air core takes a share of the outlet, and the flow surges with `period`."""
-
-    flow: float
-    share: float
-    period: float
-
-
-@dataclass(frozen=True)
-class Opening:
-    """A hole in the wall at a height, through which liquid leaves the plant."""
-
-    area: float
-    height: float
+def law(name: str, numbers: Numbers) -> Callable[..., Any]:
+    """Return a law of a part as a function of its arguments, which gives its results; see LAWS."""
+    kind, arguments, results = LAWS[name]
+    formulas = _TABLE[kind][name]
+    for formula in formulas.values():
+        compiled(formula)  # no more than an expression
+    steps = ", ".join(f"{result} := {formula}" for result, formula in formulas.items())
+    fixed = ", ".join(f"{number}={number}" for number in numbers)
+    function = eval(f"lambda {arguments}, {fixed}: ({steps}, ({results}))[-1]", _NAMES, {**numbers})
+    return cast(Callable[..., Any], function)
 
 
 @dataclass(frozen=True)
-class Tank:
-    """An open tank with a free outlet.
+class Layout:
+    """The plant's drawing: names, measured tanks, columns.
 
-    Attributes
-    ----------
-    area : cross-section at the floor; it grows by `growth` per cm of level
-    outlet : effective area of the outlet; `level` : level at the beginning
-    laminar : head lost per flow, cm/(cm3/s); `power` : law of the outlet with another exponent
-    height : of the outlet above the floor; `drowned` : end of its pipe above the next tank's floor
-    seepage : constant loss; `leak` : an orifice to the outside; `clog` : share of the outlet lost
-    cone : width gained per cm of level, in both directions; `lying` : diameter of a lying cylinder
-    drain, side : orifices to the outside that are always open, at the floor and in the wall
-    link : area of a second pipe to the next tank; `closing` : growth, 1/s, of its resistance
-    form : form error of the outlet's law by the level
+    `metered`: the input is a flow meter, l/h, not the voltage of a pump.
     """
 
     name: str
-    area: float
-    outlet: float
-    level: float
-    growth: float = 0.0
-    body: Body | None = None
-    laminar: float = 0.0
-    power: Power | None = None
-    height: float = 0.0
-    drowned: float | None = None
-    rim: Rim | None = None
-    seepage: float = 0.0
-    leak: Fault | None = None
-    clog: Fault | None = None
-    vortex: Vortex | None = None
-    cone: float = 0.0
-    lying: float = 0.0
-    drain: float = 0.0
-    side: Opening | None = None
-    link: float = 0.0
-    closing: float = 0.0
-    form: Form | None = field(default=None, compare=False)
-
-    def at(self, time: float) -> Tank:
-        """Return the tank with the faults of that time, as constant properties."""
-        if self.leak is None and self.clog is None:
-            return self
-        clogged = self.clog.size if self.clog and time >= self.clog.begin else 0.0
-        leak = self.leak if self.leak and time >= self.leak.begin else None
-        return replace(self, outlet=self.outlet * (1.0 - clogged), clog=None, leak=leak)
-
-    def surface(self, level: float) -> float:
-        """Return the area of the liquid's surface, cm2."""
-        if self.lying:
-            return self.area * _chord(self.lying, level)
-        area = self.area * (1.0 + self.cone * level) ** 2 + self.growth * level
-        if self.body is None:
-            return area
-        over = min((level - self.body.height) / BODY_EDGE, 500.0)
-        return area - self.body.area / (1.0 + math.exp(over))
+    feed: str
+    tanks: tuple[str, ...]
+    measured: tuple[str, ...]
+    metered: bool
+    interval: float
+    input_column: str
+    columns: Mapping[str, str]
 
 
-def _chord(diameter: float, level: float) -> float:
-    """Width of a lying cylinder's surface over its diameter; a narrow slot at its ends."""
-    across = 4.0 * level * (diameter - level) / diameter**2
-    return math.sqrt(max(across, SLOT**2))
-
-
-@dataclass(frozen=True)
-class LevelSensor:
-    """A level as voltage, `gain` h + `zero`, with white noise, on a converter with steps.
-
-    Errors: `offset`, `slope` (of the gain), `lag`, `dead_time`, `play` (width of the hysteresis),
-    `step` (of a coarse display), `limit` (highest voltage), `drift` (V per s), `stuck` (from, to),
-    `kink` (voltage, and share by which the gain is higher above it), `floor` (lowest voltage),
-    `overload` (voltage, and share of earlier peaks above it that the reading keeps), `jet` (V per
-    (cm3/s)**2 of inflow; in no plain law). `colour` is the coefficient of its first-order noise,
-    `wander` the drift of its zero in its class.
-    """
-
-    tank: str
-    gain: float
-    zero: float = 0.0
-    noise: float = 0.0
-    converter: float = 0.0
-    offset: float = 0.0
-    slope: float = 0.0
-    lag: float = 0.0
-    dead_time: float = 0.0
-    play: float = 0.0
-    step: float = 0.0
-    limit: float = math.inf
-    kink: tuple[float, float] = (math.inf, 0.0)
-    floor: float = -math.inf
-    overload: tuple[float, float] = (math.inf, 0.0)
-    drift: float = 0.0
-    stuck: tuple[float, float] | None = None
-    jet: float = 0.0
-    colour: float = 0.0
-    wander: Drift | None = field(default=None, compare=False)
+CASCADED = Layout(
+    "cascaded-tanks",
+    "pump",
+    ("upper", "lower"),
+    ("lower",),
+    False,
+    4.0,
+    "u [V]",
+    {"lower": "y [V]"},
+)
 
 
 @dataclass(frozen=True)
 class Plant:
-    """Tanks from top to bottom; the last one drains into the reservoir."""
+    """Tanks from top to bottom, of which the last one drains into the reservoir, and their feed.
 
-    name: str
-    feed: Feed
-    tanks: tuple[Tank, ...]
-    sensors: tuple[LevelSensor, ...]
+    `parts` has the numbers of each part: the feed and the tanks by name, the sensor of a tank as
+    `lower.y`.
+    """
 
-    def tank(self, name: str) -> Tank:
-        """Return the tank of a name."""
-        return next(t for t in self.tanks if t.name == name)
+    layout: Layout
+    parts: Mapping[str, Numbers]
 
-    def sensor(self, tank: str) -> LevelSensor:
-        """Return the sensor of a tank."""
-        return next(s for s in self.sensors if s.tank == tank)
+    @property
+    def feed(self) -> Numbers:
+        """The numbers of the feed."""
+        return self.parts[self.layout.feed]
 
-    def with_tank(self, tank: Tank) -> Plant:
-        """Return the plant with the tank of the same name replaced."""
-        return replace(self, tanks=tuple(tank if t.name == tank.name else t for t in self.tanks))
+    @property
+    def tanks(self) -> dict[str, Numbers]:
+        """The numbers of the tanks from top to bottom."""
+        return {name: self.parts[name] for name in self.layout.tanks}
 
-    def with_sensor(self, sensor: LevelSensor) -> Plant:
-        """Return the plant with the sensor of the same tank replaced."""
-        sensors = tuple(sensor if s.tank == sensor.tank else s for s in self.sensors)
-        return replace(self, sensors=sensors)
+    @property
+    def sensors(self) -> dict[str, Numbers]:
+        """The numbers of the sensors by tank."""
+        return {name: self.parts[f"{name}{SENSOR}"] for name in self.layout.measured}
+
+    def with_(self, part: str, **numbers: Any) -> Plant:
+        """Return the plant with other numbers of a part; what was never stated is as in the law."""
+        layout = self.layout
+        kind = "feed" if part == layout.feed else "tank" if part in layout.tanks else "sensor"
+        own = {**_TABLE[kind]["numbers"], **self.parts.get(part, {}), **numbers}
+        return replace(self, parts={**self.parts, part: own})

@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..streams import stream
-from .build import CASCADED, Layout
+from .plant import CASCADED, Layout
 
 NAMES = (
     ("upper", "centre", "lower", "bottom"),

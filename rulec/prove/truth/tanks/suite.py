@@ -11,9 +11,9 @@ import numpy as np
 from ..formulas import Names
 from ..kinds import STATED, counts, difficulties, hiding
 from ..streams import stream
-from .build import CASCADED, Layout
 from .effect import possible_effects
 from .plan import Planned
+from .plant import CASCADED, Layout
 from .rows import row
 
 WEAKEST, STRONGEST = 0.03, 2.0
