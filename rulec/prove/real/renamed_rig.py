@@ -3,6 +3,7 @@
 New names are in the opposite order of the old ones, to reveal any dependence on that order.
 """
 
+import copy
 import csv
 import io
 import json
@@ -28,25 +29,34 @@ Names = Mapping[str, str]
 def hide(folder: Path) -> dict[str, str]:
     """Rename everything in a rig's working folder; returns new names of modules by old ones."""
     plant = folder / "plant"
-    data = yaml_of(plant / PLANT)
+    data = copy.deepcopy(yaml_of(plant / PLANT))
     old = list(data["modules"])
     modules = {name: f"N{len(old) - i:03d}" for i, name in enumerate(sorted(old))}
-    data["modules"] = {modules[n]: _untitled(entry) for n, entry in data["modules"].items()}
+    for entry in data["modules"].values():
+        entry.pop("title", None)
+        for value in entry.get("parameters", {}).values():
+            value["source"] = "hidden"
+    data["modules"] = {modules[n]: entry for n, entry in data["modules"].items()}
     data |= {"plant": "hidden", "title": "Hidden"}
     if "connections" in data:
         data["connections"] = [_renamed(text, modules) for text in data["connections"]]
     write_yaml(plant / PLANT, data)
     for name in data.get("calibration", ()):
         found = yaml_of(plant / name)
-        write_yaml(
-            plant / name, {**found, "modules": {modules[n]: m for n, m in found["modules"].items()}}
-        )
+        renamed = {modules[n]: m for n, m in found["modules"].items()}
+        write_yaml(plant / name, {**found, "modules": renamed})
     if "adjacency" in data:
         matrix = plant / data["adjacency"]
         write_text(matrix, _renamed(matrix.read_text(encoding="utf-8"), modules))
     titles = _hide_columns(plant / data["columns"], modules) if "columns" in data else {}
     for file in (*folder.glob("*.csv"), *folder.glob("*.csv.gz")):
-        _retitle(file, modules, titles)
+        with opened(file) as source:
+            header, *rows = csv.reader(source)
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(titles.get(t) or _other_title(t, modules, i) for i, t in enumerate(header))
+        writer.writerows(rows)
+        write_packed(file, out.getvalue())
     return modules
 
 
@@ -55,19 +65,6 @@ def differences(open_: Mapping[str, Any], hidden: Mapping[str, Any], modules: Na
     back = {new: old for old, new in modules.items()}
     renamed = json.loads(_renamed(json.dumps(hidden), back))
     return list(_differ(_compared(open_), _compared(renamed), ""))
-
-
-def _retitle(file: Path, modules: Names, titles: Names) -> None:
-    """Rename the columns of a recording; units in brackets stay."""
-    with opened(file) as source:
-        rows = csv.reader(source)
-        header, out = next(rows), io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(
-            titles.get(t) or _other_title(t, modules, number) for number, t in enumerate(header)
-        )
-        writer.writerows(rows)
-    write_packed(file, out.getvalue())
 
 
 def _hide_columns(file: Path, modules: Names) -> dict[str, str]:
@@ -91,15 +88,6 @@ def _other_title(title: str, modules: Names, number: int) -> str:
     if word in modules:
         return modules[word] + title[len(word) :]
     return title if title.split(" ")[0] == "time" else f"y{number}"
-
-
-def _untitled(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """A module without its title, and its values without their sources."""
-    found = {key: value for key, value in entry.items() if key != "title"}
-    if "parameters" in found:
-        values = found["parameters"].items()
-        found["parameters"] = {name: {**value, "source": "hidden"} for name, value in values}
-    return found
 
 
 def _renamed(text: str, names: Names) -> str:

@@ -9,7 +9,7 @@ recording may be compressed (`.gz`).
 import gzip
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -273,13 +273,34 @@ def digest_of(file: Path) -> str:
 
 
 def _truth(folder: Path, rules: Ruleset) -> Truth | None:
+    """The answer; ids must have an entry, modules be in the plant, units be known."""
     file = folder / ANSWER
     if not file.is_file():
         return None
     found = checked(file, "sealed-answer")
     document, knowledge = _read(file), read_all(folder / PLAIN).by_kind
-    units = table_of(knowledge.get("units", ()), [])
-    wrong = [*_unknown_words(document, knowledge, rules), *_unknown_units(document, units)]
+    units, wrong = table_of(knowledge.get("units", ()), []), list[Diagnostic]()
+    entries = {d.data[kind] for kind in ("effect", "fault") for d in knowledge.get(kind, ())}
+    known = {
+        "names": (entries | OF_THE_TOOL, "effect or fault"),
+        "places": (
+            {signal.id.partition(".")[0] for signal in rules.signals},
+            "module of the plant",
+        ),
+    }
+    for number, effect in enumerate(found.get("effects", ())):
+        for key, (right, what) in known.items():
+            for word in (text.partition(".")[0] for text in _list(effect[key])):
+                if word not in right:
+                    place, hint = document.place("effects", number, key), did_you_mean(word, right)
+                    wrong.append(Diagnostic(place, "KB023", f"there is no {what} '{word}'", hint))
+        for i, unit in enumerate(size["unit"] for size in effect.get("sizes", ())):
+            try:
+                units.parse(unit)
+            except ValueError:
+                place = document.place("effects", number, "sizes", i, "unit")
+                hint = did_you_mean(unit, units.units)
+                wrong.append(Diagnostic(place, "KB023", f"there is no unit '{unit}'", hint))
     if bool(found.get("nothing")) == bool(found.get("effects")):
         message = "an answer says either 'nothing: true' or 'effects'"
         hint = "where nothing is known, leave the file out"
@@ -295,37 +316,6 @@ def _truth(folder: Path, rules: Ruleset) -> Truth | None:
 
 def _list(value: str | Sequence[str]) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else tuple(value)
-
-
-def _unknown_words(
-    document: Document, by_kind: Mapping[str, tuple[Document, ...]], rules: Ruleset
-) -> Iterator[Diagnostic]:
-    """Ids without an entry, and modules that are not in the plant."""
-    known = {d.data[kind] for kind in ("effect", "fault") for d in by_kind.get(kind, ())}
-    known |= OF_THE_TOOL
-    modules = {signal.id.partition(".")[0] for signal in rules.signals}
-    for number, effect in enumerate(document.data.get("effects", ())):
-        for key, right, what in (
-            ("names", known, "effect or fault"),
-            ("places", modules, "module of the plant"),
-        ):
-            for text in _list(effect[key]):
-                word = text.partition(".")[0]
-                if word not in right:
-                    place = document.place("effects", number, key)
-                    hint = did_you_mean(word, right)
-                    yield Diagnostic(place, "KB023", f"there is no {what} '{word}'", hint)
-
-
-def _unknown_units(document: Document, units: UnitTable) -> Iterator[Diagnostic]:
-    for number, effect in enumerate(document.data.get("effects", ())):
-        for i, size in enumerate(effect.get("sizes", ())):
-            try:
-                units.parse(size["unit"])
-            except ValueError:
-                place = document.place("effects", number, "sizes", i, "unit")
-                hint = did_you_mean(size["unit"], units.units)
-                yield Diagnostic(place, "KB023", f"there is no unit '{size['unit']}'", hint)
 
 
 def opened(file: Path) -> IO[str]:

@@ -10,14 +10,13 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rulec_runtime
-from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording, read_recording
@@ -28,7 +27,6 @@ from rulec.passes.pipeline import compile_plant
 from rulec.prove.analyst import ANSWER, EARLIER, answered, read_form
 from rulec.prove.real.rig_folder import PLAIN, PLANT, TEST, TRAIN, Rig, write_yaml, yaml_of
 
-Bools = NDArray[np.bool_]
 TOOL = "rulec.prove.real.tool_process"
 ASKED = "asked.json"
 MODELS = ("shipped", "recalibrated", "adopted")
@@ -55,18 +53,13 @@ class Commands:
     limit: float
 
     def run(self, *words: object) -> None:
-        """Run a command; raises `NoAnswer` with the end of its message if it fails."""
-        code, said = self._ended([sys.executable, "-m", TOOL, *map(str, words)], str(words[0]))
-        if code not in (0, UNSURE):
-            raise NoAnswer(f"rulec {words[0]}: {said[-MESSAGE:] or f'exit {code}'}")
-
-    def _ended(self, asked: Sequence[str], name: str) -> tuple[int, str]:
-        """Exit code and text of standard error; the command ends if this process does."""
+        """Run a command, which ends if this process does; raises `NoAnswer` with the end of its
+        message if it fails."""
         sources = (str(Path(p.__path__[0]).parent) for p in (rulec, rulec_runtime))
         lifeline, ours = os.pipe()
         try:
             done = subprocess.run(
-                asked,
+                [sys.executable, "-m", TOOL, *map(str, words)],
                 cwd=self.folder,
                 # Where this very tool is, so that its processes run no other.
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(sources)},
@@ -80,11 +73,13 @@ class Commands:
                 start_new_session=True,
             )
         except subprocess.TimeoutExpired:
-            raise NoAnswer(f"rulec {name}: no answer in {self.limit:.0f} s") from None
+            raise NoAnswer(f"rulec {words[0]}: no answer in {self.limit:.0f} s") from None
         finally:
             os.close(lifeline)
             os.close(ours)
-        return done.returncode, " ".join(done.stderr.split())
+        if done.returncode not in (0, UNSURE):
+            said = " ".join(done.stderr.split())[-MESSAGE:]
+            raise NoAnswer(f"rulec {words[0]}: {said or f'exit {done.returncode}'}")
 
 
 def lay_out(rig: Rig, folder: Path) -> None:
@@ -104,33 +99,29 @@ def ask(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
     Keys: `form` (the JSON of `rulec mismatch`, None without an answer), `error`, `refused` (why
     nothing was adopted), `predicted` by signal, and `seconds`.
     """
-    return {**NOTHING, **answered(folder / ASKED, lambda: _asked(folder, test, limit))}
 
+    def asked() -> dict[str, Any]:
+        commands, found = Commands(folder, limit), dict[str, Any](NOTHING)
+        try:
+            _calibrate(commands)
+            shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
+            commands.run("mismatch", "plant", *shown, "--json", ANSWER, "--quiet")
+            found["form"] = read_form(folder / ANSWER)
+        except NoAnswer as failure:
+            found["error"] = str(failure)
+        if test is not None:
+            adopt = "adopt", ANSWER, "--quiet", "-o"
+            if found["form"]:
+                with contextlib.suppress(NoAnswer):
+                    commands.run(*adopt, FOLDERS["recalibrated"], "--recalibrated")
+                try:
+                    commands.run(*adopt, FOLDERS["adopted"])
+                except NoAnswer as failure:
+                    found["refused"] = str(failure)
+            found["predicted"] = predicted(commands, test)
+        return found
 
-def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
-    commands, found = Commands(folder, limit), dict[str, Any](NOTHING)
-    try:
-        _calibrate(commands)
-        shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
-        commands.run("mismatch", "plant", *shown, "--json", ANSWER, "--quiet")
-        found["form"] = read_form(folder / ANSWER)
-    except NoAnswer as failure:
-        found["error"] = str(failure)
-    if test is not None:
-        found["refused"] = _adopted(commands) if found["form"] else ""
-        found["predicted"] = predicted(commands, test)
-    return found
-
-
-def _adopted(commands: Commands) -> str:
-    """Write the recalibrated and the repaired plant; returns why the latter was refused, if so."""
-    with contextlib.suppress(NoAnswer):
-        commands.run("adopt", ANSWER, "-o", FOLDERS["recalibrated"], "--recalibrated", "--quiet")
-    try:
-        commands.run("adopt", ANSWER, "-o", FOLDERS["adopted"], "--quiet")
-    except NoAnswer as failure:
-        return str(failure)
-    return ""
+    return {**NOTHING, **answered(folder / ASKED, asked)}
 
 
 def _calibrate(commands: Commands) -> None:
@@ -158,35 +149,25 @@ def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
             with contextlib.suppress(NoAnswer):
                 target = f"{model}.csv"
                 commands.run("simulate", name, copy.name, "-o", target, "--quiet")
-                off[model] = _off(rules, commands.folder / target, measured)
+                off[model] = off_of(rules, commands.folder / target, measured)
     moved = [n for n in off.get("shipped", {}) if any(np.nansum(abs(o[n])) for o in off.values())]
     own = {n: {m: o[n] for m, o in off.items()} for n in moved}
     return {n: _errors(rules.signal_by_id[n], measured, own[n]) for n in moved}
 
 
-def _off(rules: Ruleset, target: Path, measured: Recording) -> dict[str, Array]:
-    """By signal, simulated minus measured in its unit, shape (n,); NaN if a row does not count."""
-    simulated = read_recording(target, rules)
-    found = {}
+def off_of(rules: Ruleset, target: Path, measured: Recording) -> dict[str, Array]:
+    """Return by signal, simulated minus measured in its unit, shape (n,); NaN if a row does not
+    count: a reading of its module is below its minimum, as when a pump stands still."""
+    simulated, found = read_recording(target, rules).values, {}
     for signal in rules.signals:
-        if signal.id in simulated.values and signal.id in measured.values:
-            off = simulated.values[signal.id] - measured.values[signal.id]
-            counts = _counts(signal.id, rules, measured)
-            found[signal.id] = np.where(counts, off / signal.factor, np.nan)
+        if signal.id in simulated and signal.id in measured.values:
+            off = (simulated[signal.id] - measured.values[signal.id]) / signal.factor
+            for other in rules.signals:
+                alike = other.id.partition(".")[0] == signal.id.partition(".")[0]
+                if alike and other.minimum is not None and other.id in measured.values:
+                    off = np.where(measured.values[other.id] >= other.minimum, off, np.nan)
+            found[signal.id] = off
     return found
-
-
-def _counts(name: str, rules: Ruleset, measured: Recording) -> Bools:
-    """Rows that count, shape (n,): no reading of the signal's module is below its minimum.
-
-    Below, the module type is not valid, as when a pump stands still.
-    """
-    module = name.partition(".")[0]
-    least = {s.id: s.minimum for s in rules.signals if s.id.partition(".")[0] == module}
-    there = [
-        measured.values[n] >= m for n, m in least.items() if m is not None and n in measured.values
-    ]
-    return np.all(there, axis=0) if there else np.ones(len(measured.time), dtype=bool)
 
 
 def _errors(signal: SignalSpec, measured: Recording, off: Mapping[str, Array]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -66,7 +66,6 @@ class Scored:
     probability : of the class that contains a right id
     inside : number of intervals of sizes that contain the truth, and of all of right ids
     false : findings that match nothing that is missing
-    sure : the false findings with a probability of CERTAIN and more
     silent : whether nothing is reported; None if something is missing
     utility : of the ambiguity set, see `utility`
     predicted : by reading, errors of the plants on unseen rows; `signal` is the one that counts
@@ -109,121 +108,92 @@ class Scored:
 def scored(rig: Rig, asked: Form) -> Scored:
     """Score the result of `ask` on a rig."""
     form, truth = asked["form"] or {}, rig.truth
-    said = tuple(
-        scored_finding(effect) for effect in form.get("effects", ()) if effect["sort"] != "free"
-    )
+    effects = form.get("effects", ())
+    said = tuple(scored_finding(effect) for effect in effects if effect["sort"] != "free")
     missing = truth.missing if truth else ()
     verdict = str(form.get("verdict", "no answer"))
-    noise = {fit["signal"]: fit["heldout"]["noise"] for fit in form.get("fits") or ()}
-    right = [_best(m, said) for m in missing]
+    right = [(m, best(m, said)) for m in missing]
+    hits = [hit for m, f in right if f and truth for hit in _hits(m, f, truth.units)]
+    told = _told_places(form)
     # The reading whose prediction counts: that of the rig, or else that of the tool.
     wanted = (rig.signal, (form.get("fit") or {}).get("signal"), *asked["predicted"])
     return Scored(
         rig=rig,
         verdict=verdict,
         said=said,
-        place=_mean(_place_right(m, form) for m in missing),
-        headline=_mean(_name_right(m, [f.headline for f in said], verdict) for m in missing),
-        named=_mean(_name_right(m, said, verdict) for m in missing),
-        probability=_mean(found.probability for found in right if found),
-        inside=_inside(truth, right),
-        false=_false(truth, said),
+        place=mean(float(is_at(m, told)) for m in missing),
+        headline=mean(name_right(m, [f.headline for f in said], verdict) for m in missing),
+        named=mean(name_right(m, said, verdict) for m in missing),
+        probability=mean(f.probability for _, f in right if f),
+        inside=(sum(hits), len(hits)),
+        false=false_of(truth, said) if truth else (),
         silent=verdict == SILENT if truth and not missing else None,
         utility=utility(missing, said, int(form.get("tried") or 0)) if truth and form else None,
         predicted=asked["predicted"],
-        noise=noise,
+        noise={fit["signal"]: fit["heldout"]["noise"] for fit in form.get("fits") or ()},
         signal=next((str(name) for name in wanted if name in asked["predicted"]), ""),
         refused=asked["refused"],
         error=asked["error"],
     )
 
 
-def class_probability(effect: Form) -> float:
-    """Return the probability of a finding together with those that coincide with it."""
-    return float(effect.get("class_probability") or effect["probability"] or 0.0)
-
-
 def scored_finding(effect: Form) -> ScoredFinding:
-    """Read a finding with the causes it leaves open: its class, and likely ones if it is unsure."""
-    sure = class_probability(effect)
-    others = (
-        a
-        for a in effect["alternatives"]
-        if a.get("same") or (sure < CERTAIN and a["probability"] >= MENTIONED)
-    )
+    """Read a finding with the causes it leaves open: its class, and likely ones if it is unsure.
+
+    Its probability is that together with the findings that coincide with it. An alternative has its
+    places in its id, as in `A.cold-line@law(dp, M1.T)`; one without, such as a fault, has those of
+    the finding.
+    """
+    sure = float(effect.get("class_probability") or effect["probability"] or 0.0)
     places = tuple(f"{m}.{effect['place']}" for m in effect["modules"])
     if effect["sort"] == "structure":
         places = tuple(effect["place"].split())
-    more = dict.fromkeys(Cause(a["effect"], _places_of(a["id"], places)) for a in others)
-    own = Cause(effect["effect"], places)
-    return ScoredFinding((own, *(c for c in more if c != own)), sure, effect)
+    causes = [Cause(effect["effect"], places)]
+    for other in effect["alternatives"]:
+        if other.get("same") or (sure < CERTAIN and other["probability"] >= MENTIONED):
+            name, at, place = other["id"].partition("@")
+            own = f"{name.partition('.')[0]}.{place.partition('(')[0]}"
+            causes.append(Cause(other["effect"], (own,) if at else places))
+    return ScoredFinding(tuple(dict.fromkeys(causes)), sure, effect)
 
 
-def _places_of(id_: str, usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Places of an alternative, by its id as in `A.cold-line@law(dp, M1.T)`.
-
-    One without a place, such as a fault, has the places of the finding.
-
-    >>> _places_of("A.cold-line@law(dp, M1.T)", ()), _places_of("A.leakage", ("A.Q",))
-    (('A.law',), ('A.Q',))
-    """
-    name, at, place = id_.partition("@")
-    return (f"{name.partition('.')[0]}.{place.partition('(')[0]}",) if at else usual
-
-
-def _at(missing: Missing, places: Sequence[str]) -> bool:
-    """Whether one of the places is right; a module alone includes all places in it."""
+def is_at(missing: Missing, places: Sequence[str]) -> bool:
+    """Return whether one of the places is right; a module alone includes all places in it."""
     return any(p == right or p.startswith(f"{right}.") for p in places for right in missing.places)
 
 
-def _is(missing: Missing, found: ScoredFinding) -> bool:
-    return any(c.name in missing.names and _at(missing, c.places) for c in found.causes)
+def best(missing: Missing, said: Sequence[ScoredFinding]) -> ScoredFinding | None:
+    """Return the most probable finding that contains a right id."""
+
+    def is_right(cause: Cause) -> bool:
+        return cause.name in missing.names and is_at(missing, cause.places)
+
+    right = (f for f in said if any(map(is_right, f.causes)))
+    return max(right, key=lambda f: f.probability, default=None)
 
 
-def _best(missing: Missing, said: Sequence[ScoredFinding]) -> ScoredFinding | None:
-    """The most probable finding that contains a right id."""
-    return max((f for f in said if _is(missing, f)), key=lambda f: f.probability, default=None)
+def name_right(missing: Missing, said: Sequence[ScoredFinding], verdict: str) -> float:
+    """Return 1 if something is named, or reported unnamed where no entry names it, else 0."""
+    return float(best(missing, said) is not None if missing.names else verdict == UNNAMED)
 
 
-def _name_right(missing: Missing, said: Sequence[ScoredFinding], verdict: str) -> float:
-    if not missing.names:
-        return float(verdict == UNNAMED)
-    return float(_best(missing, said) is not None)
-
-
-def _place_right(missing: Missing, form: Form) -> float:
-    found = [f"{p['module']}.{p['place']}" for p in form.get("locations", ())]
-    found += [
-        p for e in form.get("effects", ()) for c in scored_finding(e).causes for p in c.places
-    ]
+def _told_places(form: Form) -> list[str]:
+    """All places in an answer."""
     hidden = form.get("hidden_driver")
-    return float(
-        _at(missing, [*found, f"{hidden['module']}.{hidden['place']}"] if hidden else found)
-    )
+    parts = [*form.get("locations", ()), *([hidden] if hidden else [])]
+    causes = (c for e in form.get("effects", ()) for c in scored_finding(e).causes)
+    return [f"{p['module']}.{p['place']}" for p in parts] + [p for c in causes for p in c.places]
 
 
-def _false(truth: Truth | None, said: Sequence[ScoredFinding]) -> tuple[ScoredFinding, ...]:
-    """Findings that match nothing; empty if nothing is known of the rig."""
-    if truth is None:
-        return ()
-    beside = set(truth.beside)
-    return tuple(
-        f
-        for f in said
-        if not any(_is(m, f) for m in truth.missing) and f.causes[0].name not in beside
-    )
-
-
-def _inside(truth: Truth | None, right: Sequence[ScoredFinding | None]) -> tuple[int, int]:
-    """Number of intervals of sizes that meet the 95 % interval of the truth, and of all."""
-    if truth is None:
-        return 0, 0
-    pairs = [(m, f) for m, f in zip(truth.missing, right, strict=True) if f]
-    hits = [hit for m, f in pairs for hit in _hits(m, f, truth.units)]
-    return sum(hits), len(hits)
+def false_of(truth: Truth, said: Sequence[ScoredFinding]) -> tuple[ScoredFinding, ...]:
+    """Return the findings that match nothing."""
+    matching = (any(best(m, [f]) for m in truth.missing) for f in said)
+    other = [f for f, right in zip(said, matching, strict=True) if not right]
+    return tuple(f for f in other if f.causes[0].name not in truth.beside)
 
 
 def _hits(missing: Missing, found: ScoredFinding, units: UnitTable) -> Iterator[bool]:
+    """Whether each interval of a size meets the 95 % interval of the truth."""
     for size in missing.sizes:
         interval = interval_of(found.form, size.parameter, size.parameter == "degree")
         if size.name in ("", found.form["effect"]) and interval:
@@ -255,9 +225,9 @@ def utility(missing: Sequence[Missing], said: Sequence[ScoredFinding], candidate
 
     def matched(cause: Cause) -> str:
         """Number of the missing thing that a cause matches, or else its place and id."""
-        right = (i for i, m in enumerate(missing) if cause.name in m.names and _at(m, cause.places))
-        number = next(right, None)
-        return f"{cause.places[0]} {cause.name}" if number is None else str(number)
+        own = ScoredFinding((cause,), 1.0, {})
+        right = (str(i) for i, m in enumerate(missing) if best(m, [own]))
+        return next(right, f"{cause.places[0]} {cause.name}")
 
     true = frozenset(str(number) for number, m in enumerate(missing) if m.names)
     open_ = [[matched(cause) for cause in found.causes] for found in said]
@@ -271,14 +241,16 @@ def utility(missing: Sequence[Missing], said: Sequence[ScoredFinding], candidate
     return float(np.mean([of(w) for w in diagnoses]))
 
 
-def _mean(values: Iterator[float] | Any) -> float | None:
+def mean(values: Iterable[float]) -> float | None:
+    """Return the mean; None of nothing."""
     found = list(values)
     return float(np.mean(found)) if found else None
 
 
 @dataclass(frozen=True)
 class Total:
-    """A mean score over the rigs that have it, with its 95 % interval by bootstrap over them."""
+    """A mean score over the rigs that have it, with its 95 % interval by bootstrap over them; NaN
+    below two rigs."""
 
     title: str
     value: float
@@ -288,45 +260,35 @@ class Total:
 
 
 def totals(found: Sequence[Scored]) -> list[Total]:
-    """Return every score over the rigs that have it."""
+    """Return every score over the rigs that have it; of ratios the geometric mean."""
     known = [s for s in found if s.rig.truth is not None]
-    columns: list[tuple[str, Sequence[float | None]]] = [
-        ("place right", [s.place for s in found]),
-        ("name right, headline", [s.headline for s in found]),
-        ("name right, in its class", [s.named for s in found]),
-        ("probability of the right class", [s.probability for s in found]),
-        (
-            "size inside its interval",
-            [s.inside[0] / s.inside[1] if s.inside[1] else None for s in found],
-        ),
-        ("false names a rig", [float(len(s.false)) for s in known]),
-        (f"rigs with a wrong name at {CERTAIN:g}", [float(bool(s.sure)) for s in known]),
-        ("silent where nothing is missing", [s.silent for s in found]),
-        ("utility of the ambiguity set", [s.utility for s in found]),
-    ]
-    rows = [_total(title, values, exponent=False) for title, values in columns]
-    for over in ("shipped", "recalibrated", "grey box"):
-        logs = [math.log(r) if (r := s.ratio(over)) else None for s in found]
-        rows.append(_total(f"error on unseen rows over {over}", logs, exponent=True))
-    return [row for row in rows if row.count]
-
-
-def _total(title: str, values: Sequence[float | None], *, exponent: bool) -> Total:
-    there = [float(v) for v in values if v is not None]
-    if not there:
-        return Total(title, math.nan, math.nan, math.nan, 0)
-    ends = (float(np.mean(there)), *_bootstrap(there))
-    value, low, high = map(math.exp, ends) if exponent else ends
-    return Total(title, value, low, high, len(there))
-
-
-def _bootstrap(values: Sequence[float]) -> tuple[float, float]:
-    """95 % interval of a mean; NaN below two values."""
-    if len(values) < 2:
-        return math.nan, math.nan
-    drawn = np.random.default_rng(0).choice(values, (BOOTSTRAP_SAMPLES, len(values)))
-    low, high = np.quantile(drawn.mean(axis=1), TAILS)
-    return float(low), float(high)
+    columns: dict[str, list[float | None]] = {
+        "place right": [s.place for s in found],
+        "name right, headline": [s.headline for s in found],
+        "name right, in its class": [s.named for s in found],
+        "probability of the right class": [s.probability for s in found],
+        "size inside its interval": [s.inside[0] / s.inside[1] for s in found if s.inside[1]],
+        "false names a rig": [float(len(s.false)) for s in known],
+        f"rigs with a wrong name at {CERTAIN:g}": [float(bool(s.sure)) for s in known],
+        "silent where nothing is missing": [s.silent for s in found],
+        "utility of the ambiguity set": [s.utility for s in found],
+    }
+    over = "error on unseen rows over {}".format
+    ratios = {over(m): [s.ratio(m) for s in found] for m in ("shipped", "recalibrated", "grey box")}
+    rows = []
+    for title, values in (*columns.items(), *ratios.items()):
+        there = [float(v) for v in values if v is not None]
+        if title in ratios:
+            there = [math.log(v) for v in there if v]
+        low = high = math.nan
+        if len(there) > 1:
+            drawn = np.random.default_rng(0).choice(there, (BOOTSTRAP_SAMPLES, len(there)))
+            low, high = np.quantile(drawn.mean(axis=1), TAILS).tolist()
+        if there:
+            ends = [float(np.mean(there)), low, high]
+            value, low, high = map(math.exp, ends) if title in ratios else ends
+            rows.append(Total(title, value, low, high, len(there)))
+    return rows
 
 
 @dataclass(frozen=True)
@@ -341,5 +303,5 @@ def alarms(manifest: Sequence[FalseAlarm], found: Sequence[Scored]) -> list[Alar
     """Return the false alarms of rigs that were judged."""
     headlines = {s.rig.name: [f.headline for f in s.said] for s in found}
     known = [a for a in manifest if a.rig in headlines]
-    again = [_best(Missing((a.wrong,), (a.place,)), headlines[a.rig]) for a in known]
+    again = [best(Missing((a.wrong,), (a.place,)), headlines[a.rig]) for a in known]
     return [Alarm(a, f.probability if f else None) for a, f in zip(known, again, strict=True)]

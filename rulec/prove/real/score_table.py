@@ -19,7 +19,7 @@ from rulec.mismatch.result import Curves
 from rulec.prove import tables
 from rulec.prove.real.rig_folder import FalseAlarm
 from rulec.prove.real.run_tool import MODELS
-from rulec.prove.real.score import Alarm, Scored, ScoredFinding, Total, alarms, totals
+from rulec.prove.real.score import Alarm, Scored, Total, alarms, totals
 from rulec.prove.tables import Table, sections
 
 SCORES = (".place", ".name", ".class", ".p", ".size", ".false", ".sure", ".utility")
@@ -85,14 +85,15 @@ def page(result: Result, made: Made | None) -> str:
 
 def form(result: Result) -> dict[str, Any]:
     """Return the machine form; what is not a number is null."""
-
-    def stated(total: Total) -> dict[str, Any]:
+    totals = {}
+    for total in result.totals:
         fields = dataclasses.asdict(total).items()
-        return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in fields}
-
+        totals[total.title] = {
+            k: None if isinstance(v, float) and math.isnan(v) else v for k, v in fields
+        }
     return {
         "sealed": result.digest,
-        "totals": {total.title: stated(total) for total in result.totals},
+        "totals": totals,
         "rigs": {s.rig.name: _rig_form(s, result.hidden) for s in result.scored},
         "false_alarms": [
             {**vars(alarm.known), "told_again": alarm.again} for alarm in result.alarms
@@ -100,24 +101,48 @@ def form(result: Result) -> dict[str, Any]:
     }
 
 
+def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str, Any]:
+    fields = (
+        *("verdict", "place", "headline", "named", "probability", "inside", "silent"),
+        *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error"),
+    )
+    found = {name: getattr(s, name) for name in fields}
+    found["predicted"] = {
+        name: {key: value for key, value in errors.items() if key != "course"}
+        for name, errors in s.predicted.items()
+    }
+    found |= {"title": s.rig.title, "sealed": s.rig.seal}
+    for name in ("said", "false", "sure"):
+        found[name] = [
+            {"causes": [vars(cause) for cause in f.causes], "probability": f.probability}
+            for f in getattr(s, name)
+        ]
+    return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
+
+
 def parts(result: Result) -> Iterator[Table]:
     """Yield the tables."""
-    yield Table("", ("rig", "told"), [(s.rig.name, _said(s)) for s in result.scored])
+    told = []
+    for s in result.scored:
+        words = "; ".join(found.text for found in s.said)
+        told.append((s.rig.name, s.error or (f"{s.verdict}: {words}" if words else s.verdict)))
+    yield Table("", ("rig", "told"), told)
     yield Table("Scores", ("rig", *SCORES), [_answer_row(s) for s in result.scored])
     errors = [row for s in result.scored for row in _error_rows(s)]
     yield Table("Errors on unseen rows", ERRORS, errors)
-    of_all = ("", ".mean", ".95 % interval", ".rigs")
-    means = [
-        (t.title, number(t.value, 2), _ends(t.low, t.high), str(t.count)) for t in result.totals
-    ]
-    yield Table("All rigs", of_all, means)
+    means = []
+    for t in result.totals:
+        ends = "–" if math.isnan(t.low) else f"{number(t.low, 2)} to {number(t.high, 2)}"
+        means.append((t.title, number(t.value, 2), ends, str(t.count)))
+    yield Table("All rigs", ("", ".mean", ".95 % interval", ".rigs"), means)
     if result.alarms:
         of_alarms = ("rig", "wrong", ".told again", "story", "right")
-        again = ["no" if a.again is None else percent(a.again) for a in result.alarms]
-        rows = [
-            (a.known.rig, f"{a.known.wrong} at {a.known.place}", told, a.known.story, a.known.right)
-            for a, told in zip(result.alarms, again, strict=True)
-        ]
+        rows = []
+        for alarm in result.alarms:
+            known, again = alarm.known, "no" if alarm.again is None else percent(alarm.again)
+            rows.append(
+                (known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right)
+            )
         yield Table("False alarms", of_alarms, rows)
     if result.hidden is not None:
         same = [(name, "; ".join(diff) or "the same") for name, diff in result.hidden.items()]
@@ -126,9 +151,8 @@ def parts(result: Result) -> Iterator[Table]:
 
 def _answer_row(s: Scored) -> list[str]:
     inside = f"{s.inside[0]}/{s.inside[1]}" if s.inside[1] else "–"
-    scores = [
-        "–" if v is None else percent(v) for v in (s.place, s.headline, s.named, s.probability)
-    ]
+    shares = (s.place, s.headline, s.named, s.probability)
+    scores = ["–" if v is None else percent(v) for v in shares]
     if s.silent is not None:
         scores = ["–", "silent" if s.silent else "no", "–", "–"]
     false = [str(len(found)) if s.rig.truth else "–" for found in (s.false, s.sure)]
@@ -136,51 +160,18 @@ def _answer_row(s: Scored) -> list[str]:
     return [s.rig.name, *scores, inside, *false, utility]
 
 
-def _said(s: Scored) -> str:
-    if s.error:
-        return s.error
-    words = "; ".join(found.text for found in s.said)
-    return f"{s.verdict}: {words}" if words else s.verdict
-
-
 def _error_rows(s: Scored) -> Iterator[list[str]]:
     """One row per reading, first the one that counts."""
+
+    def text(value: float | None) -> str:
+        return "–" if value is None else number(value, 3)
+
     for name in sorted(s.predicted, key=lambda n: n != s.signal):
-        errors, counts = s.predicted[name], name == s.signal
-        cells = [_number(errors[model]) for model in MODELS]
+        errors = s.predicted[name]
+        cells = [text(errors[model]) for model in MODELS]
         cells[-1] += " *" if s.refused or s.error else ""
-        cells += [_number(s.noise.get(name)), _number(s.grey_box) if counts else "–"]
+        cells += [text(s.noise.get(name)), text(s.grey_box if name == s.signal else None)]
         yield [s.rig.name, f"{name} [{errors['unit']}]", *cells]
-
-
-def _ends(low: float, high: float) -> str:
-    return "–" if math.isnan(low) else f"{number(low, 2)} to {number(high, 2)}"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else number(value, 3)
-
-
-def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str, Any]:
-    found = {
-        name: getattr(s, name)
-        for name in (
-            *("verdict", "place", "headline", "named", "probability", "inside", "silent"),
-            *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error"),
-        )
-    }
-    found["predicted"] = {
-        name: {key: value for key, value in errors.items() if key != "course"}
-        for name, errors in s.predicted.items()
-    }
-    found |= {"title": s.rig.title, "sealed": s.rig.seal}
-    found |= {name: [_told_form(t) for t in getattr(s, name)] for name in ("said", "false", "sure")}
-    return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
-
-
-def _told_form(found: ScoredFinding) -> dict[str, Any]:
-    causes = [{"name": cause.name, "places": cause.places} for cause in found.causes]
-    return {"causes": causes, "probability": found.probability}
 
 
 def draw(scored: Scored) -> Figure | None:
@@ -191,15 +182,14 @@ def draw(scored: Scored) -> Figure | None:
     order = np.argsort(found["course"]["time"], kind="stable")
     course = {name: np.array(values)[order] for name, values in found["course"].items()}
     course["repaired"] = course.pop("adopted")
-    every = np.ones(len(course["time"]), dtype=bool)
+    every = np.ones(len(order), dtype=bool)
     curves = Curves(**course, inside=every, heldout=~every, drivers={})
-    figure = over_time(
-        ReadingCourses(signal=scored.signal, unit=found["unit"], curves=curves, located=~every),
-        None,
+    reading = ReadingCourses(
+        signal=scored.signal, unit=found["unit"], curves=curves, located=~every
     )
     errors = ", ".join(f"{number(found[model], 3)} {model}" for model in MODELS)
     return dataclasses.replace(
-        figure,
+        over_time(reading, None),
         name=f"rig-{scored.rig.name}",
         title=f"{scored.rig.name}: {scored.rig.title}",
         caption=f"Root mean square error in {found['unit']} on unseen rows: {errors}.",

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.real.rig_folder import PLANT, Rig
-from rulec.prove.real.run_tool import ASKED, FOLDERS, NOTHING, Commands, _off
+from rulec.prove.real.run_tool import ASKED, FOLDERS, NOTHING, Commands, off_of
 from rulec.prove.real.score import Scored, scored
 from tests.rig.peers import limits
 from tests.rig.peers.sparse import Array, Course, rms
@@ -77,8 +77,8 @@ def case_of(rig: Rig, folder: Path, work: Path) -> Case | None:
     files = next(folder.glob("train-1.csv*")), next(folder.glob("test.csv*"))
     train, test = (read_recording(file, rules) for file in files)
     simulated = _simulated(there[base], files[0], work)
-    seen = _off(rules, simulated, train)
-    off = {m: _off(rules, folder / f"{m}.csv", test)[ours.signal] for m in there}
+    seen = off_of(rules, simulated, train)
+    off = {m: off_of(rules, folder / f"{m}.csv", test)[ours.signal] for m in there}
     off.setdefault("recalibrated", off["shipped"])
     off.setdefault("adopted", off["recalibrated"])
     predicted = read_recording(simulated, rules), read_recording(folder / f"{base}.csv", rules)

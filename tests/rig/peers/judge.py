@@ -6,7 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec.prove.real.score import SILENT, Cause, ScoredFinding, _at, _false, _mean, _name_right
+from rulec.prove.real.score import (
+    SILENT,
+    Cause,
+    ScoredFinding,
+    false_of,
+    is_at,
+    mean,
+    name_right,
+)
 from tests.rig.peers import learnt
 from tests.rig.peers.case import Case
 from tests.rig.peers.catalogue import chosen
@@ -84,7 +92,7 @@ def _where(case: Case) -> Where | None:
     open_, every = found
     truth = case.scored.rig.truth
     missing = truth.missing if truth else ()
-    return Where(_mean(float(_at(m, open_)) for m in missing), len(open_), every)
+    return Where(mean(float(is_at(m, open_)) for m in missing), len(open_), every)
 
 
 def _by_terms(case: Case) -> dict[str, tuple[Array, list[tuple[Cause, ...]]]]:
@@ -120,8 +128,8 @@ def _named(case: Case, causes: Iterable[tuple[Cause, ...]]) -> Named:
     said = [ScoredFinding(own, 1.0, {}) for own in {own[0]: own for own in causes}.values()]
     places = [p for t in said for c in t.causes for p in c.places]
     return Named(
-        _mean(float(_at(m, places)) for m in truth.missing),
-        _mean(_name_right(m, said, "" if said else SILENT) for m in truth.missing),
-        len(_false(truth, said)),
+        mean(float(is_at(m, places)) for m in truth.missing),
+        mean(name_right(m, said, "" if said else SILENT) for m in truth.missing),
+        len(false_of(truth, said)),
         tuple(t.text for t in said),
     )
