@@ -116,7 +116,7 @@ class Campaign:
             return kept
         todo = [(c, folder_of(self.folder, i)) for i, c in enumerate(self.partition.cases())]
         made = self.workers.each("sealing", _seal, todo)
-        _write_seals(self.folder, [*_head(whose), *made])
+        write_text(self.folder / SEALS, "\n".join([*_head(whose), *made, ""]))
         return made
 
     def kept(self, seals: Sequence[str]) -> list[tuple[Planned, Path, str]]:
@@ -145,7 +145,7 @@ def owned(work: Path, whose: str) -> list[str]:
     file = work / SEALS
     kept = file.read_text("utf-8", "replace").splitlines() if file.exists() else []
     if not kept:
-        _write_seals(work, head)
+        write_text(file, "\n".join([*head, ""]))
     elif kept[0] != whose:
         raise Changed(f"--keep: {work} holds another run; name another folder")
     elif kept[: len(head)] != head:
@@ -156,10 +156,6 @@ def owned(work: Path, whose: str) -> list[str]:
 
 def _head(whose: str) -> list[str]:
     return [whose, f"tool {tool_digest()}"]
-
-
-def _write_seals(work: Path, lines: Sequence[str]) -> None:
-    write_text(work / SEALS, "\n".join(lines) + "\n")
 
 
 def digest_of(seals: Sequence[str]) -> str:

@@ -14,10 +14,19 @@ Form = Mapping[str, Any]
 
 def judge(answer: Answer, form: Form) -> Judged:
     """Score the reported effects."""
-    effects = list(form.get("effects", ()))
-    verdict = form.get("verdict", "failed")
-    named = [p for p in answer.effects if p.names]
-    asked = bool(named) and answer.verdict != "unnamed"
+    effects, verdict = list(form.get("effects", ())), form.get("verdict", "failed")
+    named, unnamed = [p for p in answer.effects if p.names], answer.verdict == "unnamed"
+    place = place_right(answer.effects, form) if answer.effects else None
+    # A free curve is no name.
+    names = [e for e in effects if e.get("sort") != "free" and e["probability"] is not None]
+    inside = [
+        interval[0] <= value <= interval[1]
+        for p in named
+        for e in effects
+        if is_named(p, e)
+        for name, value in p.parameters.get(e["effect"], {}).items()
+        if (interval := interval_of(e, name)) is not None
+    ]
     return Judged(
         case=answer.case,
         verdict_true=answer.verdict,
@@ -26,56 +35,41 @@ def judge(answer: Answer, form: Form) -> Judged:
         places=tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
         said=tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
         gain=sum(p.gain for p in answer.effects),
-        place_right=place_right(answer.effects, form) if answer.effects else None,
-        name_right=name_right(named, effects) if asked else None,
+        place_right=place,
+        name_right=name_right(named, effects) if named and not unnamed else None,
         clean_right=None if answer.effects else float(verdict == "none"),
-        unnamed_right=(
-            float(verdict == "unnamed" and place_right(answer.effects, form) > 0)
-            if answer.verdict == "unnamed"
-            else None
-        ),
+        unnamed_right=float(verdict == "unnamed" and (place or 0.0) > 0) if unnamed else None,
         told_right=_is_sort_right(answer, verdict),
-        inside=_inside(named, effects),
-        claims=_claims(named, effects),
+        inside=(sum(inside), len(inside)),
+        claims=tuple(
+            Claim(float(e["probability"]), any(is_named(p, e) for p in named)) for e in names
+        ),
         seconds=float(form.get("seconds", float("nan"))),
         error=str(form.get("error", "")),
     )
 
 
-def _candidates(effect: Form) -> list[tuple[str, str]]:
-    """Names and ids that a finding leaves open, its own first."""
-    names = [(str(effect["effect"]), str(effect["id"]))]
-    if (effect["probability"] or 0.0) < CERTAIN:
-        others = (a for a in effect["alternatives"] if a["probability"] >= MENTIONED)
-        names += [(str(a["effect"]), str(a["id"])) for a in others]
-    return names
-
-
 def _share_right(planted: Planted, effect: Form) -> float:
-    """Share of the candidates that are right, in the right module or at an equivalent place.
+    """Share of the names that a finding leaves open, its own first, that are right: in the right
+    module or at an equivalent place.
 
     It is 1/n of n candidates, and more if the key has several names for the effect in this plant.
     """
-    candidates, right = _candidates(effect), 0
-    for name, id_ in candidates:
-        modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
+    candidates, right = [effect], 0
+    if (effect["probability"] or 0.0) < CERTAIN:
+        candidates += [a for a in effect["alternatives"] if a["probability"] >= MENTIONED]
+    for one in candidates:
+        modules = {one["id"].partition(".")[0]}
+        modules |= set(effect["modules"]) if one["id"] == effect["id"] else set()
         at = {f"{m}.{effect['place']}" for m in modules}
         here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))
-        right += name in planted.names and here
+        right += one["effect"] in planted.names and here
     return right / len(candidates)
 
 
 def is_named(planted: Planted, effect: Form) -> bool:
     """Return whether the name of a finding is right, whatever else it leaves open."""
     return _share_right(planted, {**effect, "alternatives": (), "probability": 1.0}) == 1.0
-
-
-def _claims(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[Claim, ...]:
-    """Every reported name with its probability; a free curve is no name."""
-    names = [e for e in effects if e.get("sort") != "free" and e["probability"] is not None]
-    return tuple(
-        Claim(float(e["probability"]), any(is_named(p, e) for p in planted)) for e in names
-    )
 
 
 def _credit(planted: Planted, effects: Sequence[Form]) -> float:
@@ -88,23 +82,19 @@ def name_right(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
     return float(credit / max(len(planted), len(effects)))
 
 
-def _reported_places(form: Form) -> set[str]:
-    effects, locations = form.get("effects", ()), form.get("locations", ())
-    hidden = form.get("hidden_driver")
-    parts = [*effects, *locations, *([hidden] if hidden else [])]
-    found = {f"{e['module']}.{e['place']}" for e in parts}
-    if not effects:
-        # A term without a name that may be at several places is reported at the first of them.
-        found |= {place for e in locations for place in e.get("also", ())}
-    return found | {f"{m}.{e['place']}" for e in effects for m in e["modules"]}
-
-
 def place_right(planted: Sequence[Planted], form: Form) -> float:
     """Return the share of effects with the right place.
 
     A correctly named effect has its place; one of several candidates counts as much as its name.
     """
-    reported, effects = _reported_places(form), form.get("effects", ())
+    effects, locations = form.get("effects", ()), form.get("locations", ())
+    hidden = form.get("hidden_driver")
+    parts = [*effects, *locations, *([hidden] if hidden else [])]
+    reported = {f"{e['module']}.{e['place']}" for e in parts}
+    reported |= {f"{m}.{e['place']}" for e in effects for m in e["modules"]}
+    if not effects:
+        # A term without a name that may be at several places is reported at the first of them.
+        reported |= {place for e in locations for place in e.get("also", ())}
     right = [
         1.0 if reported & set(p.places) else _credit(p, effects) if p.names else 0.0
         for p in planted
@@ -120,20 +110,6 @@ def _is_sort_right(answer: Answer, verdict: str) -> bool | None:
     if sorts == {"physics"} and answer.verdict != "unnamed":
         return verdict == "named"
     return verdict in ("fault", "sensor") if "physics" not in sorts else None
-
-
-def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, int]:
-    """Number of intervals that contain the truth, and of all, of correctly named effects."""
-    hits = count = 0
-    for p in planted:
-        for effect in effects:
-            if not is_named(p, effect):
-                continue
-            for name, value in p.parameters.get(effect["effect"], {}).items():
-                if (interval := interval_of(effect, name)) is not None:
-                    count += 1
-                    hits += interval[0] <= value <= interval[1]
-    return hits, count
 
 
 def interval_of(effect: Form, name: str, degree: bool = True) -> tuple[float, float, str] | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeVar
 
-from rulec_runtime.report.text import percent
+from rulec_runtime.report.text import fixed, percent
 
 from rulec.prove import limits
 from rulec.prove.results import Judged
@@ -26,33 +26,46 @@ class Goal:
 
 @dataclass(frozen=True)
 class Row:
-    """One score.
-
-    Attributes
-    ----------
-    count, hits : number of cases (or intervals), and of right ones
-    share : the score; `low` and `high` its 95 % interval; NaN without cases
-    met : None without cases
-    sure : whether the whole interval is on the same side of the goal
-    """
+    """One score: the number of cases (or intervals), and of right ones, which may be a fraction."""
 
     score: str
     goal: Goal
     count: int
     hits: float
-    share: float
-    low: float
-    high: float
+
+    @property
+    def share(self) -> float:
+        """The score; NaN without cases."""
+        return self.hits / self.count if self.count else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its 95 % interval; NaN without cases."""
+        return wilson(self.hits, self.count)
+
+    @property
+    def text(self) -> str:
+        """The score in percent; a dash without cases."""
+        return f"{fixed(100 * self.share, 1)} %" if self.count else "–"
+
+    @property
+    def interval_text(self) -> str:
+        """The interval in percent; empty without cases."""
+        low, high = self.interval
+        return f"{fixed(100 * low, 1)} to {fixed(100 * high, 1)} %" if self.count else ""
 
     @property
     def met(self) -> bool | None:
+        """Whether it reaches the goal; None without cases."""
         return self.goal.holds(self.share) if self.count else None
 
     @property
     def sure(self) -> bool:
+        """Whether the whole interval is on the same side of the goal."""
+        low, high = self.interval
         if self.met:
-            return self.goal.holds(self.low) and self.goal.holds(self.high)
-        return self.high < self.goal.low or self.low > self.goal.high
+            return self.goal.holds(low) and self.goal.holds(high)
+        return high < self.goal.low or low > self.goal.high
 
     @property
     def words(self) -> str:
@@ -60,16 +73,6 @@ class Row:
         if self.met is None:
             return "no case"
         return ("met" if self.met else "missed") + ("" if self.sure else ", not surely")
-
-
-NAN = float("nan")
-
-
-def goal_of(name: str) -> Goal:
-    """Return the goal of a score; its text has the ends that can be missed."""
-    low, high = limits.GOALS[name]
-    ends = (f"{100 * end:.0f}" for end in (low, high) if end not in (0.0, 1.0))
-    return Goal(low, high, f"{'–'.join(ends)} %")
 
 
 SHARES = {
@@ -81,20 +84,28 @@ SHARES = {
 }
 """Titles of scores that are shares of cases, by attribute."""
 
-COVERAGE = "truth inside the 95 % interval"
-FALSE_NAMES = "false names among all told as certain"
+TITLES = {
+    **SHARES,
+    "inside": "truth inside the 95 % interval",
+    "false": "false names among all told as certain",
+}
+"""Titles of all scores by the names of their goals."""
 
 
 def table(judged: Sequence[Judged]) -> list[Row]:
     """Return all scores in the order of their goals; failed cases count as they were judged."""
-    columns = ((title, name, values_of(judged, name)) for name, title in SHARES.items())
-    inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
-    certain = [c.right for j in judged for c in j.claims if c.probability >= limits.CERTAIN]
-    return [
-        *(of_hits(t, goal_of(name), len(values), sum(values)) for t, name, values in columns),
-        of_hits(COVERAGE, goal_of("inside"), intervals, inside),
-        of_hits(FALSE_NAMES, goal_of("false"), len(certain), certain.count(False)),
-    ]
+    claims = [claim for j in judged for claim in j.claims]
+    values: dict[str, list[float | None]] = {n: [getattr(j, n) for j in judged] for n in SHARES}
+    values["inside"] = [float(k < j.inside[0]) for j in judged for k in range(j.inside[1])]
+    values["false"] = [float(not c.right) for c in claims if c.probability >= limits.CERTAIN]
+    rows = []
+    for name, title in TITLES.items():
+        low, high = limits.GOALS[name]
+        # The text has the ends that can be missed.
+        ends = (f"{100 * end:.0f}" for end in (low, high) if end not in (0.0, 1.0))
+        own = [float(v) for v in values[name] if v is not None and math.isfinite(v)]
+        rows.append(Row(title, Goal(low, high, f"{'–'.join(ends)} %"), len(own), sum(own)))
+    return rows
 
 
 def scores_form(judged: Sequence[Judged]) -> dict[str, dict[str, float | None]]:
@@ -105,14 +116,8 @@ def scores_form(judged: Sequence[Judged]) -> dict[str, dict[str, float | None]]:
             "count": int(row.hits) if float(row.hits).is_integer() else row.hits,
             "of": row.count,
         }
-        for name, row in zip(limits.GOALS, table(judged), strict=True)
+        for name, row in zip(TITLES, table(judged), strict=True)
     }
-
-
-def values_of(judged: Sequence[Judged], name: str) -> list[float]:
-    """Return the values of an attribute, of the cases that have one."""
-    values = (getattr(j, name) for j in judged)
-    return [float(v) for v in values if v is not None and math.isfinite(v)]
 
 
 def wilson(hits: float, count: int) -> tuple[float, float]:
@@ -121,22 +126,12 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
     Source: Wilson 1927; hits may be fractions, as an ambiguity set counts 1/size.
     """
     if not count:
-        return NAN, NAN
-    p, z2 = hits / count, limits.NORMAL_QUANTILE**2 / count
+        return math.nan, math.nan
+    p, z = hits / count, limits.NORMAL_QUANTILE
+    z2 = z**2 / count
     middle = (p + z2 / 2) / (1 + z2)
-    half = (
-        limits.NORMAL_QUANTILE
-        * math.sqrt(max(p * (1 - p), 0.0) / count + z2 / (4 * count))
-        / (1 + z2)
-    )
+    half = z * math.sqrt(max(p * (1 - p), 0.0) / count + z2 / (4 * count)) / (1 + z2)
     return max(middle - half, 0.0), min(middle + half, 1.0)
-
-
-def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
-    """Return a share of cases with its interval."""
-    low, high = wilson(hits, count)
-    share = hits / count if count else NAN
-    return Row(title, goal, count, hits, share, low, high)
 
 
 B = TypeVar("B")
@@ -159,11 +154,11 @@ def reliability(judged: Sequence[Judged]) -> list[Row]:
     for low, high, own in by_probability(claims, lambda claim: claim.probability):
         said = sum(c.probability for c in own) / len(own)
         title, goal = f"{percent(low)} to {percent(high)}", Goal(said, said, percent(said))
-        found.append(of_hits(title, goal, len(own), sum(c.right for c in own)))
+        found.append(Row(title, goal, len(own), sum(c.right for c in own)))
     return found
 
 
 def trust(row: Row) -> str:
     """Return whether the interval of a share of right names contains the mean probability."""
-    said = row.goal.low
-    return "as said" if row.low <= said <= row.high else "too sure" if row.high < said else "shy"
+    said, (low, high) = row.goal.low, row.interval
+    return "as said" if low <= said <= high else "too sure" if high < said else "shy"

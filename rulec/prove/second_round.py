@@ -67,34 +67,31 @@ def run_again(
 
 
 def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> list[Held]:
-    """Return the set points of each step, in the units of the sensors, and its samples."""
-    samples = samples_of(recipe, case.scene.pace)
+    """Return the set points of each step, in the units of the sensors, and its samples.
+
+    Those of a baseline are drawn between the displayed limits of the inputs, or else within their
+    range in the first recording.
+    """
+    scene, limits = case.scene, case.may_be_set
     points = [{n: float(i["value"]) for n, i in s["inputs"].items()} for s in recipe["steps"]]
     if arm != RECIPE:
-        ranges = _ranges(case, sorted({name for point in points for name in point}))
+        ranges = {}
+        for name in sorted({name for point in points for name in point}):
+            if not limits or name in limits:
+                values = scene.given[name][scene.first :]
+                ends = limits.get(name, (values.min(), values.max()))
+                ranges[name] = [displayed(case, name, float(end)) for end in ends]
         shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
         low, high = np.array(list(ranges.values())).reshape(-1, 2).T
         drawn = (low + shares * (high - low)).tolist()
         points = [{**points[-1], **dict(zip(ranges, row, strict=True))} for row in drawn]
-    return list(zip(points, samples, strict=True))
+    return list(zip(points, samples_of(recipe, scene.pace), strict=True))
 
 
 def samples_of(recipe: Mapping[str, Any], pace: float) -> list[int]:
     """Return the samples of each step, at least one; `pace` is the sampling interval in s."""
     ends = [0.0, *(float(step["until"]) for step in recipe["steps"])]
     return [max(round(b / pace) - round(a / pace), 1) for a, b in pairwise(ends)]
-
-
-def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Displayed limits of the inputs, or else their range in the first recording."""
-    found = {}
-    for name in names:
-        values = case.scene.given[name][case.scene.first :]
-        ends = case.may_be_set.get(name, (values.min(), values.max()))
-        if not case.may_be_set or name in case.may_be_set:
-            low, high = (displayed(case, name, float(end)) for end in ends)
-            found[name] = low, high
-    return found
 
 
 BEGAN = datetime(2026, 1, 5, 6)

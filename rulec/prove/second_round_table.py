@@ -13,7 +13,7 @@ from rulec_runtime.report.text import counted, percent
 from rulec.prove.judge import is_named, judge
 from rulec.prove.results import ARMS, COVERED, RECIPE, RUN, Further, Judged
 from rulec.prove.scores import by_probability, table
-from rulec.prove.tables import Table, value_of
+from rulec.prove.tables import Table
 from rulec.prove.truth.sealed import Answer, Planted
 
 Form = Mapping[str, Any]
@@ -64,8 +64,7 @@ def further_of(
 def sure_of(answer: Answer, form: Form, known: Mapping[str, str]) -> float:
     """Return the probability of the true explanation in an answer; 0 if it is not reported."""
     sets = form.get("standing", ())
-    right = (s["probability"] for s in sets if right_set(answer, s["names"], known))
-    return float(sum(right))
+    return float(sum(s["probability"] for s in sets if right_set(answer, s["names"], known)))
 
 
 def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) -> bool:
@@ -79,21 +78,18 @@ def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) ->
         parts = [name.partition(":")[2].partition(NAMELESS) for name in names]
         places = {place for p in answer.effects for place in p.places}
         return bool(names) and all(mark and place in places for place, mark, _ in parts)
+
+    def is_right(planted: Planted, name: str) -> bool:
+        id_ = name.rstrip(PERIODS)
+        module, _, rest = id_.partition(".")
+        entry, _, place = rest.partition("@")
+        found = {"effect": known.get(id_, entry), "id": id_, "modules": (module,), "place": place}
+        return NAMELESS not in name and is_named(planted, found)
+
     planted = [p for p in answer.effects if p.names]
-    if len(names) != len(planted):
-        return False
-    found = [[_is(p, name, known) for name in names] for p in planted]
-    return all(map(any, found)) and all(map(any, zip(*found, strict=True)))
-
-
-def _is(planted: Planted, name: str, known: Mapping[str, str]) -> bool:
-    if NAMELESS in name:
-        return False
-    id_ = name.rstrip(PERIODS)
-    module, _, rest = id_.partition(".")
-    entry, _, place = rest.partition("@")
-    effect = known.get(id_, entry)
-    return is_named(planted, {"effect": effect, "id": id_, "modules": (module,), "place": place})
+    right = [[is_right(p, name) for name in names] for p in planted]
+    each = all(map(any, right)) and all(map(any, zip(*right, strict=True)))
+    return len(names) == len(planted) and each
 
 
 FALSE_NAMES = 6
@@ -121,41 +117,21 @@ def gained(further: Sequence[Further]) -> Iterator[tuple[str, ...]]:
 
 def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> Iterator[Table]:
     """Yield the outcomes, the scores before and after, and the predicted certainty."""
-    outcomes, reasons = (
-        Counter(f.outcome for f in further),
-        Counter(f.why for f in further if f.why),
-    )
+    outcomes = Counter(f.outcome for f in further)
+    reasons = Counter(f.why for f in further if f.why)
     found = [(str(outcomes[name]), words) for name, words in OUTCOMES.items() if outcomes[name]]
     found += [(str(count), why) for why, count in reasons.items()]
-    yield Table(headline(further), (".", ""), found)
-    if not (ran := [f for f in further if f.outcome in (RUN, COVERED)]):
-        return
-    arms = "; ".join(f"{a}: {words}" for a, words in ARMS.items() if any(a in f.after for f in ran))
-    yield replace(_scores("Of all cases", judged, further), note=arms)
-    title = "How sure of the true explanation: predicted and realised"
-    yield Table(title, (".predicted", ".recipes", ".mean", ".realised"), list(gained(further)))
-
-
-def headline(further: Sequence[Further]) -> str:
-    """Return in a sentence how certain answers are of the truth before and after the round."""
     ran = [f for f in further if f.outcome in (RUN, COVERED)]
     if not ran:
-        return f"Round two: none of {counted(len(further), 'case')} was run again."
+        title = f"Round two: none of {counted(len(further), 'case')} was run again."
+        yield Table(title, (".", ""), found)
+        return
     before, after = fmean(f.sure_before for f in ran), fmean(f.sure[RECIPE] for f in ran)
-    return (
+    title = (
         f"Round two: {len(ran)} of {counted(len(further), 'case')} were run again. There the true "
         f"one was {percent(before)} sure on average, and is {percent(after)} sure now."
     )
-
-
-def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:
-    """Return the answers with a second recording; the first answer if there is none."""
-    changed: Mapping[str, Judged] = {f.case: f.after[arm] for f in further if arm in f.after}
-    return [changed.get(j.case, j) for j in judged]
-
-
-def _scores(title: str, judged: Sequence[Judged], further: Sequence[Further]) -> Table:
-    """Scores of the first answers, and with a second recording of each kind."""
+    yield Table(title, (".", ""), found)
     arms = [arm for arm in ARMS if any(arm in f.after for f in further)]
     columns = [table(judged), *(table(after_of(judged, further, arm)) for arm in arms)]
     rows = []
@@ -164,8 +140,18 @@ def _scores(title: str, judged: Sequence[Judged], further: Sequence[Further]) ->
         if place == FALSE_NAMES:
             rows.append((score, *(f"{row.hits:g} of {row.count}" for row in own)))
         else:
-            rows.append((f"{score} ({own[0].count})", *map(value_of, own)))
-    sure = [fmean(f.sure.get(arm, f.sure_before) for f in further) for arm in arms]
-    before = fmean(f.sure_before for f in further)
-    rows.append(("sure of the truth", *map(percent, (before, *sure))))
-    return Table(title, ("score", ".first", *(f".{arm}" for arm in arms)), rows)
+            rows.append((f"{score} ({own[0].count})", *(row.text for row in own)))
+    sure = [[f.sure_before for f in further]]
+    sure += [[f.sure.get(arm, f.sure_before) for f in further] for arm in arms]
+    rows.append(("sure of the truth", *(percent(fmean(own)) for own in sure)))
+    headings = ("score", ".first", *(f".{arm}" for arm in arms))
+    note = "; ".join(f"{arm}: {ARMS[arm]}" for arm in arms if any(arm in f.after for f in ran))
+    yield Table("Of all cases", headings, rows, note)
+    title = "How sure of the true explanation: predicted and realised"
+    yield Table(title, (".predicted", ".recipes", ".mean", ".realised"), list(gained(further)))
+
+
+def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:
+    """Return the answers with a second recording; the first answer if there is none."""
+    changed: Mapping[str, Judged] = {f.case: f.after[arm] for f in further if arm in f.after}
+    return [changed.get(j.case, j) for j in judged]

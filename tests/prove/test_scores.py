@@ -8,10 +8,9 @@ import pytest
 from rulec_runtime.output.terminal import Terminal
 from scipy.stats import binomtest
 
-from rulec.prove.page import headline, page, show
+from rulec.prove.page import headline, page, show, worst
 from rulec.prove.results import Claim, Judged, Run
 from rulec.prove.scores import reliability, table, trust, wilson
-from rulec.prove.tables import worst
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
 
