@@ -27,17 +27,12 @@ def expected_gain(d: Array, sensitivities: Array, flat: Array) -> float:
     sensitivities : G, change over noise per prior standard deviation, shape (n, k), 1
     flat : F, directions that may have any size, shape (n, m), 1; m may be 0
     """
-    basis = _span(flat)
+    sizes = np.linalg.norm(flat, axis=0)
+    some, basis = flat[:, sizes > 0.0] / sizes[sizes > 0.0], np.zeros((len(d), 0))
+    if some.shape[1]:
+        # An orthonormal basis of their span
+        basis, values, _ = np.linalg.svd(some, full_matrices=False)
+        basis = basis[:, values > NEGLIGIBLE * values[0]]
     free, left = (part - basis @ (basis.T @ part) for part in (sensitivities, d))
     inner, hidden = np.eye(free.shape[1]) + free.T @ free, free.T @ left
     return max(0.5 * float(left @ left - hidden @ np.linalg.solve(inner, hidden)), 0.0)
-
-
-def _span(directions: Array) -> Array:
-    """Orthonormal basis of the span of normalised columns, shape (n, rank)."""
-    sizes = np.linalg.norm(directions, axis=0)
-    some = directions[:, sizes > 0.0] / sizes[sizes > 0.0]
-    if not some.shape[1]:
-        return np.zeros((directions.shape[0], 0))
-    basis, values, _ = np.linalg.svd(some, full_matrices=False)
-    return np.asarray(basis[:, values > NEGLIGIBLE * values[0]])

@@ -72,7 +72,8 @@ class Answer:
         fields = dataclasses.asdict(self)
         if not self.difficulties:
             del fields["difficulties"]
-        return json.dumps(plain_form(fields, _rounded), indent=1, ensure_ascii=False) + "\n"
+        rounded = plain_form(fields, lambda value: float(f"{value:.6g}"))
+        return json.dumps(rounded, indent=1, ensure_ascii=False) + "\n"
 
     @property
     def digest(self) -> str:
@@ -106,10 +107,6 @@ def verdict_of(sorts: list[str]) -> str:
         if set(sorts) == {only}:
             return only
     return "named" if "physics" in sorts else "fault"
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
 
 
 def plain_form(value: object, number: Callable[[float], float]) -> object:

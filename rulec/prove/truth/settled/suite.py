@@ -64,21 +64,18 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
 
 
 def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
-    """Pairs of effects, of which the second may be a fault or a sensor error."""
+    """Pairs of effects that one plant can have; the second may be a fault or a sensor error."""
     physics = [e.name for e in EFFECTS.values() if e.sort == "physics"]
     others = [e.name for e in EFFECTS.values() if e.sort in ("physics", "fault", "sensor")]
     found: list[tuple[str, ...]] = []
     while len(found) < 20:
-        first, second = str(random.choice(physics)), str(random.choice(others))
-        if first != second and _meet(EFFECTS[first], EFFECTS[second]):
-            found.append((first, second))
+        names = str(random.choice(physics)), str(random.choice(others))
+        pair = [EFFECTS[name] for name in names]
+        alone = {e.kinds[0] for e in pair if e.kinds in ALONE}
+        meet = len(alone) < 2 and all(_on(e, kind) for e in pair for kind in alone)
+        if names[0] != names[1] and meet:
+            found.append(names)
     return found
-
-
-def _meet(one: Effect, other: Effect) -> bool:
-    """Whether one plant can have both."""
-    alone = {e.kinds[0] for e in (one, other) if e.kinds in ALONE}
-    return len(alone) < 2 and all(_on(e, kind) for e in (one, other) for kind in alone)
 
 
 def _on(effect: Effect, kind: str) -> bool:

@@ -1,7 +1,7 @@
 """The limit of detection of each planted effect. Difficulties of hard cases count as known."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from ..detection_limit import expected_gain
 from ..units import Array
 from .build import CARD_ZERO, LITRE_PER_HOUR, METER_SLOPE, Setup
 from .effect_size import Planted, Readings, change_of, run
-from .plant import LEVEL_ZERO, SENSOR, Numbers, Plant
+from .plant import LEVEL_ZERO, SENSOR, Numbers
 from .sensing import shown
 
 MOVED: Mapping[str, Mapping[str, float]] = {
@@ -35,33 +35,28 @@ def gains(setup: Setup, planted: Sequence[Planted]) -> list[float]:
     """
     if not planted:
         return []
-    plain = shown(setup.plant, setup.course)
-    moved = (shown(plant, run(setup, plant)) for plant in _moved(setup.plant))
-    slopes = [_over_noise(setup, change_of(readings, plain)) / STEP for readings in moved]
-    alone = [_over_noise(setup, one.change) for one in planted]
+    plant, layout = setup.plant, setup.layout
+    plain = shown(plant, setup.course)
+
+    def over_noise(change: Readings) -> Array:
+        return np.concatenate([change[tank] / noise_of(s) for tank, s in plant.sensors.items()])
+
+    # Each parameter that the model may fit, higher by STEP of its uncertainty
+    kinds = {layout.feed: "meter" if layout.metered else "pump"}
+    kinds |= dict.fromkeys(layout.tanks, "tank")
+    kinds |= {f"{tank}{SENSOR}": "sensor" for tank in layout.measured}
+    slopes = []
+    for part, kind in kinds.items():
+        for name, u in MOVED[kind].items():
+            moved = plant.with_(part, **{name: plant.parts[part][name] + STEP * u})
+            readings = shown(moved, run(setup, moved))
+            slopes.append(over_noise(change_of(readings, plain)) / STEP)
+    alone = [over_noise(one.change) for one in planted]
     found = []
     for i, own in enumerate(alone):
         others = np.array([*alone[:i], *alone[i + 1 :]]).reshape(-1, own.size).T
         found.append(expected_gain(own, np.column_stack(slopes), others))
     return found
-
-
-def _moved(plant: Plant) -> Iterator[Plant]:
-    """The plant with each parameter that its model may fit higher by STEP of its uncertainty."""
-    layout = plant.layout
-    kinds = {
-        layout.feed: "meter" if layout.metered else "pump",
-        **dict.fromkeys(layout.tanks, "tank"),
-    }
-    kinds |= {f"{tank}{SENSOR}": "sensor" for tank in layout.measured}
-    for part, kind in kinds.items():
-        for name, u in MOVED[kind].items():
-            yield plant.with_(part, **{name: plant.parts[part][name] + STEP * u})
-
-
-def _over_noise(setup: Setup, change: Readings) -> Array:
-    """Changes of all readings over their noise, sensor by sensor, shape (n,), 1."""
-    return np.concatenate([change[tank] / noise_of(s) for tank, s in setup.plant.sensors.items()])
 
 
 def noise_of(sensor: Numbers) -> float:

@@ -45,24 +45,28 @@ def cases(
     """
     for group, many in count.items():
         for number in range(many):
-            yield _planned(seed, group, number, samples, own)
-
-
-def _planned(seed: int, group: str, number: int, samples: int, share: float) -> Planned:
-    random = stream(seed, f"dynamic {group} {number}")
-    own = int(random.integers(2**31))
-    shipped = group == "hiding" or random.uniform() < share
-    layout = CASCADED if shipped else row(own)
-    strength = None
-    hard = difficulties("tanks", group)
-    if group not in ("clean", "pair", "hiding") and not group.endswith("-clean"):
-        strength = WEAKEST * (STRONGEST / WEAKEST) ** float(random.uniform())
-    settled = random.uniform() < SETTLED and group != "corner"  # a plateau is no corner
-    profile = FEW if "form" in hard else "plateaus" if settled else ""
-    effects = _chosen(group, number, layout, random)
-    rarely = RARELY if group == "corner" else math.inf
-    name = "-".join(["dynamic", group, str(number), *effects])
-    return Planned(name, group, own, layout, effects, samples, strength, profile, rarely, hard)
+            random = stream(seed, f"dynamic {group} {number}")
+            plant_seed = int(random.integers(2**31))
+            shipped = group == "hiding" or random.uniform() < own
+            layout = CASCADED if shipped else row(plant_seed)
+            strength, hard = None, difficulties("tanks", group)
+            if group not in ("clean", "pair", "hiding") and not group.endswith("-clean"):
+                strength = WEAKEST * (STRONGEST / WEAKEST) ** float(random.uniform())
+            # A plateau is no corner.
+            settled = random.uniform() < SETTLED and group != "corner"
+            effects = _chosen(group, number, layout, random)
+            yield Planned(
+                "-".join(["dynamic", group, str(number), *effects]),
+                group,
+                plant_seed,
+                layout,
+                effects,
+                samples,
+                strength,
+                profile=FEW if "form" in hard else "plateaus" if settled else "",
+                rarely=RARELY if group == "corner" else math.inf,
+                difficulties=hard,
+            )
 
 
 def _chosen(
