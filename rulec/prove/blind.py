@@ -47,13 +47,9 @@ class Blind:
     @property
     def told(self) -> list[Detectability]:
         """Effects that are reported at some size, the surest at their usual size first."""
-        return sorted(
-            (e for e in self.proof.effects if e.usual > 0.0 and self._shows(e)),
-            key=lambda e: (-e.told_usual, e.id),
-        )
-
-    def _shows(self, effect: Detectability) -> bool:
-        return effect.seen_from is not None or effect.told_usual >= SOMETIMES * self.proof.replays
+        least = SOMETIMES * self.proof.replays
+        shown = (e for e in self.proof.effects if e.seen_from is not None or e.told_usual >= least)
+        return sorted((e for e in shown if e.usual > 0.0), key=lambda e: (-e.told_usual, e.id))
 
     @property
     def unseen(self) -> list[str]:
@@ -99,24 +95,16 @@ def title_of(seen: Detectability) -> str:
     return f"{seen.title}, at {place}" if place else seen.title
 
 
-def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
-    """Return the cells of an effect's row.
-
-    >>> leak = Detectability(id="A.leak", title="Leak in A", usual=10.0, unit="%", told_usual=3)
-    >>> cells(leak, 200)
-    ('Leak in A', '10 %', '3 of 200', 'no size', '')
-    """
-    unit = "" if seen.unit == "1" else f" {seen.unit}"
-    least = "no size" if seen.seen_from is None else f"{number(seen.seen_from, 1)}{unit}"
-    instead = [f"{title} ({count})" for title, count in list(seen.other.items())[:2]]
-    usual = f"{number(seen.usual, 2)}{unit}"
-    return (title_of(seen), usual, f"{seen.told_usual} of {replays}", least, ", ".join(instead))
-
-
 def table(found: Blind) -> Table:
     """Return a row per effect that is reported at some size."""
-    replays = found.proof.replays
-    return Table("", COLUMNS, [cells(seen, replays) for seen in found.told])
+    rows = []
+    for seen in found.told:
+        unit = "" if seen.unit == "1" else f" {seen.unit}"
+        least = "no size" if seen.seen_from is None else f"{number(seen.seen_from, 1)}{unit}"
+        instead = ", ".join(f"{title} ({count})" for title, count in list(seen.other.items())[:2])
+        told = f"{seen.told_usual} of {found.proof.replays}"
+        rows.append((title_of(seen), f"{number(seen.usual, 2)}{unit}", told, least, instead))
+    return Table("", COLUMNS, rows)
 
 
 def show(out: Console, found: Blind) -> None:

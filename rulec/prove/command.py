@@ -102,13 +102,6 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     return made("development", seed, options.quick), 0
 
 
-def _run(options: argparse.Namespace, work: Path, out: Console) -> None:
-    made = _made(options, work)
-    show(out, made)
-    write_json(options, {"scores": scores_form(made.judged), **made.form()})
-    write_page(options, out, lambda origin: page(made, origin))
-
-
 def write_page(options: argparse.Namespace, out: Console, page: Callable[[Made], str]) -> None:
     """Write the page of a run to the file of `--report`, if that is given."""
     if options.report:
@@ -116,25 +109,22 @@ def write_page(options: argparse.Namespace, out: Console, page: Callable[[Made],
         out.print(styled("[dim]report: {}[/]", options.report))
 
 
-def _made(options: argparse.Namespace, work: Path) -> Run:
+def _run(options: argparse.Namespace, work: Path, out: Console) -> None:
     begin = time.perf_counter()
     partition, openings = partition_of(options)
-    arms, further = arms_of(options.baselines), list[Further]()
+    again, arms, further = options.rounds > 1, arms_of(options.baselines), list[Further]()
     with Progress("rulec prove", "sealing", is_quiet(options)) as on_progress:
         run = Campaign(partition, work, Workers(engine_of(options), on_progress))
         seals = run.sealed()
-        digest = digest_of(seals)
-        made = sum(bool(s) for s in seals)
-        say_aside(f"{made} answers sealed, hash {digest[:16]}")
+        digest, lost = digest_of(seals), seals.count("")
+        say_aside(f"{len(seals) - lost} answers sealed, hash {digest[:16]}")
         run.analysed(seals)
-        if options.rounds > 1:
+        if again:
             asked_again(run, seals, arms)
         found = run.judged(seals)
-        if options.rounds > 1:
+        if again:
             further = judged_again(run, seals, found, arms)
-    lost = len(seals) - made
-    notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
-    return Run(
+    made = Run(
         tuple(found),
         partition=partition.name,
         seed=partition.seed,
@@ -142,6 +132,9 @@ def _made(options: argparse.Namespace, work: Path) -> Run:
         digest=digest,
         version=version("rulec"),
         seconds=time.perf_counter() - begin,
-        notes=notes,
+        notes=(f"{lost} planned cases had no plant that shows them",) if lost else (),
         further=tuple(further),
     )
+    show(out, made)
+    write_json(options, {"scores": scores_form(made.judged), **made.form()})
+    write_page(options, out, lambda origin: page(made, origin))

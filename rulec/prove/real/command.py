@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rulec_runtime.commands.destinations import console, is_quiet, write_json
 from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.refusal import Misused
@@ -33,45 +32,32 @@ NAMES = "names.json"
 
 def run(options: argparse.Namespace) -> int:
     """Run; returns 0 whatever the scores, 1 if no rig was made."""
-    if (mistake := _mistake(options)) is not None:
+    for name in ("hard", "production", "contacts"):
+        if getattr(options, name):
+            raise Misused(f"--{name}: real recordings are not drawn; leave --{name} out")
+    if options.rounds > 1:
+        raise Misused("--rounds: a recording that is here cannot be made again; leave --real out")
+    if (mistake := suite.mistake_of_places(options)) is not None:
         raise Misused(mistake)
     out = console(options)
     if options.make_rigs:
-        return _make(options, out)
+        recipes, source, target = map(Path, options.make_rigs)
+        target.mkdir(parents=True, exist_ok=True)
+        count = 0
+        for name, why in made(recipes, source, target):
+            count += not why
+            out.print(f"{name}: left out, {why}" if why else f"{name}: made", markup=False)
+        return 0 if count else 1
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        _prove(options, Path(options.keep or temporary).absolute(), out)
+        work = Path(options.keep or temporary).absolute()
+        rigs = rigs_in(Path(options.real), options.only)
+        say_aside(f"{sum(bool(r.seal) for r in rigs)} answers sealed, hash {sealed(rigs)[:16]}")
+        with Progress("rulec prove", "asking", is_quiet(options)) as on_progress:
+            result = judged(rigs, work, options, Workers(suite.engine_of(options), on_progress))
+        tell(out, result)
+        write_json(options, form(result))
+        suite.write_page(options, out, lambda origin: page(result, origin))
     return 0
-
-
-def _mistake(options: argparse.Namespace) -> str | None:
-    drawn = [name for name in ("hard", "production", "contacts") if getattr(options, name)]
-    if drawn:
-        return f"--{drawn[0]}: real recordings are not drawn; leave --{drawn[0]} out"
-    if options.rounds > 1:
-        return "--rounds: a recording that is here cannot be made again; leave --real out"
-    return suite.mistake_of_places(options)
-
-
-def _make(options: argparse.Namespace, out: Console) -> int:
-    """Make rigs from recipes and print why any was left out; returns 1 if none was made."""
-    recipes, source, target = map(Path, options.make_rigs)
-    target.mkdir(parents=True, exist_ok=True)
-    count = 0
-    for name, why in made(recipes, source, target):
-        count += not why
-        out.print(f"{name}: left out, {why}" if why else f"{name}: made", markup=False)
-    return 0 if count else 1
-
-
-def _prove(options: argparse.Namespace, work: Path, out: Console) -> None:
-    rigs = rigs_in(Path(options.real), options.only)
-    say_aside(f"{sum(bool(r.seal) for r in rigs)} answers sealed, hash {sealed(rigs)[:16]}")
-    with Progress("rulec prove", "asking", is_quiet(options)) as on_progress:
-        workers = Workers(suite.engine_of(options), on_progress)
-        result = judged(rigs, work, options, workers)
-    tell(out, result)
-    write_json(options, form(result))
-    suite.write_page(options, out, lambda origin: page(result, origin))
 
 
 def sealed(rigs: Sequence[Rig]) -> str:
