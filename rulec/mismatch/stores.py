@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,9 +23,8 @@ from rulec.mismatch.answer.written_plant import Explained, NotComparable, Plants
 from rulec.mismatch.evidence.failing_sensors import failing, impossible, stuck
 from rulec.mismatch.evidence.model import counted_rows, inside_of, unread
 from rulec.mismatch.evidence.stores.errors_of_form import allowed
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, independent
 from rulec.mismatch.evidence.stores.model import StoresModel, model_of
-from rulec.mismatch.evidence.stores.noise import no_drift
 from rulec.mismatch.evidence.stores.simulation_problem import (
     SimulationProblem,
     lacking,
@@ -64,16 +64,14 @@ def explain(
             samples=record,
             evidence=stored_evidence(recording, record),
         )
-    best, accepted, judged = found.best, found.accepted, found.ends.judged
-    best = Fitter(bench, best.joined, fixed_values(best)).with_covariance(best, judged)
-    proofs = prove(bench, found.plain, best, judged)
+    best, accepted = found.best, found.accepted
+    proofs = prove(found.plain, best)
     dropped: tuple[str, ...] = ()
     if accepted and _gained(best, proofs) <= _least(proofs):
         # The named explanations fail on data to which they were not fitted.
         dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
-        best = Fitter(bench, (), {}).with_covariance(best, judged)
-    model = model_of(bench, best, judged)
+    model = model_of(best)
     places: tuple[Location, ...] = ()
     if found.nameless:
         tell("drawing what has no name")
@@ -137,14 +135,11 @@ class Explanation(Explained[Fitted]):
     @cached_property
     def allowed(self) -> dict[str, float]:
         """Errors that sensors and laws explain, with everything else refitted."""
-        own, fitted = self.model, self.model.fitted
-        judged = replace(own.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        return allowed(own.bench, fitted, judged)
+        return allowed(self.model.fitted)
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""
-        model = self.model
-        found = prove(self._bench, self.found.plain, model.fitted, model.judged)
+        found = prove(self.found.plain, self.model.fitted)
         return sorted(found, key=lambda p: -_worse(p))
 
     def refitted(
@@ -158,16 +153,15 @@ class Explanation(Explained[Fitted]):
         bench, plain, best = self._bench, self.found.plain, self.model.fitted
         before = bench.record.time < until_of(bench, best, [c for c, _ in left_out])
         known = {n: flags & before for n, flags in bench.known.items()}
-        judged = Judged(known, best.noise, no_drift(bench), np.zeros(0))
-        first = repaired = _refitted(bench, (), {}, [plain.values, {}], judged)
+        judged = replace(independent(bench, best.noise), known=known)
+        first = repaired = _refitted(bench, (), [plain.values, {}], judged)
         if taken:
             alike = {n: v for a in self.accepted for own in a.same.values() for n, v in own.items()}
             values = {**alike, **best.values}
             values |= {u.id: u.factor for c in taken if c.sort == "curve" for u in c.unknowns}
-            own = {u.id: u.fixed for c in taken for u in c.unknowns}
-            kept = {n: values[n] for n, fixed in own.items() if fixed}
-            starts = [values, {**first.values, **{n: values[n] for n in own}}]
-            repaired = _refitted(bench, tuple(taken), kept, starts, judged)
+            own = {u.id: values[u.id] for c in taken for u in c.unknowns}
+            starts = [values, {**first.values, **own}]
+            repaired = _refitted(bench, tuple(taken), starts, judged)
         curves = tuple(curve for curve in self.curves if curve.id in {c.id for c in taken})
         return Refits(
             plain=first,
@@ -245,15 +239,15 @@ class Explanation(Explained[Fitted]):
         ]
 
 
-def prove(bench: SimulationProblem, plain: Fitted, best: Fitted, judged: Judged) -> list[Proof]:
+def prove(plain: Fitted, best: Fitted) -> list[Proof]:
     """Open the held-out blocks; one proof per measured signal.
 
     Slow errors of inputs, within the class of their sensors, are removed from all three models
     alike.
     """
-    fitter = Fitter(bench, (), {})
+    bench, fitter = plain.bench, Fitter(plain.bench, (), {})
     try:
-        shipped: Mapping[str, Array] = fitter.errors(fitter.vector({}), judged)[0]
+        shipped: Mapping[str, Array] = fitter.errors(fitter.vector({}), plain.judged)[0]
     except RanAway:
         shipped = {n: np.full(len(v), np.nan) for n, v in bench.record.measured.items()}
     errors = [shipped, plain.errors, best.errors]
@@ -306,21 +300,16 @@ def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) 
 def _refitted(
     bench: SimulationProblem,
     joined: tuple[Candidate, ...],
-    kept: Mapping[str, float],
     starts: Sequence[Mapping[str, float]],
     judged: Judged,
 ) -> Fitted:
-    """The best fit from several starts, with its covariance."""
-    fitter = Fitter(bench, joined, kept)
-    found = []
+    """The best fit from several starts."""
+    fitter, found = Fitter(bench, joined, starts[0]), list[Fitted]()
     for start in starts:
-        try:
+        with contextlib.suppress(RanAway):
             at = fitter.vector(start)
             found.append(fitter.finish(at, judged, limits.THOROUGH, limits.ROUNDS))
-        except RanAway:
-            continue
-    best = min(found, key=lambda f: _squares(f, judged))
-    return fitter.with_covariance(best, replace(judged, slow=best.slow))
+    return min(found, key=lambda f: _squares(f, judged))
 
 
 def _squares(fitted: Fitted, judged: Judged) -> float:

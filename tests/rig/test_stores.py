@@ -8,7 +8,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.failing_sensors import failing
-from rulec.mismatch.evidence.stores.fit import Fitted, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitted, plain_end, refit
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.simulated import begun
 from tests.conftest import ROOT
@@ -24,11 +24,11 @@ def fitted(plant: str, file: str, *sets: tuple[str, ...]) -> tuple[SimulationPro
     bench = SimulationProblem(ruleset, builder, record)
     search = begun(bench)
     grow_by(search, *set().union(*sets))
-    ends, plain = plain_end(bench, search.models[frozenset()].setting.values)
+    plain = plain_end(bench, search.models[frozenset()].setting.values)
     found = [plain]
     for joined in sets:
         setting = search.models[frozenset(joined)].setting
-        found.append(ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain))
+        found.append(refit(plain, setting.joined, {**setting.values, **setting.fixed}))
     return bench, found
 
 

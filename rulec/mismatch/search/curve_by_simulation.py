@@ -32,9 +32,9 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
     The axis of a state with a recorded reading is that reading: the scale of a level is often
     hardly known, but its reading is.
     """
-    place, count, open_ = drawn.place, len(drawn.amounts), drawn.fitter.bench.record.open
+    place, count, open_ = drawn.place, len(drawn.amounts), drawn.fitted.bench.record.open
     # The range of the driver in the final model, as far as the curve has knots there.
-    final = basis_over(drawn.course()[open_], drawn.form.basis.length)
+    final = basis_over(drawn.fitted.course(drawn.place.driver)[open_], drawn.form.basis.length)
     low, high = max(place.low, final.low), min(place.high, final.high)
     at = np.linspace(low, high, limits.CURVE_POINTS)
     there = drawn.functions_at(at)
@@ -65,12 +65,12 @@ class Axis:
 
 def axis_of(drawn: FittedCurve) -> Axis:
     """The reading of a state, the time of the recording, or the driver itself."""
-    driver, bench = drawn.place.driver, drawn.fitter.bench
-    at, order = np.unique(drawn.course(), return_index=True)
+    driver, bench = drawn.place.driver, drawn.fitted.bench
+    at, order = np.unique(drawn.fitted.course(drawn.place.driver), return_index=True)
     if driver == TIME:
         return Axis(driver, at, at + float(bench.record.time[0]))
     for name in () if driver in bench.record.inputs else bench.signals:
-        shown = drawn.course(name)[order]
+        shown = drawn.fitted.course(name)[order]
         if (np.diff(shown) > 0.0).all():
             return Axis(name, at, shown)
     return Axis(driver, at, at)
@@ -78,9 +78,9 @@ def axis_of(drawn: FittedCurve) -> Axis:
 
 def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
     """Covariance of all values, shape (values, values), with correlated errors and the prior of the
-    fit; `table` and `known` are as in `rows_of`."""
+    fit; `table` and `known` are as in `FittedCurve.rows`."""
     inverse = inverse_of(table, known)
-    judged, errors = drawn.judged, drawn.fitted.errors
+    judged, errors = drawn.fitted.judged, drawn.fitted.errors
     of_readings = int(judged.flags.sum())
     middle = np.diag(known) + table[of_readings:].T @ table[of_readings:]
     first = 0
@@ -96,10 +96,10 @@ def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
 def _branches(drawn: FittedCurve) -> Branches | None:
     """The gap between both branches, with the curve and everything else refitted beside it; None
     without a clock or with too few visits on either branch."""
-    driver, bench = drawn.place.driver, drawn.fitter.bench
+    driver, bench = drawn.place.driver, drawn.fitted.bench
     if driver == TIME or not bench.record.timed:
         return None
-    course = drawn.course()
+    course = drawn.fitted.course(drawn.place.driver)
     given = bench.record.inputs.get(driver)
     # A simulated state has no noise.
     noise = 0.0 if given is None else white_noise(np.diff(given, 3), 3)
@@ -122,9 +122,9 @@ def _branches(drawn: FittedCurve) -> Branches | None:
     except RanAway:
         return None
     column, (table, known) = (moved - plain)[:, None] / step, drawn.rows
-    column = drawn.fitter.as_rows(column, drawn.judged)
+    column = fitted.fitter.as_rows(column, fitted.judged)
     whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], known])
-    gradient = whole.T @ drawn.left
+    gradient = whole.T @ fitted.fitter.residual(fitted.at, fitted.judged)[0]
     gradient[-len(drawn.amounts) :] += drawn.amounts
     gap = -2.0 * float((inverse_of(whole, prior) @ gradient)[0])
     u = 2.0 * float(np.sqrt(_covariance(drawn, whole, prior)[0, 0]))

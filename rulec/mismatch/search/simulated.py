@@ -13,7 +13,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.model import where_most
 from rulec.mismatch.evidence.stores.evidence import StoresEvidence
-from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitted, plain_end, refit, sharpened
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.evidence.stores.starting_values import from_afar
@@ -53,10 +53,9 @@ def begun(bench: SimulationProblem) -> Search:
 
 @dataclass(frozen=True)
 class Found:
-    """The plain model and the one with explanations (possibly the same), both fitted by `ends`; the
-    explanations, and all sets that were compared."""
+    """The plain model and the one with explanations (possibly the same), both fitted to the end;
+    the explanations, and all sets that were compared."""
 
-    ends: FinalFits
     plain: Fitted
     best: Fitted
     accepted: tuple[Accepted, ...]
@@ -81,13 +80,13 @@ def search(bench: SimulationProblem, progress: Progress) -> Found:
     """Find the sets of explanations that fit a recording, and fit the most probable one."""
     posterior = explain(bench, progress)
     progress("fitting the most probable explanation to the end")
-    ends, plain = plain_end(bench, posterior.models[frozenset()].setting.values)
+    plain = plain_end(bench, posterior.models[frozenset()].setting.values)
     setting, best = reported_setting(posterior), plain
     if setting.joined:
-        best = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
-        best = ends.sharpened(best)
+        values = {**setting.values, **setting.fixed}
+        best = sharpened(refit(plain, setting.joined, values))
     accepted = tuple(accepted_of(posterior, c.id, c) for c in setting.joined)
-    return Found(ends, plain, best, accepted, posterior)
+    return Found(plain, best, accepted, posterior)
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def likeliest_curve(found: Found) -> Unnamed | None:
         return None
     # Terms are linearised at a model that may be far off: only curves show which one is best.
     ways = {t.name: (t.changed, t.driver) for n in with_terms for t in posterior.models[n].terms}
-    curves = [fitted_curve(found.ends, found.plain, *way) for way in ways.values()]
+    curves = [fitted_curve(found.plain, *way) for way in ways.values()]
     every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
     return _first_of(found, every) if every else None
 
@@ -119,7 +118,7 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
     for term in found.posterior.models[found.posterior.told].terms:
         if not term.changed.may_follow(term.driver):
             continue
-        curve = fitted_curve(found.ends, model, term.changed, term.driver)
+        curve = fitted_curve(model, term.changed, term.driver)
         if curve is not None and curve.gain > 0.0:
             model, at = curve.fitted, curve.place.knots
             curves.append(curve_through(term.changed.id, term.driver, at, curve.value(at)))
@@ -130,7 +129,7 @@ def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
     """The first of some curves, with the places over its driver that fit as well, and the effects
     that lost to it."""
     first = every[0]
-    before, after = (_squares(found.ends, f) for f in (found.plain, first.fitted))
+    before, after = (_squares(f) for f in (found.plain, first.fitted))
     least = first.gain + float(np.log(common.MENTIONED))
     driver, own = first.place.driver, first.place.spot
     near = (c.place for c in every if c.gain > least)
@@ -144,27 +143,26 @@ def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
     return Unnamed(curve, max(share, 0.0))
 
 
-def _squares(ends: FinalFits, fitted: Fitted) -> Array:
+def _squares(fitted: Fitted) -> Array:
     """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
-    total = np.zeros(len(ends.bench.time))
-    for name, known in ends.judged.known.items():
-        spread = float(np.nanstd(ends.bench.record.measured[name])) or 1.0
+    total, measured = np.zeros(len(fitted.bench.time)), fitted.bench.record.measured
+    for name, known in fitted.judged.known.items():
+        spread = float(np.nanstd(measured[name])) or 1.0
         total += np.where(known, fitted.errors[name] / spread, 0.0) ** 2
     return total
 
 
 def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
     """Effects that were tried alone and gain less than a curve, by rising loss."""
-    ends = found.ends
-    driver = axis_of(first).over(first.course())
-    own, lost = _squares(ends, first.fitted), list[RejectedCandidate]()
+    driver = axis_of(first).over(first.fitted.course(first.place.driver))
+    own, lost = _squares(first.fitted), list[RejectedCandidate]()
     models, alone = found.posterior.models, found.alone
     every = (models[frozenset({n})].setting for n in sorted(alone, key=lambda n: -alone[n]))
     for setting in [s for s in every if s.joined][: limits.WEIGHED]:
-        single = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, found.plain)
-        nats = float(first.gain - ends.gain(single, found.plain))
+        single = refit(found.plain, setting.joined, {**setting.values, **setting.fixed})
+        nats = float(first.gain - single.gain(found.plain))
         if nats > 0.0:
-            worse = np.maximum(_squares(ends, single) - own, 0.0)
+            worse = np.maximum(_squares(single) - own, 0.0)
             lost.append(RejectedCandidate(single.joined[0], nats, *where_most(driver, worse)))
     lost.sort(key=lambda one: one.nats)
     nearest = {one.candidate.name: one for one in reversed(lost)}

@@ -170,8 +170,8 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
     recording = changed(clean, {"lower.y": off})
     place, (rules, builder) = bench(recording), tanks()
-    ends, plain = plain_end(place, {})
-    said = explained(recording, place, ends, plain, plain)
+    plain = plain_end(place, {})
+    said = explained(recording, plain, plain)
     proofs = said.proofs(())
     refits, shown = written(said, proofs)
     assert shown.plants is not None

@@ -8,7 +8,7 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.noise import hats
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Simulated, SimulationProblem
 from rulec.mismatch.evidence.term import bends
@@ -88,10 +88,10 @@ def forms_of_effects(
 # their accuracy, and everything else refitted.
 
 
-def allowed(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> dict[str, float]:
+def allowed(fitted: Fitted) -> dict[str, float]:
     """Largest error of each measured signal in 19 of 20 recordings, SI."""
-    fitter = Fitter(bench, fitted.joined, fixed_values(fitted))
-    _, slopes = fitter.residual(fitter.vector(fitted.values), judged)
+    bench, fitter, judged = fitted.bench, fitted.fitter, fitted.judged
+    _, slopes = fitter.residual(fitted.at, judged)
     flags = judged.flags
     squares: Array = np.sum(judged.drift.moved**2, axis=1)
     for _, moved in errors_of_form(bench, fitted.ids, fitted.values):

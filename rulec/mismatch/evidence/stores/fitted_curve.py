@@ -19,7 +19,7 @@ from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.term import Basis
 
@@ -84,37 +84,22 @@ class Form:
 class FittedCurve:
     """A fitted curve, with all else in its model.
 
-    `amounts`, shape (functions,), are those of `form`, with unit prior; `judged` has the weights of
-    samples. `gain` is that over the model without the curve, less its price.
+    `amounts`, shape (functions,), are those of `form`, with unit prior. `gain` is that over the
+    model without the curve, less its price.
     """
 
     place: Place
     form: Form
     amounts: Array
-    fitter: Fitter
     fitted: Fitted
-    judged: Judged
     gain: float
-
-    @property
-    def at(self) -> Array:
-        """The free values of `fitter`, shape (free,)."""
-        return self.fitter.vector(self.fitted.values)
 
     @cached_property
     def rows(self) -> tuple[Array, Array]:
-        """Slopes by all values and their prior precision: see `rows_of`."""
-        return rows_of(system_at(self.fitter, self.at, self.place, self.judged), self.form)
-
-    @cached_property
-    def left(self) -> Array:
-        """The residual, shape (rows,)."""
-        return self.fitter.residual(self.at, self.judged)[0]
-
-    def course(self, name: str = "") -> Array:
-        """Course of the driver, or of a reading, in the model with the curve, shape (n,), SI."""
-        model, name = self.fitted, name or self.place.driver
-        return self.fitter.bench.trajectory(model.ids, model.values, name, model.inputs)
+        """Slopes by all other values and by the amounts, shape (rows, values), and their prior
+        precision, shape (values,)."""
+        model = self.fitted
+        return linear_at(model.fitter, model.at, self.place, model.judged).with_form(self.form)
 
     def functions_at(self, driver: Array) -> Array:
         """Its functions at values of the driver, shape (n, functions), SI of its place."""
@@ -126,8 +111,59 @@ class FittedCurve:
         return np.asarray(np.interp(driver, self.place.knots, self.form.table @ self.amounts))
 
 
+def fitted_curve(bare: Fitted, spot: DisturbanceLocation, driver: str) -> FittedCurve | None:
+    """A curve fitted beside all else in a model; None where that fails.
+
+    A curve may change the range of a state, and is then fitted again over the new range.
+    """
+    found = list[FittedCurve]()
+    with contextlib.suppress(RanAway):
+        for _ in range(limits.REDRAWN):
+            last = found[-1] if found else None
+            course = (last.fitted if last else bare).course(driver)
+            place = place_over(spot, driver, course[bare.bench.record.open])
+            if place is None or (last is not None and _same_range(place, last.place)):
+                break
+            found.append(_fitted_over(bare, place, last))
+    return max(found, key=lambda curve: curve.gain, default=None)
+
+
+def _same_range(place: Place, other: Place) -> bool:
+    off = max(abs(place.low - other.low), abs(place.high - other.high))
+    return off < limits.AS_WIDE * (other.high - other.low)
+
+
+def _fitted_over(bare: Fitted, place: Place, before: FittedCurve | None) -> FittedCurve:
+    """Fit a curve with fixed knots, starting from zero or from a curve with other knots."""
+    parts, knots = place.parts(bare.bench.builder)
+    fitter = Fitter(bare.bench, (*bare.joined, *parts), {**bare.values, **knots})
+    near = bare if before is None else before.fitted
+    values = np.zeros(len(place.knots)) if before is None else before.value(place.knots)
+    at, judged, count = fitter.vector(near.values), near.judged, len(fitter.free) - len(place.bends)
+    at[count:] = place.bends @ values
+    for _ in range(limits.CURVE_ROUNDS):
+        noise = judged.noise
+        news = sum(judged.samples[n] / own.memory for n, own in noise.items())
+        form, share = _likeliest(linear_at(fitter, at, place, judged), place, news)
+        less = {n: Noise(share * own.spread, own.memory) for n, own in noise.items()}
+        judged = replace(judged, noise=less)
+        amounts = np.asarray(np.linalg.lstsq(form.table, values, rcond=None)[0])
+        at[count:] = place.bends @ form.table @ amounts
+        at, amounts = _descended(fitter, at, amounts, place, form, judged)
+        values = form.table @ amounts
+        fitted = fitter.fitted_at(at, judged)
+        judged = fitted.judged
+        before_and_after = ((noise[n].weight, own.weight) for n, own in judged.noise.items())
+        if all(abs(old - new) < limits.NOISE_STAYS * old for old, new in before_and_after):
+            break
+    inverse = inverse_of(*linear_at(fitter, at, place, judged).with_form(form))
+    determined = len(amounts) - float(np.trace(inverse[count:, count:]))
+    gained = fitted.gain(bare, determined) - limits.CURVE_RARITY
+    return FittedCurve(place, form, amounts, fitted, gained)
+
+
 @dataclass(frozen=True)
-class System:
+class Linear:
     """A linearised model with a curve; the rows of readings come first.
 
     `left`, shape (rows,), is the residual without the curve. `plain`, shape (rows, values), are the
@@ -139,80 +175,21 @@ class System:
     plain: Array
     own: Array
 
-
-def fitted_curve(
-    ends: FinalFits, bare: Fitted, spot: DisturbanceLocation, driver: str
-) -> FittedCurve | None:
-    """A curve fitted beside all else in a model; None where that fails.
-
-    A curve may change the range of a state, and is then fitted again over the new range.
-    """
-    bench, found = ends.bench, list[FittedCurve]()
-    with contextlib.suppress(RanAway):
-        for _ in range(limits.REDRAWN):
-            last = found[-1] if found else None
-            model = last.fitted if last else bare
-            course = bench.trajectory(model.ids, model.values, driver, model.inputs)
-            place = place_over(spot, driver, course[bench.record.open])
-            if place is None or (last is not None and _same_range(place, last.place)):
-                break
-            found.append(_fitted_over(ends, bare, place, last))
-    return max(found, key=lambda curve: curve.gain, default=None)
+    def with_form(self, form: Form) -> tuple[Array, Array]:
+        """Slopes by all other values and by the amounts of functions, shape (rows, values), and
+        their prior precision, shape (values,)."""
+        own = self.own @ form.table
+        known = np.concatenate([np.zeros(self.plain.shape[1]), np.ones(own.shape[1])])
+        return np.column_stack([self.plain, own]), known
 
 
-def _same_range(place: Place, other: Place) -> bool:
-    off = max(abs(place.low - other.low), abs(place.high - other.high))
-    return off < limits.AS_WIDE * (other.high - other.low)
-
-
-def _fitted_over(
-    ends: FinalFits, bare: Fitted, place: Place, before: FittedCurve | None
-) -> FittedCurve:
-    """Fit a curve with fixed knots, starting from zero or from a curve with other knots."""
-    parts, knots = place.parts(ends.bench.builder)
-    fitter = Fitter(ends.bench, (*bare.joined, *parts), {**fixed_values(bare), **knots})
-    near = bare if before is None else before.fitted
-    judged = replace(ends.judged, noise=near.noise, slow=near.slow, drift=bare.drift)
-    values = np.zeros(len(place.knots)) if before is None else before.value(place.knots)
-    at = fitter.vector(near.values)
-    count = len(at) - len(place.bends)
-    at[count:] = place.bends @ values
-    for _ in range(limits.CURVE_ROUNDS):
-        system, noise = system_at(fitter, at, place, judged), judged.noise
-        news = sum(ends.samples[n] / own.memory for n, own in noise.items())
-        form, share = _likeliest(system, place, news)
-        less = {n: Noise(share * own.spread, own.memory) for n, own in noise.items()}
-        judged = replace(judged, noise=less)
-        amounts = np.asarray(np.linalg.lstsq(form.table, values, rcond=None)[0])
-        at[count:] = place.bends @ form.table @ amounts
-        at, amounts = _descended(fitter, at, amounts, place, form, judged)
-        values = form.table @ amounts
-        errors, slow, judged = fitter.looked_at(at, judged)
-        before_and_after = ((noise[n].weight, own.weight) for n, own in judged.noise.items())
-        if all(abs(old - new) < limits.NOISE_STAYS * old for old, new in before_and_after):
-            break
-    fitted = fitter.as_fitted(at, errors, slow, judged)
-    inverse = inverse_of(*rows_of(system_at(fitter, at, place, judged), form))
-    determined = len(amounts) - float(np.trace(inverse[count:, count:]))
-    gained = ends.gain(fitted, bare, determined) - limits.CURVE_RARITY
-    return FittedCurve(place, form, amounts, fitter, fitted, judged, gained)
-
-
-def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System:
+def linear_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> Linear:
     """Linearise a model with a curve at a point."""
     residual, slopes = fitter.residual(at, judged)
     count = slopes.shape[1] - len(place.bends)
     by_coefficient = slopes[:, count:] / fitter.scale[count:]
-    own = by_coefficient @ place.bends
-    return System(residual - by_coefficient @ at[count:], slopes[:, :count], own)
-
-
-def rows_of(system: System, form: Form) -> tuple[Array, Array]:
-    """Slopes by all other values and by the amounts of functions, shape (rows, values), and their
-    prior precision, shape (values,)."""
-    own = system.own @ form.table
-    known = np.concatenate([np.zeros(system.plain.shape[1]), np.ones(own.shape[1])])
-    return np.column_stack([system.plain, own]), known
+    left = residual - by_coefficient @ at[count:]
+    return Linear(left, slopes[:, :count], by_coefficient @ place.bends)
 
 
 def inverse_of(table: Array, known: Array) -> Array:
@@ -223,7 +200,7 @@ def inverse_of(table: Array, known: Array) -> Array:
     return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))
 
 
-def _likeliest(system: System, place: Place, news: float) -> tuple[Form, float]:
+def _likeliest(system: Linear, place: Place, news: float) -> tuple[Form, float]:
     """The likeliest size and smoothness of a curve, and the noise as a share of that without it.
 
     `news` is the effective number of independent samples. The noise is estimated with the curve, as
@@ -257,8 +234,8 @@ def _descended(
     """Gauss-Newton steps in all values and the curve."""
     cost = fitter.cost(at, judged) + 0.5 * float(amounts @ amounts)
     for _ in range(limits.CURVE_STEPS):
-        system = system_at(fitter, at, place, judged)
-        table, known = rows_of(system, form)
+        system = linear_at(fitter, at, place, judged)
+        table, known = system.with_form(form)
         found = -inverse_of(table, known) @ (table.T @ system.left)
         count = system.plain.shape[1]
         for share in limits.STEP_SHARES:

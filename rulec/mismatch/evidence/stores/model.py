@@ -1,7 +1,7 @@
 """A fitted model of a plant that stores, by the interface of answers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.errors_of_form import changes
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged, fixed_values
+from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate, Period
 
@@ -20,25 +20,25 @@ from rulec.mismatch.result import Estimate, Period
 class StoresModel(Model):
     """Output error of a simulation."""
 
-    bench: SimulationProblem
     fitted: Fitted
-    judged: Judged
+
+    @property
+    def bench(self) -> SimulationProblem:
+        """The plant and its recording."""
+        return self.fitted.bench
 
     def line(self, name: str) -> Line:
         """All other values refitted, from their current values and from their linear response."""
-        fitted = self.fitted
-        fitter = Fitter(self.bench, fitted.joined, fixed_values(fitted))
-        judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        at, i = fitter.vector(fitted.values), fitted.free.index(name)
-        along = fitted.covariance[:, i] / fitted.covariance[i, i] / fitter.slopes(at)
-        lowest, highest = fitter.bounds(name)
+        fitted, fitter, judged = self.fitted, self.fitted.fitter, self.fitted.judged
+        at, i, prior = fitted.at, fitted.free.index(name), fitter.prior
+        along = fitted.covariance[:, i] / fitted.covariance[i, i] / prior.coordinates.slopes(at)
         bottom = fitter.cost(at, judged)
         return Line(
             value=float(at[i]),
             u=fitted.u(name),
             least=0.0,
-            lowest=lowest,
-            highest=highest,
+            lowest=float(prior.lowest[i]),
+            highest=float(prior.highest[i]),
             fall=lambda step: fitter.fall(at, i, step, along, judged) - bottom,
             pace=Pace(*limits.STORES_PACE),
         )
@@ -69,12 +69,7 @@ class StoresModel(Model):
         bench, fitted = self.bench, self.fitted
         assert bench.ruleset.dynamics is not None
         found = {
-            state.id: Variable(
-                bench.trajectory(fitted.ids, fitted.values, state.id, fitted.inputs),
-                state.factor,
-                state.offset,
-                state.unit,
-            )
+            state.id: Variable(fitted.course(state.id), state.factor, state.offset, state.unit)
             for state in bench.ruleset.dynamics.states
         }
         for name, course in bench.record.inputs.items():
@@ -97,8 +92,9 @@ class StoresModel(Model):
         return self._courses.get(name)
 
 
-def model_of(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> StoresModel:
+def model_of(fitted: Fitted) -> StoresModel:
     """The model of a fit."""
+    bench = fitted.bench
     return StoresModel(
         ruleset=bench.ruleset,
         builder=bench.builder,
@@ -106,9 +102,7 @@ def model_of(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> Stores
         joined=fitted.joined,
         free=fitted.free,
         covariance=fitted.covariance,
-        bench=bench,
         fitted=fitted,
-        judged=judged,
     )
 
 

@@ -1,6 +1,6 @@
 """Noise and slow errors of sensors in the readings of a plant that stores."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -171,30 +171,30 @@ def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
 class Drift:
     """Sensor errors within their class, each in units of its standard uncertainty.
 
-    `moved` are their effects on readings, shape (signals * samples, errors), with the measured
-    signals stacked. `shapes` has the input and the course of each error, SI, shape (n,); None for
-    the zero error of a predicted reading.
+    `shapes` has the input and the course, SI, shape (n,), of each error of an input. `moved` are
+    the effects of these, and then of the zero errors of predicted readings, on readings, shape
+    (signals * samples, errors), with the measured signals stacked.
     """
 
     moved: Array
-    shapes: tuple[tuple[str, Array] | None, ...]
+    shapes: tuple[tuple[str, Array], ...]
 
     @property
     def count(self) -> int:
         """Number of errors."""
-        return len(self.shapes)
+        return int(self.moved.shape[1])
 
     def put_right(self, inputs: Mapping[str, Array], errors: Array) -> dict[str, Array]:
         """Inputs, shape (n,), SI, corrected for errors, shape (errors,)."""
         result = dict(inputs)
-        for shape, size in zip(self.shapes, errors, strict=True):
-            if shape is not None and size:
-                result[shape[0]] = result[shape[0]] + size * shape[1]
+        for (name, shape), size in zip(self.shapes, errors, strict=False):
+            if size:
+                result[name] = result[name] + size * shape
         return result
 
     def given(self, errors: Array) -> Array:
         """Errors of inputs, with all others 0, shape (errors,)."""
-        return np.where([shape is not None for shape in self.shapes], errors, 0.0)
+        return np.where(np.arange(self.count) < len(self.shapes), errors, 0.0)
 
 
 def no_drift(bench: SimulationProblem) -> Drift:
@@ -204,39 +204,18 @@ def no_drift(bench: SimulationProblem) -> Drift:
 
 def drift_of(bench: SimulationProblem, values: Mapping[str, float]) -> Drift:
     """All notable sensor errors, linearised at the plain model."""
-    record = bench.record
-    columns: list[Array] = []
-    shapes: list[tuple[str, Array] | None] = []
+    record, shapes = bench.record, list[tuple[str, Array]]()
     plain = bench.simulate((), values).stacked
     spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(bench.time))
-    for name, course in record.inputs.items():
-        if name not in bench.balances(()).inputs:
-            continue
-        u = systematic_u(bench.ruleset.signal_by_id[name], course)
-        u = np.broadcast_to(u, course.shape)
-        changed = {**record.inputs, name: course + u}
+    for name, u in _classes(bench, ()):
+        changed = {**record.inputs, name: record.inputs[name] + u}
         moved = bench.simulate((), values, inputs=changed).stacked
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
-        if size < limits.NOTABLE_DRIFT:
-            continue
-        large = size > limits.LARGE_DRIFT
-        ways = hats(bench.time, limits.DRIFT_KNOTS) if large else [np.ones(len(bench.time))]
-        for shape in ways:
-            changed = {**record.inputs, name: course + u * shape}
-            columns.append(bench.simulate((), values, inputs=changed).stacked - plain)
-            shapes.append((name, u * shape))
-    zeros = _zero_errors(bench)
-    return Drift(np.column_stack([*columns, *zeros]), (*shapes, *([None] * len(zeros))))
-
-
-def _zero_errors(bench: SimulationProblem) -> list[Array]:
-    """The zero error of each predicted reading, shape (signals * samples,), SI."""
-    measured, found = bench.record.measured, []
-    for i, (name, course) in enumerate(measured.items()):
-        own = np.zeros((len(measured), len(course)))
-        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
-        found.append(own.ravel())
-    return found
+        if size > limits.LARGE_DRIFT:
+            shapes += [(name, u * shape) for shape in hats(bench.time, limits.DRIFT_KNOTS)]
+        elif size >= limits.NOTABLE_DRIFT:
+            shapes.append((name, u))
+    return Drift(_moved(bench, shapes, (), values, record.inputs), tuple(shapes))
 
 
 def moved_again(
@@ -248,19 +227,7 @@ def moved_again(
 ) -> Drift:
     """The same errors, linearised at another model, where other volumes may run over a rim.
     `inputs` have shape (n,), SI."""
-    plain = bench.simulate(joined, values, inputs=inputs).stacked
-    columns = list(drift.moved.T)
-    for i, shape in enumerate(drift.shapes):
-        if shape is not None:
-            changed = {**inputs, shape[0]: inputs[shape[0]] + shape[1]}
-            columns[i] = bench.simulate(joined, values, inputs=changed).stacked - plain
-    return replace(drift, moved=np.column_stack(columns)) if columns else drift
-
-
-def hats(over: Array, knots: int) -> list[Array]:
-    """Piecewise linear shapes, shape (n,), over the range of a course, which add up to one."""
-    ends = np.linspace(over.min(), over.max(), knots)
-    return [np.interp(over, ends, row) for row in np.eye(knots)]
+    return replace(drift, moved=_moved(bench, drift.shapes, joined, values, inputs))
 
 
 def errors_of_sensors(
@@ -268,11 +235,38 @@ def errors_of_sensors(
 ) -> Array:
     """Effects of constant sensor errors within their class on readings, stacked, shape (signals *
     samples, errors), SI. Errors that move belong to the wandering error of a model."""
-    inputs = bench.record.inputs
-    plain = bench.simulate(ids, values).stacked
-    found = []
-    for name in (n for n in inputs if n in bench.balances(ids).inputs):
-        u = systematic_u(bench.ruleset.signal_by_id[name], inputs[name])
-        changed = {**inputs, name: inputs[name] + u}
-        found.append(bench.simulate(ids, values, inputs=changed).stacked - plain)
-    return np.stack([*found, *_zero_errors(bench)], axis=1)
+    return _moved(bench, list(_classes(bench, ids)), ids, values, bench.record.inputs)
+
+
+def _classes(bench: SimulationProblem, ids: tuple[str, ...]) -> Iterator[tuple[str, Array]]:
+    """Each input of a model, with the standard uncertainty by its class, shape (n,), SI."""
+    for name, course in bench.record.inputs.items():
+        if name in bench.balances(ids).inputs:
+            u = systematic_u(bench.ruleset.signal_by_id[name], course)
+            yield name, np.broadcast_to(u, course.shape)
+
+
+def _moved(
+    bench: SimulationProblem,
+    shapes: Sequence[tuple[str, Array]],
+    ids: tuple[str, ...],
+    values: Mapping[str, float],
+    inputs: Mapping[str, Array],
+) -> Array:
+    """Effects of errors of inputs, and of the zero error of each predicted reading, on readings,
+    stacked, shape (signals * samples, errors), SI."""
+    plain, columns = bench.simulate(ids, values, inputs=inputs).stacked, list[Array]()
+    for name, error in shapes:
+        changed = {**inputs, name: inputs[name] + error}
+        columns.append(bench.simulate(ids, values, inputs=changed).stacked - plain)
+    for i, (name, course) in enumerate(bench.record.measured.items()):
+        own = np.zeros((len(bench.signals), len(course)))
+        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
+        columns.append(own.ravel())
+    return np.column_stack(columns)
+
+
+def hats(over: Array, knots: int) -> list[Array]:
+    """Piecewise linear shapes, shape (n,), over the range of a course, which add up to one."""
+    ends = np.linspace(over.min(), over.max(), knots)
+    return [np.interp(over, ends, row) for row in np.eye(knots)]

@@ -17,8 +17,8 @@ from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import Proposal, amplitudes_of
 from rulec.mismatch.evidence.prior import strengths, usual
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
-from rulec.mismatch.evidence.stores.noise import Noise, no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, independent
+from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 
@@ -34,7 +34,7 @@ def from_afar(
     measured = bench.record.measured
     noise = {n: limits.ERROR_FROM_AFAR * float(np.nanstd(v)) + 1e-12 for n, v in measured.items()}
     for _ in range(fits):
-        judged = _judged(bench, noise)
+        judged = independent(bench, {n: Noise(spread, 1.0) for n, spread in noise.items()})
         at = fitter.descend(at, judged, evaluations)
         with contextlib.suppress(RanAway):
             errors, _ = fitter.errors(at, judged)
@@ -47,23 +47,18 @@ def nearest(bench: SimulationProblem, every: Sequence[Configuration]) -> Configu
     """The setting with the smallest residuals, by the sum of their logarithms over readings, of
     those that do not run away."""
     found = list[tuple[float, Configuration]]()
+    judged = independent(bench, dict.fromkeys(bench.signals, Noise(1.0, 1.0)))
     for setting in every:
         fitter = Fitter(bench, setting.joined, setting.fixed)
         at = fitter.vector(setting.values)
         values = fitter.values(at)
         there = replace(setting, values={n: values[n] for n in fitter.free})
         with contextlib.suppress(RanAway), np.errstate(all="ignore"):
-            errors, _ = fitter.errors(at, _judged(bench, dict.fromkeys(bench.signals, 1.0)))
+            errors, _ = fitter.errors(at, judged)
             left = [errors[n][known] for n, known in bench.known.items()]
             size = sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in left)
             found.append((size, there))
     return min(found, key=lambda one: one[0])[1] if found else None
-
-
-def _judged(bench: SimulationProblem, noise: dict[str, float]) -> Judged:
-    """Weights of independent errors of the given standard deviation."""
-    new = {n: Noise(spread, 1.0) for n, spread in noise.items()}
-    return Judged(bench.known, new, no_drift(bench), np.zeros(0))
 
 
 def ways_to_join(

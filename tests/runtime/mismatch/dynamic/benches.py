@@ -9,7 +9,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.stores.fit import FinalFits, Fitted, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitted, plain_end, refit
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem, record_of
 from rulec.mismatch.search.grow_sets import Search, grow_terms, join_columns
@@ -84,10 +84,10 @@ def bench(recording: Recording) -> SimulationProblem:
 
 def joined_to(
     place: SimulationProblem, name: str, values: Mapping[str, float]
-) -> tuple[FinalFits, Fitted, Fitted]:
+) -> tuple[Fitted, Fitted]:
     """The plain model and one with a candidate, fitted from some values of that."""
-    ends, plain = plain_end(place, {})
-    return ends, plain, ends.fitted((place.candidate(name),), {**plain.values, **values}, plain)
+    plain = plain_end(place, {})
+    return plain, refit(plain, (place.candidate(name),), {**plain.values, **values})
 
 
 def grow_by(search: Search, *names: str) -> None:
@@ -102,17 +102,14 @@ def searched(place: SimulationProblem, *names: str) -> Found:
     search = begun(place)
     grow_by(search, *names)
     grow_terms(search, frozenset())
-    ends, plain = plain_end(place, search.models[frozenset()].setting.values)
-    return Found(ends, plain, plain, (), search.posterior())
+    plain = plain_end(place, search.models[frozenset()].setting.values)
+    return Found(plain, plain, (), search.posterior())
 
 
-def as_found(ends: FinalFits, plain: Fitted, best: Fitted) -> Found:
+def as_found(plain: Fitted, best: Fitted) -> Found:
     """Models as if a search had found them, which has tried nothing else."""
-    return Found(ends, plain, best, (), begun(ends.bench).posterior())
+    return Found(plain, best, (), begun(plain.bench).posterior())
 
 
-def explained(
-    recording: Recording, place: SimulationProblem, ends: FinalFits, plain: Fitted, best: Fitted
-) -> Explanation:
-    model = model_of(place, best, ends.judged)
-    return explanation(recording, model, as_found(ends, plain, best))
+def explained(recording: Recording, plain: Fitted, best: Fitted) -> Explanation:
+    return explanation(recording, model_of(best), as_found(plain, best))

@@ -16,7 +16,7 @@ from rulec.mismatch import analyse
 from rulec.mismatch.answer.findings import findings_of, location_of
 from rulec.mismatch.answer.verdict import verdict_of
 from rulec.mismatch.answer.written_plant import written
-from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
+from rulec.mismatch.evidence.stores.fit import plain_end, refit, sharpened
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
@@ -58,9 +58,9 @@ def test_onset_and_degree_are_found(fault: str) -> None:
     grow_by(grown, fault, "upper.area-slope@h")
     prune(grown, grown.likeliest)
     assert frozenset({fault}) == grown.likeliest
-    ends, plain = plain_end(place, grown.models[frozenset()].setting.values)
+    plain = plain_end(place, grown.models[frozenset()].setting.values)
     model = grown.models[frozenset({fault})].setting
-    found = ends.fitted(model.joined, {**model.values, **model.fixed}, plain)
+    found = refit(plain, model.joined, {**model.values, **model.fixed})
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
     assert found.values[f"{fault}.x"] == pytest.approx(DEGREE, abs=0.03)
 
@@ -70,15 +70,14 @@ def test_a_strong_fault_is_as_sudden_as_it_was() -> None:
     fault, degree = "upper.blockage", 0.8
     sudden = {f"{fault}.x": degree, f"{fault}.since": SINCE + 1.0, f"{fault}.t_half": 20.0}
     place = bench(made(n=2048, seed=4, joined=(fault,), more=sudden))
-    ends, plain, smooth = joined_to(place, fault, {**sudden, f"{fault}.t_half": 4094.0})
-    found = ends.sharpened(smooth)
+    plain, smooth = joined_to(place, fault, {**sudden, f"{fault}.t_half": 4094.0})
+    found = sharpened(smooth)
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE + 1.0, abs=0.5)
-    fitter = Fitter(place, found.joined, fixed_values(found))
-    u = fitter.with_covariance(found, ends.judged).u(f"{fault}.x")
+    u = found.u(f"{fault}.x")
     assert abs(found.values[f"{fault}.x"] - degree) < 3.0 * u
     assert abs(smooth.values[f"{fault}.x"] - degree) > 10.0 * u
-    assert ends.gain(found, plain) > ends.gain(smooth, plain)
-    assert ends.sharpened(plain) is plain  # what begins nowhere stays as it is
+    assert found.gain(plain) > smooth.gain(plain)
+    assert sharpened(plain) is plain  # what begins nowhere stays as it is
 
 
 def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
@@ -86,8 +85,8 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     fault = "lower.blockage"
     recording = made(n=512, seed=4, joined=(fault,), more=planted(fault))
     place = bench(recording)
-    ends, plain, found = joined_to(place, fault, planted(fault))
-    said = explained(recording, place, ends, plain, found)
+    plain, found = joined_to(place, fault, planted(fault))
+    said = explained(recording, plain, found)
     model = written(said, said.proofs(()))[0]
     adopted = model.repaired
     until = until_of(place, found, [place.candidate(fault)])
@@ -120,9 +119,7 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     found = search(place, lambda text: None)
     told = {c.id for own in found.accepted for c in (own.candidate, *(c for c, _ in own.others))}
     assert {fault, "pump.leakage", "pump.u.high"} <= told
-    judged, best = found.ends.judged, found.best
-    best = Fitter(place, best.joined, fixed_values(best)).with_covariance(best, judged)
-    model = model_of(place, best, judged)
+    model = model_of(found.best)
     (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}
@@ -178,16 +175,15 @@ def test_what_recalibration_makes_up_for_is_named(
 def plain() -> Explanation:
     recording = made(256)
     place = bench(recording)
-    ends, fitted = plain_end(place, TRUE)
-    fitted = Fitter(place, (), {}).with_covariance(fitted, ends.judged)
-    return explained(recording, place, ends, fitted, fitted)
+    fitted = plain_end(place, TRUE)
+    return explained(recording, fitted, fitted)
 
 
 def verdict(said: Explanation, off: float = 0.0) -> str:
     """With readings that are off by so much, V."""
     own = said.model.fitted
     moved = replace(own, errors={n: e + off for n, e in own.errors.items()})
-    (proof,) = prove(said.model.bench, own, moved, said.model.judged)
+    (proof,) = prove(own, moved)
     doubt = analyse._doubt(said, [proof.fit])
     return verdict_of((), False, doubt)
 
@@ -308,9 +304,9 @@ def left_out(curve: CurveFound, found: FittedCurve) -> Array:
 def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
     place = bench(flapping(thin, seed))
-    ends, plain = plain_end(place, {})
+    plain = plain_end(place, {})
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
-    term = fitted_curve(ends, plain, spot, "lower.h")
+    term = fitted_curve(plain, spot, "lower.h")
     curve = curve_of(term)
     assert "lower.y" == curve.driver
     off = curve.value - left_out(curve, term)

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.failing_sensors import coarse_step, failing
-from rulec.mismatch.evidence.stores.fit import Fitter, fixed_values, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitter, plain_end, polished, refit
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.noise import (
     Noise,
@@ -229,15 +229,13 @@ def test_a_rim_is_seen_within_a_sample(sharpness: float) -> None:
 def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     """What only a prior says stays uncertain: an unmeasured tank's levels could be larger."""
     place = bench(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM))
-    ends, plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
+    plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
     assert plain.noise["lower.y"].spread > 5 * NOISE
     assert found.noise["lower.y"].spread == pytest.approx(NOISE, rel=0.15)
-    judged = replace(ends.judged, noise=found.noise)
-    exact = Fitter(place, found.joined, fixed_values(found)).with_covariance(found, judged)
-    model = model_of(place, exact, judged)
+    model = model_of(found)
     width = {}
     for key in (f"{OVERFLOW}.l_o", f"{OVERFLOW}.f"):
-        assert abs(found.values[key] - RIM[key]) < 4.0 * exact.u(key), key
+        assert abs(found.values[key] - RIM[key]) < 4.0 * found.u(key), key
         low, high = profile(model.line(key))
         assert low < RIM[key] < high
         width[key] = high - low
@@ -248,7 +246,7 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
 def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
     """At its end, where errors of sensors are seen anew: it loses, and nothing fails."""
     place = bench(made(200))
-    ends, plain = plain_end(place, {})
+    plain = plain_end(place, {})
     candidate = place.candidates[0]
 
     def away(*_: object, **__: object) -> None:
@@ -256,10 +254,10 @@ def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(Fitter, "finish", away)
     values = {u.id: (*u.starts, 1.0)[0] for u in candidate.unknowns}
-    tried = ends.fitted((candidate,), {**plain.values, **values}, plain)
+    tried = refit(plain, (candidate,), {**plain.values, **values})
     assert (candidate,) == tried.joined
-    assert ends.gain(tried, plain) < 0.0
-    assert ends.polished(plain) is plain
+    assert tried.gain(plain) < 0.0
+    assert polished(plain) is plain
 
 
 @pytest.mark.parametrize("least", [0.0, -0.4])
