@@ -270,13 +270,16 @@ def _worse(proof: Proof) -> float:
 
 
 def _gained(best: Fitted, proofs: Sequence[Proof]) -> float:
-    """Gain of named explanations in log likelihood on blocks that were not used to find them."""
-    gained = 0.0
-    for proof in proofs:
-        errors = proof.fit.heldout
-        fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
-        gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
-    return gained
+    """Gain of named explanations in log likelihood on blocks that were not used to find them;
+    infinite if no reading has a value there, which rejects nothing."""
+    # A reading without one must not hide what the others say.
+    found = [(best.noise[p.fit.signal].memory, p.fit.heldout) for p in proofs]
+    falls = [
+        e.points / memory * float(np.log(e.recalibrated / max(e.repaired, 1e-300)))
+        for memory, e in found
+        if e.points
+    ]
+    return sum(falls) if falls else np.inf
 
 
 def _least(proofs: Sequence[Proof]) -> float:

@@ -26,7 +26,7 @@ from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.grow_sets import prune
 from rulec.mismatch.search.posterior import posterior
 from rulec.mismatch.search.simulated import begun, curves_of, likeliest_curve, search
-from rulec.mismatch.stores import Explanation, explanation, prove, until_of
+from rulec.mismatch.stores import Explanation, _gained, explanation, prove, until_of
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
@@ -194,6 +194,15 @@ def test_a_sound_plant_gets_its_tick_and_none_where_more_is_left(plain: Explanat
     assert 5.0 * NOISE < plain.allowed["lower.y"] < 0.5
     said = [verdict(plain, share * plain.allowed["lower.y"]) for share in (0.0, 0.8, 1.5)]
     assert ["none", "none", "unsure"] == said
+
+
+def test_a_reading_without_held_out_values_does_not_hide_the_others(plain: Explanation) -> None:
+    fitted = plain.model.fitted
+    (proof,) = prove(fitted, replace(fitted, errors={n: 2 * e for n, e in fitted.errors.items()}))
+    nothing = replace(proof.fit.heldout, recalibrated=np.nan, repaired=np.nan, points=0)
+    blind = replace(proof, fit=replace(proof.fit, heldout=nothing))
+    assert _gained(fitted, [blind, proof]) == _gained(fitted, [proof]) < -10.0
+    assert np.inf == _gained(fitted, [blind])
 
 
 @pytest.mark.parametrize(("more", "expected"), [(-3.0, "none"), (0.0, "unsure")])
