@@ -35,13 +35,12 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.repaired_model import (
     Predictor,
     no_lasting_errors,
-    plain_of,
     predictor_of,
     predictors_for,
     repair_of,
     with_sensors_as_they_are,
 )
-from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import alike, noise_scale
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.heldout_errors import Predicted, Proof, fit_of, rms
@@ -188,17 +187,48 @@ class Explanation(Explained[Fitted]):
 
     @cached_property
     def _models(self) -> Models:
-        return models_of(with_sensors_as_they_are(self.fitted))
+        """The repaired model, and those to compare it with; faults that come and go are in all of
+        them while these are fitted, as no model has them, and in none that predicts."""
+        repaired = with_sensors_as_they_are(self.fitted)
+        setting, data = repaired.setting, self._system.data
+        passing = [c for c in setting.courses if setting.candidate_of(c).sort != HIDDEN]
+        faults = {setting.candidate_of(course).id for course in passing}
+        plain = setting.leaving(*(c.id for c in setting.joined if c.id not in faults))
+        recalibrated = with_sensors_as_they_are(repaired, plain).setting
+        faulty = np.zeros(len(data), dtype=bool)
+        for course in passing:
+            if course.grows:
+                faulty |= course.segment >= 0
+                continue
+            faulty |= (course.segment >= 0) & data.open
+            # In held-out blocks the finished model finds the periods.
+            fault = setting.candidate_of(course)
+            every = np.ones(len(data), dtype=bool)
+            bare = fit(repaired.rows, setting.leaving(fault.id), every, steps=0)
+            trial = in_periods(bare, fault)
+            if trial is not None and trial.course is not None:
+                faulty |= (trial.course.segment >= 0) & ~data.open
+        return Models(recalibrated.leaving(*faults), setting.leaving(*faults), repaired, faulty)
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per reading whose errors are reported, flows first."""
-        models = self._models
-        found = [prove(p, models) for p in self._predictors(findings)]
+        found: dict[str, tuple[bool, Proof]] = {}
+        for place in self._places(findings):
+            natural = predictors_for(self._system, *place)[: limits.PREDICTORS_TRIED]
+            if natural and natural[0].of_flow:
+                natural = natural[:1]
+            tried = [(p.of_flow, prove(p, self._models)) for p in natural]
+            if tried:
+                best = max(tried, key=lambda own: round(gain_shown(own[1]), 3))
+                found[best[1].fit.signal] = best
+        proofs = [proof for _, proof in sorted(found.values(), key=lambda own: not own[0])]
         # If a fault covers all held-out samples of a reading, they prove nothing.
-        return [proof for proof in found if proof.fit.heldout.points] or found
+        return [proof for proof in proofs if proof.fit.heldout.points] or proofs
 
-    def _predictors(self, findings: Sequence[Finding]) -> list[Predictor]:
-        """The reading that shows each finding best: the flow meter, if there is one."""
+    def _places(
+        self, findings: Sequence[Finding]
+    ) -> list[tuple[tuple[str, ...], frozenset[str], str]]:
+        """Observers, drivers and unit of the place of each finding, else those of the plant."""
         system = self._system
         candidates = {c.id: c for c in system.builder.candidates}
         spots = {(s.module, s.place): s for s in system.builder.spots}
@@ -213,14 +243,7 @@ class Explanation(Explained[Fitted]):
                 spot = spots[finding.module, finding.place]
                 places.append((spot.observers, frozenset(), spot.unit))
         places += [(h.spot.observers, frozenset(), h.spot.unit) for h in self.latent]
-        places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
-        found: dict[str, Predictor] = {}
-        for place in places:
-            natural = predictors_for(system, *place)[: limits.PREDICTORS_TRIED]
-            if natural and not natural[0].of_flow:
-                natural.sort(key=lambda p: -round(gain_shown(p, self._models), 3))
-            found.update({p.signal.id: p for p in natural[:1]})
-        return sorted(found.values(), key=lambda p: not p.of_flow)
+        return places or [(tuple(o.id for o in system.observers), frozenset(), "")]
 
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
@@ -228,10 +251,8 @@ class Explanation(Explained[Fitted]):
         """Refits to points outside periods of faults, with laws as accurate as stated."""
         settled, clear = self._models.fitted, self._clear
         setting, chosen = settled.setting, {c.id for c in taken}
-        bare = setting
-        for candidate in setting.joined:
-            bare = bare.leaving(candidate.id)
-            setting = setting if candidate.id in chosen else setting.leaving(candidate.id)
+        bare = setting.leaving(*(c.id for c in setting.joined))
+        setting = setting.leaving(*(c.id for c in setting.joined if c.id not in chosen))
         for curve in (c for c in taken if c.sort == "curve"):
             setting = setting.joining(curve, {}, {u.id: u.factor for u in curve.unknowns})
         rows = clear_states(self._system, clear)
@@ -270,14 +291,14 @@ class Explanation(Explained[Fitted]):
         simulated = plants is not None and bool(found)
         if not simulated:
             settings = (Configuration(), refits.plain.setting, refits.repaired.setting)
-            for name, own in explained.items():
-                predictor = predictor_of(system, own.relation or "", name)
+            for name, fitted in explained.items():
+                predictor = predictor_of(system, fitted.relation or "", name)
                 found[name] = Predicted(*(predictor.predicted(s) for s in settings))
         scale = noise_scale(refits.repaired.rows, refits.repaired.residual)
         result = []
         for name, predicted in found.items():
             signal, measured = system.ruleset.signal_by_id[name], system.data.values[name]
-            proven = explained.get(name)
+            own = explained.get(name)
             if plants is not None and simulated:
                 noise = _noise(plants.rulesets[2], system, name) * scale
             else:
@@ -286,14 +307,9 @@ class Explanation(Explained[Fitted]):
             users = [i for i, o in enumerate(system.observers) if name in o.signals]
             usable = refits.judged & np.any(system.valid[users], axis=0)
             parts = (system.data.open & usable, (system.data.part == HELDOUT) & usable)
-            whole, relation = (np.nan, np.nan), None
-            if proven:
-                whole, relation = (
-                    (proven.estimation.repaired, proven.heldout.repaired),
-                    proven.relation,
-                )
+            whole = (own.estimation.repaired, own.heldout.repaired) if own else (np.nan, np.nan)
             fit_ = fit_of(signal, [p - measured for p in predicted], (noise, noise), parts, whole)
-            fit_ = replace(fit_, relation=relation, simulated=simulated)
+            fit_ = replace(fit_, relation=own.relation if own else None, simulated=simulated)
             result.append(Reading(fit=fit_, measured=measured, predicted=predicted))
         return result
 
@@ -357,32 +373,10 @@ def _what(spot: DisturbanceLocation) -> str:
     return f"{what} {spot.module}.{spot.place}"
 
 
-def models_of(repaired: Fitted) -> Models:
-    """The repaired model and those to compare it with."""
-    plain = plain_of(repaired.setting)
-    for spot in repaired.setting.spots:
-        plain = plain.leaving(spot)
-    recalibrated = with_sensors_as_they_are(repaired, plain)
-    return Models(
-        _without_periods(recalibrated.setting),
-        _without_periods(repaired.setting),
-        repaired,
-        _faulty(repaired.rows, repaired),
-    )
-
-
-def gain_shown(predictor: Predictor, models: Models) -> float:
+def gain_shown(proof: Proof) -> float:
     """Ratio of a reading's errors before and after the repair, on points not held out."""
-    data = predictor.system.data
-    measured = data.values[predictor.signal.id]
-    part = predictor.points & data.open & ~models.faulty
-    off = [
-        (predictor.predicted(setting) - measured)[part]
-        for setting in (models.recalibrated, models.repaired)
-    ]
-    usable = np.isfinite(off[0]) & np.isfinite(off[1])
-    before, after = (rms(o[usable]) for o in off)
-    return before / after if after > 0 and np.isfinite(before) else 0.0
+    before, after = proof.fit.estimation.recalibrated, proof.fit.estimation.repaired
+    return before / after if after > 0.0 else 0.0
 
 
 def prove(predictor: Predictor, models: Models) -> Proof:
@@ -398,35 +392,6 @@ def prove(predictor: Predictor, models: Models) -> Proof:
     sizes = (rms(noise[parts[0]]), rms(noise[parts[1]]))
     found = fit_of(predictor.signal, [p - measured for p in predicted], sizes, parts)
     return Proof(replace(found, relation=predictor.residual.id), predicted, judged)
-
-
-def _without_periods(setting: Configuration) -> Configuration:
-    """A setting without faults in periods, which a model does not predict."""
-    for course in setting.courses:
-        candidate = setting.candidate_of(course)
-        if candidate.sort != HIDDEN:
-            setting = setting.leaving(candidate.id)
-    return setting
-
-
-def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
-    """Points in periods of faults; the finished model finds these in held-out blocks."""
-    data = rows.system.data
-    faulty = np.zeros(len(data), dtype=bool)
-    for course in repaired.setting.courses:
-        candidate = repaired.setting.candidate_of(course)
-        if candidate.sort == HIDDEN:
-            continue
-        if course.grows:
-            faulty |= course.segment >= 0
-            continue
-        faulty |= (course.segment >= 0) & data.open
-        bare = repaired.setting.leaving(candidate.id)
-        evaluated = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)
-        trial = in_periods(evaluated, candidate)
-        if trial is not None and trial.course is not None:
-            faulty |= (trial.course.segment >= 0) & ~data.open
-    return faulty
 
 
 def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:

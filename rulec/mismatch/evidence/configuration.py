@@ -205,12 +205,12 @@ class Configuration:
             courses=self.courses if course is None else (*self.courses, course),
         )
 
-    def leaving(self, candidate: str) -> Configuration:
-        """Remove a candidate."""
-        gone = {u.id for c in self.joined if c.id == candidate for u in c.unknowns}
+    def leaving(self, *candidates: str) -> Configuration:
+        """Remove candidates."""
+        gone = {u.id for c in self.joined if c.id in candidates for u in c.unknowns}
         return replace(
             self,
-            joined=tuple(c for c in self.joined if c.id != candidate),
+            joined=tuple(c for c in self.joined if c.id not in candidates),
             values={n: v for n, v in self.values.items() if n.partition("#")[0] not in gone},
             fixed={n: v for n, v in self.fixed.items() if n not in gone},
             courses=tuple(c for c in self.courses if c.unknown not in gone),

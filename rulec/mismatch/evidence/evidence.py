@@ -21,7 +21,7 @@ from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration, Course
-from rulec.mismatch.evidence.prior import Prior, Size, prior_with_sizes, range_over, size_of
+from rulec.mismatch.evidence.prior import Prior, Size, log_inside, range_over, size_of
 from rulec.mismatch.evidence.term import Term
 
 # Candidates as columns: slopes of the residuals by one amplitude, all else of it held.
@@ -250,13 +250,31 @@ class Evidence(ABC):
         return f"{changed.module}.{changed.place}" in self.readings
 
     def prior(self, setting: Configuration) -> Prior:
-        """The prior of all values."""
-
-        def range_of(unknown: Unknown, start: float) -> tuple[float, float]:
-            driver = None if unknown.driver is None else self.driven_by(unknown.driver)
-            return range_over(unknown, start, driver)
-
-        return prior_with_sizes(self.plain_prior(setting), setting, self.size, range_of)
+        """The prior of all values: that of the plant, with usual sizes of the amplitudes of effects
+        and ranges of their shapes."""
+        plain, odds = self.plain_prior(setting), 0.0
+        own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
+        mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
+        for i, name in enumerate(plain.names):
+            stem = name.partition("#")[0]
+            if stem not in own:
+                continue
+            candidate, unknown = own[stem]
+            if unknown.null is None:
+                driver = None if unknown.driver is None else self.driven_by(unknown.driver)
+                mean[i], width = range_over(unknown, setting.values[name], driver)
+                known[i] = 12.0 / width**2
+                continue
+            size = self.size(candidate, unknown)
+            freedom[i] = size.freedom
+            if np.isfinite(size.width):
+                off = setting.values[name] - unknown.null
+                mean[i] = unknown.null + np.copysign(size.usual, off)
+                known[i] = size.width**-2
+                odds -= log_inside(size, unknown)
+            else:
+                mean[i], known[i] = unknown.null, size.scale**-2
+        return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
 
     @abstractmethod
     def plain_prior(self, setting: Configuration) -> Prior:

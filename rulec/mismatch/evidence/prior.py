@@ -1,13 +1,13 @@
 """The prior of the values of a model: parameters, errors of sensors, unknowns of effects."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.special import stdtr, stdtrit
 
-from rulec.effects.candidate import Candidate, Unknown
+from rulec.effects.candidate import Unknown
 from rulec.knowledge.parameter_belief import Belief, Coordinates, LocalBelief, peak_of
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
@@ -144,41 +144,6 @@ def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
     freedom = 2.0 / spread
     median = usual.size / share() if usual.of_place else usual.size
     return Size(median / float(stdtrit(freedom, 0.75)), freedom, median, median * spread)
-
-
-def prior_with_sizes(
-    plain: Prior,
-    setting: Configuration,
-    size_of: Callable[[Candidate, Unknown], Size],
-    range_of: Callable[[Unknown, float], tuple[float, float]],
-) -> Prior:
-    """Add the amplitudes and shapes of effects to the prior of the plant.
-
-    `size_of` gives the prior of an amplitude, `range_of` the middle and width of the range of a
-    shape, by its starting value.
-    """
-    own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
-    mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
-    odds = 0.0
-    for i, name in enumerate(plain.names):
-        stem = name.partition("#")[0]
-        if stem not in own:
-            continue
-        candidate, unknown = own[stem]
-        if unknown.null is not None:
-            size = size_of(candidate, unknown)
-            off = setting.values[name] - unknown.null
-            freedom[i] = size.freedom
-            if np.isfinite(size.width):
-                mean[i] = unknown.null + np.copysign(size.usual, off)
-                known[i] = size.width**-2
-                odds -= log_inside(size, unknown)
-            else:
-                mean[i], known[i] = unknown.null, size.scale**-2
-        else:
-            mean[i], width = range_of(unknown, setting.values[name])
-            known[i] = 12.0 / width**2
-    return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
 
 
 def known_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float, float]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -51,39 +52,24 @@ def evidence_of(
     judged, faulty : points in the errors of the proof, and in periods of faults, shape (n,); None
         where nothing was proven.
     """
+    unused, used = unread(recording), list[str]()
     if data is None:
-        return counted_rows((), [*unread(recording), *[UNSETTLED] * len(recording)])
-    compared, texts = _points(data, rows, judged, faulty)
-    used: list[str] = []
-    unused = unread(recording)
-    for point in data.sample.tolist():
-        if point < 0:
-            unused.append(TOO_MANY if point == SPARED else UNSETTLED)
-        else:
-            (used if compared[point] else unused).append(texts[point])
-    return counted_rows(used, unused)
-
-
-def _points(
-    data: Data, rows: Rows | None, judged: np.ndarray | None, faulty: np.ndarray | None
-) -> tuple[np.ndarray, list[str]]:
-    """Flags of points that are compared, shape (n,), and the use of each, or why it has none."""
-    compared = np.zeros(len(data), dtype=bool)
-    if rows is not None:
-        compared[rows.group_point] = True
-    texts = []
-    for point in range(len(data)):
-        why = _why_not(rows, point)
-        if not compared[point]:
-            texts.append(why or NOTHING_TO_COMPARE)
-            continue
-        what = HELD_OUT if data.part[point] == HELDOUT else SEARCHED
+        return counted_rows((), [*unused, *[UNSETTLED] * len(recording)])
+    compared = np.isin(np.arange(len(data)), () if rows is None else rows.group_point)
+    texts = [_why_not(rows, point) for point in range(len(data))]
+    for point in np.flatnonzero(compared).tolist():
+        what, why = HELD_OUT if data.part[point] == HELDOUT else SEARCHED, texts[point]
         if faulty is not None and faulty[point]:
             what += ", in a period of a fault, so not in the errors"
         elif judged is not None and not judged[point]:
             what += ", not in the errors, as no reading is predicted there"
-        texts.append(f"{what} ({why})" if why else what)
-    return compared, texts
+        texts[point] = f"{what} ({why})" if why else what
+    for point in data.sample.tolist():
+        if point < 0:
+            unused.append(TOO_MANY if point == SPARED else UNSETTLED)
+        else:
+            (used if compared[point] else unused).append(texts[point] or NOTHING_TO_COMPARE)
+    return counted_rows(used, unused)
 
 
 def _why_not(rows: Rows | None, point: int) -> str:
@@ -101,8 +87,7 @@ def _why_not(rows: Rows | None, point: int) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Onset:
+class Onset(NamedTuple):
     """Standard uncertainties of the final degree of a growing fault, of its onset, s, and of its
     rate, 1/s, and the Gauss-Newton `step` of the onset, s."""
 
@@ -119,14 +104,20 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
     like any other value. With the onset held, rate and degree would seem too certain: a later
     onset needs a higher rate.
     """
-    (span,), (name,) = course.periods, course.names()
-    at = fitted.prior.names.index(name)
-    value, length = fitted.setting.values[name], span.until - span.since
-    slope = slope_by_onset(fitted, course, at)
-    table = np.column_stack([fitted.jacobian, slope])
+    (span,), (name,), risen = course.periods, course.names(), course.risen
+    assert risen is not None
+    at, time, point = (
+        fitted.prior.names.index(name),
+        fitted.rows.system.data.time,
+        fitted.rows.point,
+    )
+    value, length, known = fitted.setting.values[name], span.until - span.since, fitted.known
+    # The slope of the degree, by the share reached, is that of a fault that is there at once.
+    by_onset = np.where(risen > 0.0, (time - span.until) / length**2, 0.0)
+    whole = fitted.jacobian[:, at] / np.where(risen > 0.0, risen, 1.0)[point]
+    table = np.column_stack([fitted.jacobian, value * whole * by_onset[point]])
     half = table * np.sqrt(fitted.weights)[:, None]
     normal = half.T @ half
-    known = fitted.known
     normal[:-1, :-1] += known.precision
     normal[-1, -1] += 1e-12 / length**2
     gradient = table.T @ (fitted.weights * fitted.residual)
@@ -135,24 +126,9 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True) / np.outer(size, size)
     both = inverse[np.ix_([at, -1], [at, -1])]
     by_both = np.array([1.0 / length, value / length**2])
-    return Onset(
-        u_degree=float(np.sqrt(both[0, 0])),
-        u_since=float(np.sqrt(both[1, 1])),
-        u_rate=float(np.sqrt(by_both @ both @ by_both)),
-        step=-float(inverse[-1] @ gradient),
-    )
-
-
-def slope_by_onset(fitted: Fitted, course: Course, at: int) -> Array:
-    """Slopes of the residuals by the onset, shape (rows,), 1/s; `at` is the index of the degree
-    among the values."""
-    (span,), (name,) = course.periods, course.names()
-    assert course.risen is not None
-    time, length = fitted.rows.system.data.time, span.until - span.since
-    by_onset = np.where(course.risen > 0.0, (time - span.until) / length**2, 0.0)
-    share = np.where(course.risen > 0.0, course.risen, 1.0)
-    whole = fitted.jacobian[:, at] / share[fitted.rows.point]
-    return np.asarray(fitted.setting.values[name] * whole * by_onset[fitted.rows.point])
+    u_degree, u_since = np.sqrt(np.diag(both)).tolist()
+    u_rate = float(np.sqrt(by_both @ both @ by_both))
+    return Onset(u_degree, u_since, u_rate, step=-float(inverse[-1] @ gradient))
 
 
 HOUR = 3600.0
@@ -223,8 +199,7 @@ class SteadyModel(Model):
     def variables(self, module: str) -> dict[str, Variable]:
         """Readings of the module, and those that no observer needs."""
         names = variables_of(self.fitted.rows.system, module)
-        found = {name: self.variable(name) for name in names}
-        return {name: variable for name, variable in found.items() if variable is not None}
+        return {name: own for name in names if (own := self.variable(name)) is not None}
 
     def variable(self, name: str) -> Variable | None:
         """A reading at the settled points."""

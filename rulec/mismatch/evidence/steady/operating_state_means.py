@@ -4,7 +4,7 @@ The inputs alone define a state: points whose inputs agree belong to one. Visits
 block of time are one mean; visits to different states are never averaged.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -107,40 +107,40 @@ def rows_of_states(system: System, cuts: Array | None = None) -> Rows:
 
 
 def averaged(system: System, cuts: Array) -> Data:
-    """The data with one point for each state and block."""
-    group = _groups(system, cuts)
+    """The data with one point for each state and block: points of equal state, stretch of time and
+    usability are one."""
     data, held = _with_held_inputs(system)
+    state, bad = states_of(system), [np.asarray(flags) != 0 for flags in data.points.bad.values()]
+    piece = np.searchsorted(cuts, data.time, side="right")
+    key = np.column_stack([state, _stretch(data, state), piece, *data.moving.values(), *bad])
+    _, first, group = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    group = group.ravel()
     count = np.bincount(group).astype(float)
-    first = np.full(len(count), len(data))
-    np.minimum.at(first, group, np.arange(len(data)))
-    time = np.bincount(group, data.time) / count
-    order = np.argsort(time)
-    first = first[order]
+    order = np.argsort(np.bincount(group, data.time) / count)
+    first, group, count = first[order], np.argsort(order)[group], count[order]
 
     def mean(values: Array) -> Array:
-        return np.asarray((np.bincount(group, values) / count)[order])
+        return np.asarray(np.bincount(group, values) / count)
 
     # The error of a held input is the same in all of its points.
     noise = {
-        n: mean(v) if n in held else (np.sqrt(np.bincount(group, v**2)) / count)[order]
+        n: mean(v) if n in held else np.sqrt(np.bincount(group, v**2)) / count
         for n, v in data.noise.items()
     }
     values = {name: mean(v) for name, v in data.points.values.items()}
     systematic = {name: mean(v) for name, v in data.points.systematic.items()}
     u = {name: np.hypot(systematic[name], noise.get(name, 0.0)) for name in values}
-    points = Points(
-        values, u, systematic, _at(data.points.bad, first), data.points.why, time[order]
-    )
-    stretches = Stretches(data.stretches.first[first], data.stretches.last[first])
+    flags = {name: np.asarray(own)[first] for name, own in data.points.bad.items()}
+    time = mean(data.time)
     return replace(
         data,
-        points=points,
-        time=time[order],
+        points=Points(values, u, systematic, flags, data.points.why, time),
+        time=time,
         noise=noise,
         block=data.block[first],
         part=data.part[first],
-        moving=_at(data.moving, first),
-        stretches=stretches,
+        moving={name: own[first] for name, own in data.moving.items()},
+        stretches=Stretches(data.stretches.first[first], data.stretches.last[first]),
         source=data.source[first],
         clock=mean(data.clock),
     )
@@ -202,17 +202,6 @@ def _between(state: NDArray[np.intp], open_: np.ndarray, errors: Array) -> float
     return (NORMAL_SPREAD * float(np.median(every))) ** 2 / 2.0
 
 
-def _groups(system: System, cuts: Array) -> NDArray[np.intp]:
-    """Number of the group of each point, shape (n,): of equal state, stretch and usability."""
-    data = system.data
-    moving = [np.asarray(flags, dtype=int) for flags in data.moving.values()]
-    bad = [np.asarray(flags) != 0 for flags in data.points.bad.values()]
-    state = states_of(system)
-    piece = np.searchsorted(cuts, data.time, side="right")
-    key = np.stack([state, _stretch(data, state), piece, *moving, *bad], axis=1).astype(int)
-    return np.unique(key, axis=0, return_inverse=True)[1].ravel()
-
-
 def _stretch(data: Data, state: NDArray[np.intp]) -> NDArray[np.intp]:
     """Number of the stretch of time of each point, shape (n,): parts of blocks, as many as give
     about the wanted number of means."""
@@ -224,7 +213,3 @@ def _stretch(data: Data, state: NDArray[np.intp]) -> NDArray[np.intp]:
         at = np.flatnonzero(data.block == block)
         inside[at] = np.arange(len(at)) * parts // max(len(at), 1)
     return np.asarray(data.block * parts + inside)
-
-
-def _at(flags: Mapping[str, np.ndarray], chosen: NDArray[np.intp]) -> dict[str, np.ndarray]:
-    return {name: np.asarray(part)[chosen] for name, part in flags.items()}

@@ -208,20 +208,15 @@ def _split(
 def _split_of_one(
     time: Array, heldout: Sequence[tuple[float, float]]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    n = len(time)
-    blocks = int(np.clip(n // limits.BLOCK_POINTS, 1, common.BLOCKS))
-    block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)
-    part = np.array(PATTERN)[block % len(PATTERN)]
-    if heldout:
-        inside = inside_of(time, heldout)
-        rest = np.cumsum(~inside) - 1
-        count = max(int((~inside).sum()), 1)
-        blocks = int(np.clip(count // limits.BLOCK_POINTS, 1, common.BLOCKS))
-        open_ = np.clip(rest * blocks // count, 0, blocks - 1)
-        part = np.where(inside, HELDOUT, open_ % 2)
-        block = np.where(inside, blocks + np.arange(n) * common.BLOCKS // max(n, 1), open_)
-        block = np.unique(block, return_inverse=True)[1]
-    return block, part
+    inside = inside_of(time, heldout)
+    rest, count = np.cumsum(~inside) - 1, max(int((~inside).sum()), 1)
+    blocks = int(np.clip(count // limits.BLOCK_POINTS, 1, common.BLOCKS))
+    open_ = np.clip(rest * blocks // count, 0, blocks - 1)
+    if not heldout:
+        return open_, np.array(PATTERN)[open_ % len(PATTERN)]
+    own = blocks + np.arange(len(time)) * common.BLOCKS // max(len(time), 1)
+    block = np.unique(np.where(inside, own, open_), return_inverse=True)[1]
+    return block, np.where(inside, HELDOUT, open_ % 2)
 
 
 def _split_in_words(

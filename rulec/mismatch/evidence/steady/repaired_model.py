@@ -1,5 +1,6 @@
 """The repaired model for use: predicted readings, values to write, and its range of validity."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,11 @@ from rulec_runtime.contract.ruleset import ResidualSpec, SignalSpec
 from rulec_runtime.limits import NORMAL_SPREAD
 from rulec_runtime.recordings.reading_unit import parse_unit
 
-from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.fluid import reading_of
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.steady.system import Flows, System
 from rulec.mismatch.result import Changed, Repair
 from rulec.simulation.predict_settled import is_flow
 
@@ -39,14 +39,16 @@ class Predictor:
 
     def predicted(self, setting: Configuration) -> Array:
         """The reading by a model, shape (n,), SI; NaN where there is none."""
-        measured = self.system.data.values[self.signal.id]
+        measured, name = self.system.data.values[self.signal.id], self.signal.id
         at = measured.copy()
         spread, largest = np.nanstd(measured[self.points]), np.nanmax(np.abs(measured))
         size = max(float(spread), 1e-6 * float(largest))
         settled = np.full(len(at), np.inf)
         for _ in range(limits.PREDICTOR_STEPS):
-            value, slope = self._value(setting, at)
+            flows = self._flows(setting, {name: at})
+            value = self._combined(dict(enumerate(flows.values)))
             with np.errstate(all="ignore"):
+                slope = self._combined(flows.by_reading.get(name, {}))
                 step = np.clip(-value / slope, -10.0 * size, 10.0 * size)
             # Where the law has no value the iteration stays at the reading, which is no prediction.
             known = np.isfinite(step)
@@ -56,39 +58,26 @@ class Predictor:
                 break
         return np.where(self.points & (settled < 1e-3 * size), at, np.nan)
 
-    def _value(self, setting: Configuration, at: Array) -> tuple[Array, Array]:
-        """The residual at a value of the reading, and its slope by the reading."""
-        system = self.system
-        inputs = system.corrected(setting)
-        error = system.error_at(self.signal.id, setting)
-        inputs[self.signal.id] = at - error * system.shared.get(self.signal.id, np.zeros(1))
-        value, slope = np.zeros(len(at)), np.zeros(len(at))
-        for term in self.residual.terms:
-            spec = system.ruleset.observer_by_id[term.observer]
-            plan = system.builder.plan(spec.module, setting.ids, system.built_in(setting))
-            key = f"q:{term.observer}"
-            out, slopes = run_with_slopes(plan.select([key]), inputs, (self.signal.id,))
-            value = value + term.sign * out[key]
-            slope = slope + term.sign * slopes[key].get(self.signal.id, np.zeros(1))
-        return value, slope
-
     def noise(self, setting: Configuration) -> Array:
         """Standard uncertainty of measured less predicted, by the noise of all readings, shape
         (n,)."""
-        system = self.system
-        flows = system.flows(setting)
-        variance, own = np.zeros(len(system.data)), np.zeros(len(system.data))
-        for name, slopes in flows.by_reading.items():
-            total = np.zeros(len(system.data))
-            for term in self.residual.terms:
-                i = system.number[term.observer]
-                total = total + term.sign * slopes.get(i, np.zeros(1))
-            with np.errstate(invalid="ignore"):  # an estimate without a slope has no noise
-                variance += (total * system.data.noise[name]) ** 2
-            if name == self.signal.id:
-                own = total
-        with np.errstate(all="ignore"):
-            return np.asarray(np.sqrt(variance) / np.abs(own))
+        data, slopes = self.system.data, self._flows(setting).by_reading
+        total = {name: self._combined(by) for name, by in slopes.items()}
+        with np.errstate(all="ignore"):  # an estimate without a slope has no noise
+            parts = [(slope * data.noise[name]) ** 2 for name, slope in total.items()]
+            return np.asarray(np.sqrt(sum(parts)) / np.abs(total[self.signal.id]))
+
+    def _flows(self, setting: Configuration, at: Mapping[str, Array] | None = None) -> Flows:
+        modules = self.system.reached([term.observer for term in self.residual.terms])
+        return self.system.flows(setting, modules=modules, at=at)
+
+    def _combined(self, estimates: Mapping[int, Array]) -> Array:
+        """The residual of estimates, or of their slopes, by number of the observer, shape (n,)."""
+        total = np.zeros(len(self.system.data))
+        for term in self.residual.terms:
+            part = estimates.get(self.system.number[term.observer])
+            total = total if part is None else total + term.sign * part
+        return total
 
 
 def predictors_for(
@@ -107,11 +96,11 @@ def predictors_for(
         touched = [o for o in ids if o in observers]
         if not touched or not all(o in system.number for o in ids):
             continue
-        points = _usable(system, spec)
         for name in sorted({s for o in ids for s in system.ruleset.observer_by_id[o].signals}):
             signal = system.ruleset.signal_by_id[name]
             readers = [o for o in ids if name in system.ruleset.observer_by_id[o].signals]
-            if signal.is_input or points.sum() < 3:
+            predictor = predictor_of(system, spec.id, name)
+            if signal.is_input or predictor.points.sum() < 3:
                 continue
             own = parse_unit(signal.unit, system.ruleset.units)
             alike = kind is not None and own is not None and kind.dimension == own.dimension
@@ -126,7 +115,7 @@ def predictors_for(
                 float(readers[0] not in observers),
             )
             if name not in found or rank > found[name][0]:
-                found[name] = (rank, Predictor(system, spec, signal, points))
+                found[name] = (rank, predictor)
     ranked = sorted(found.values(), key=lambda f: f[0], reverse=True)
     return [predictor for _, predictor in ranked]
 
@@ -134,13 +123,8 @@ def predictors_for(
 def predictor_of(system: System, relation: str, name: str) -> Predictor:
     """A residual, by its id, solved for a reading."""
     spec = next(s for s in system.ruleset.residuals if s.id == relation)
-    points = _usable(system, spec)
-    return Predictor(system, spec, system.ruleset.signal_by_id[name], points)
-
-
-def _usable(system: System, spec: ResidualSpec) -> np.ndarray:
-    """Points at which all estimates of a residual may be used, shape (n,)."""
-    return np.asarray(np.all(system.valid[[system.number[t.observer] for t in spec.terms]], axis=0))
+    points = np.all(system.valid[[system.number[t.observer] for t in spec.terms]], axis=0)
+    return Predictor(system, spec, system.ruleset.signal_by_id[name], np.asarray(points))
 
 
 # The repaired model for use: without lasting sensor errors, and with its range of validity.
@@ -157,9 +141,7 @@ def with_sensors_as_they_are(fitted: Fitted, setting: Configuration | None = Non
     Terms without physics are removed: nobody should rely on them.
     """
     setting = fitted.setting if setting is None else setting
-    for candidate in setting.joined:
-        if candidate.sort == "free":
-            setting = setting.leaving(candidate.id)
+    setting = setting.leaving(*(c.id for c in setting.joined if c.sort == "free"))
     held, inflation = no_lasting_errors(fitted.rows.system), fitted.variance_inflation
     return fit(fitted.rows, setting, fitted.used, held=held, variance_inflation=inflation)
 
@@ -199,23 +181,11 @@ def _misfit(settled: Fitted) -> dict[str, float]:
     They are attributed to the estimate that has a misfit at all, or to both alike. Outliers have
     other causes and are ignored.
     """
-    system = settled.rows.system
-    flows = system.flows(settled.setting)
-    found: dict[str, float] = {}
-    for spec in system.ruleset.residuals:
-        ids = [t.observer for t in spec.terms]
-        if len(ids) != 2 or not all(o in system.number for o in ids):
-            continue
-        first, second = (system.number[o] for o in ids)
-        difference = flows.values[first] - flows.values[second]
-        usable = settled.used & system.valid[first] & system.valid[second]
-        off = difference[usable & np.isfinite(difference)]
-        if not len(off):
-            continue
-        near = off[_near(off)]
-        own = [o for o in ids if system.ruleset.observer_by_id[o].misfit > 0] or ids
-        for name in own:
-            value = float(np.sqrt(np.mean(near**2) / len(own)))
+    observers, found = settled.rows.system.ruleset.observer_by_id, dict[str, float]()
+    for ids, off in _held(settled).items():
+        own = [o for o in ids if observers[o].misfit > 0] or ids
+        for name in own if len(ids) == 2 else ():
+            value = float(np.sqrt(np.nanmean(off**2) / len(own)))
             found[name] = max(found.get(name, 0.0), value)
     return found
 
@@ -228,39 +198,30 @@ def _ranges(settled: Fitted) -> dict[str, tuple[float, float]]:
     wrong. A signal that only drives a law is tested with the relations of its module. A meter has
     no law, so its use does not limit its range.
     """
-    system, setting = settled.rows.system, settled.setting
-    tested, fitted = _tested(settled), _with_values(settled)
+    system, setting, found = settled.rows.system, settled.setting, {}
+    held, values = _held(settled), set(settled.prior.names)
+    plans = {o.module: system.builder.plan(o.module, setting.ids) for o in system.observers}
+    with_values = [
+        o for o in system.observers if values & {*plans[o.module].select([f"q:{o.id}"]).used_inputs}
+    ]
     laws = {(c.module, reading_of(d)) for c in setting.joined for d in c.drivers.values()}
-    found = {}
     for name in sorted(system.data.values.keys() & system.ruleset.signal_by_id):
-        readers = {o.id for o in system.observers if name in o.signals and o.id in fitted}
+        readers = {o.id for o in with_values if name in o.signals}
         modules = {m for m, d in laws if d == name} if not readers else set()
         readers |= {o.id for o in system.observers if o.module in modules}
-        own = [flags for ids, flags in tested.items() if readers.intersection(ids)]
-        values = system.data.values[name]
-        values = values[np.all(own, axis=0) & np.isfinite(values)] if own else values[:0]
-        if len(values):
-            found[name] = (float(values.min()), float(values.max()))
+        own = [np.isfinite(off) for ids, off in held.items() if readers.intersection(ids)]
+        read = system.data.values[name]
+        read = read[np.all(own, axis=0) & np.isfinite(read)] if own else read[:0]
+        if len(read):
+            found[name] = (float(read.min()), float(read.max()))
     return found
 
 
-def _with_values(settled: Fitted) -> set[str]:
-    """Observers with values that were fitted."""
-    system, found = settled.rows.system, set()
-    for observer in system.observers:
-        plan = system.builder.plan(observer.module, settled.setting.ids)
-        used = plan.select([f"q:{observer.id}"]).used_inputs
-        if set(settled.prior.names).intersection(used):
-            found.add(observer.id)
-    return found
-
-
-def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
-    """Flags of points, shape (n,), at which each relation (its observers) was tested and held;
-    without relations that were never tested."""
-    system = settled.rows.system
+def _held(settled: Fitted) -> dict[tuple[str, ...], Array]:
+    """What is left of each relation (its observers), shape (n,), m3/s, where it was tested and
+    held, NaN elsewhere; without relations that were never tested."""
+    system, found = settled.rows.system, {}
     flows = system.flows(settled.setting).values
-    found = {}
     for spec in system.ruleset.residuals:
         ids = tuple(t.observer for t in spec.terms)
         if not all(o in system.number for o in ids):
@@ -270,7 +231,7 @@ def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
         usable = settled.used & np.all(system.valid[rows], axis=0) & np.isfinite(off)
         if usable.any():
             usable[usable] = _near(off[usable])
-            found[ids] = usable
+            found[ids] = np.where(usable, off, np.nan)
     return found
 
 
@@ -279,11 +240,3 @@ def _near(off: Array) -> np.ndarray:
     far = np.abs(off - np.median(off))
     spread = max(NORMAL_SPREAD * float(np.median(far)), 1e-300)
     return np.asarray(far <= limits.MISFIT_FAR * spread)
-
-
-def plain_of(setting: Configuration) -> Configuration:
-    """The plain model to compare with; faults that come and go stay, as no model has them."""
-    for candidate in setting.joined:
-        if not setting.in_periods & {u.id for u in candidate.unknowns}:
-            setting = setting.leaving(candidate.id)
-    return setting

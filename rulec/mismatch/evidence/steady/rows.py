@@ -99,26 +99,6 @@ class Cell:
         return np.ascontiguousarray(np.moveaxis(combined, 2, 0))
 
 
-@dataclass(frozen=True)
-class Linear:
-    """The relations of a cell, linearised at its readings.
-
-    `combined`, shape (points, rank), are the errors of the relations; `slopes`, shape (points,
-    rank, readings), their derivatives; `scaled` those per unit of noise; `normal`, shape (points,
-    rank, rank), their covariance by noise.
-    """
-
-    names: tuple[str, ...]
-    combined: Array
-    slopes: Array
-    scaled: Array
-    normal: Array
-
-    def of_outputs(self, cell: Cell) -> Array:
-        """Derivatives by the outputs, shape (points, rank, rank)."""
-        return self.slopes[:, :, [self.names.index(name) for name in cell.outputs]]
-
-
 Maps = tuple[Array, ...]
 """Map of each cell from changes of estimates to whitened errors, (observers, rank, points)."""
 
@@ -145,52 +125,32 @@ class Rows:
 
         Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
-        table = np.full(len(self), np.nan)
-        obeying: dict[str, Array] = {}
+        table, obeying, data = np.full(len(self), np.nan), dict[str, Array](), self.system.data
         for cell in self.cells:
-            part = self._linear(cell, flows)
-            off = _product(inverses(part.of_outputs(cell)), part.combined)
+            names = cell.readings(flows.by_reading)
+            combined, slopes = cell.combined(flows.values), cell.slopes(flows.by_reading, names)
+            outputs = [names.index(name) for name in cell.outputs]
+            off = _product(inverses(slopes[:, :, outputs]), combined)
             whitened = _product(cell.whitener, off)
             table[cell.rows] = whitened.T.ravel()
-            weight = _product(inverses(part.normal), part.combined)
-            shifts = np.einsum("nrm,nr->nm", part.scaled, weight)
-            shifts *= self._noise(cell, part.names)
+            noise = np.stack([data.noise[name][cell.points] for name in names], axis=1)
+            scaled = slopes * noise[:, None, :]
+            size = np.abs(scaled.reshape(len(scaled), -1)).max(axis=1, initial=0.0)
+            size = np.where(size < limits.NO_SLOPE, size, 0.0)[:, None, None]
+            normal = scaled @ np.swapaxes(scaled, 1, 2) + (1e-6 * size) ** 2 * np.eye(cell.rank)
+            weight = _product(inverses(normal), combined)
+            shifts, alone = np.einsum("nrm,nr->nm", scaled, weight) * noise, np.zeros_like(noise)
+            alone[:, outputs] = off
             large = np.einsum("nr,nr->n", whitened, whitened) > limits.RECONCILED**2 * cell.rank
-            alone = np.zeros_like(shifts)
-            alone[:, [part.names.index(name) for name in cell.outputs]] = off
-            self._move(obeying, cell, part.names, np.where(large[:, None], alone, shifts))
+            shifts = np.nan_to_num(np.where(large[:, None], alone, shifts))
+            for name, shift in zip(names, shifts.T, strict=True):
+                measured = data.values[name][cell.points]
+                # A reading keeps its sign.
+                sign, most = np.sign(measured), np.abs(measured)
+                low, high = -limits.MOST_AWAY_FROM_ZERO * most, limits.MOST_TOWARDS_ZERO * most
+                kept = sign * np.minimum(np.maximum(sign * shift, low), high)
+                obeying.setdefault(name, data.values[name].copy())[cell.points] -= kept
         return table, obeying
-
-    def _move(
-        self, obeying: dict[str, Array], cell: Cell, names: Sequence[str], shifts: Array
-    ) -> None:
-        """Subtract shifts, shape (points, readings), from readings, but keep the signs of these."""
-        values = self.system.data.values
-        measured = np.stack([values[name][cell.points] for name in names], axis=1)
-        sign, size = np.sign(measured), np.abs(measured)
-        towards_zero = sign * np.nan_to_num(shifts)
-        kept = sign * np.minimum(
-            np.maximum(towards_zero, -limits.MOST_AWAY_FROM_ZERO * size),
-            limits.MOST_TOWARDS_ZERO * size,
-        )
-        for name, shift in zip(names, kept.T, strict=True):
-            if name not in obeying:
-                obeying[name] = values[name].copy()
-            obeying[name][cell.points] -= shift
-
-    def _linear(self, cell: Cell, flows: Flows) -> Linear:
-        """The relations of a cell at the readings of `flows`."""
-        names = cell.readings(flows.by_reading)
-        slopes = cell.slopes(flows.by_reading, names)
-        scaled = slopes * self._noise(cell, names)[:, None, :]
-        size = np.abs(scaled.reshape(len(scaled), -1)).max(axis=1, initial=0.0)
-        size = np.where(size < limits.NO_SLOPE, size, 0.0)[:, None, None]
-        normal = scaled @ np.swapaxes(scaled, 1, 2) + (1e-6 * size) ** 2 * np.eye(cell.rank)
-        return Linear(names, cell.combined(flows.values), slopes, scaled, normal)
-
-    def _noise(self, cell: Cell, names: Sequence[str]) -> Array:
-        noise = self.system.data.noise
-        return np.stack([noise[name][cell.points] for name in names], axis=1)
 
     def maps(self, flows: Flows) -> Maps:
         """Maps from changes of estimates to rows, at the readings of `flows`."""

@@ -74,21 +74,12 @@ def record_of(
     """
     dynamics = ruleset.dynamics
     assert dynamics is not None
-    if any(n not in recording.values for n in dynamics.inputs):
-        return None
-    shown = [n for n in dynamics.outputs if n in recording.values]
-    measured: dict[str, Array] = {}
-    glitches: dict[str, int] = {}
-    strange: dict[str, Flags] = {}
-    for name in shown:
-        values = recording.values[name]
-        measured[name] = without_odd(ruleset.signal_by_id[name], values)
-        strange[name] = np.isfinite(values) & ~np.isfinite(measured[name])
-        glitches[name] = int(strange[name].sum())
-    rows, whole = np.arange(len(recording.time)), measured
-    inputs = {n: v for n, v in recording.values.items() if n in given}
-    factor = -(-len(recording.time) // common.SAMPLE_BUDGET)
-    time, inputs, measured = thinned(recording.time, inputs, measured, factor)
+    values, signals = recording.values, ruleset.signal_by_id
+    whole = {n: without_odd(signals[n], values[n]) for n in dynamics.outputs if n in values}
+    strange = {n: np.isfinite(values[n]) & ~np.isfinite(v) for n, v in whole.items()}
+    rows, factor = np.arange(len(recording)), max(-(-len(recording) // common.SAMPLE_BUDGET), 1)
+    inputs = {n: v for n, v in values.items() if n in given}
+    time, inputs, measured = thinned(recording.time, inputs, whole, factor)
     inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
     if any(n not in inputs for n in dynamics.inputs) or len(time) < common.BLOCKS:
         return None
@@ -101,8 +92,8 @@ def record_of(
         time=time,
         inputs=inputs,
         measured=measured,
-        resolution={n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured},
-        glitches=glitches,
+        resolution={n: _resolution(values[n], signals[n]) for n in measured},
+        glitches={n: int(flags.sum()) for n, flags in strange.items()},
         part=part,
         split=_split_in_words(time, part, heldout),
         digest=digest_of(time, part),
