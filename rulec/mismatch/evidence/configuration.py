@@ -71,13 +71,7 @@ class Course:
 
     def since(self, begin: float, time: Array) -> Course:
         """The same course with another onset, s, lasting to the end; `time`, s, has shape (n,)."""
-        level, until = self.periods[0].level, float(time[-1])
-        return replace(
-            self,
-            segment=np.where(time >= begin, level, -1),
-            periods=(Span(begin, until, level),),
-            risen=_risen(time, begin, until) if self.grows else None,
-        )
+        return lasting(self.unknown, begin, time, grows=self.grows)
 
     def at_times(self, time: Array) -> Course:
         """The same periods at other points; a course that lasts to the end does so there too."""

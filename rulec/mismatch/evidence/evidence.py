@@ -170,6 +170,14 @@ class Random:
         return np.concatenate([self.forms, self.moving, self.held, *own], axis=1)
 
 
+def fewest(table: Array, times: float, least: float = 0.0) -> Array:
+    """The fewest columns with the same sum of squares, without those that do not show at `times`
+    their size, or have at most a share `least` of the largest one."""
+    left, size, _ = np.linalg.svd(table, full_matrices=False)
+    kept = (size * times > limits.FORM_NOT_SEEN) & (size > least * size.max(initial=0.0))
+    return np.asarray(left[:, kept] * size[kept])
+
+
 Noise = tuple[float, ...]
 """Parameters of the noise."""
 

@@ -22,6 +22,7 @@ from rulec.mismatch.evidence.evidence import (
     Point,
     Proposal,
     amplitudes_of,
+    fewest,
 )
 from rulec.mismatch.evidence.prior import Prior
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
@@ -64,7 +65,7 @@ def errors_of_form(
             ways[spot.module] = _smooth_over(alike, limits.FORM_RANK)
         u = common.FORM_U * spot.accuracy * np.nan_to_num(system.value_of(spot))
         whole = column * u[rows.point]
-        own = _shown((whole[:, None] * ways[spot.module][rows.point])[seen], common.FORM_KNOWN)
+        own = fewest((whole[:, None] * ways[spot.module][rows.point])[seen], common.FORM_KNOWN)
         columns.append(own)
         law += [spot.id] * own.shape[1]
     return np.concatenate(columns, axis=1), tuple(law)
@@ -113,7 +114,7 @@ def moving_sensors(plain: Fitted, seen: NDArray[np.bool_]) -> Array:
         return np.zeros((int(seen.sum()), 0))
     course = _smooth_in_time(system.data.time, system.data.source)[rows.point[seen]]
     tables = [plain.jacobian[seen][:, [i]] * course for i in errors]
-    return _shown(np.concatenate(tables, axis=1), common.MOVING_SHARES[-1])
+    return fewest(np.concatenate(tables, axis=1), common.MOVING_SHARES[-1])
 
 
 def held_inputs(plain: Fitted, seen: NDArray[np.bool_]) -> Array:
@@ -130,14 +131,6 @@ def held_inputs(plain: Fitted, seen: NDArray[np.bool_]) -> Array:
             shown = rows.column(plain.maps, slopes) * noise
             columns.append(shown[:, None] * (visit[rows.point, None] == longer))
     return np.asarray(np.concatenate(columns, axis=1)[seen])
-
-
-def _shown(table: Array, times: float) -> Array:
-    """The fewest columns with the same sum of squares, without those that do not show at `times`
-    their size."""
-    left, size, _ = np.linalg.svd(table, full_matrices=False)
-    kept = size * times > limits.FORM_NOT_SEEN
-    return np.asarray(left[:, kept] * size[kept])
 
 
 def _smooth_over(correlation: Array, least: float) -> Array:

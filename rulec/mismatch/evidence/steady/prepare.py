@@ -175,15 +175,12 @@ def _pieces(stretches: Stretches, observers: int) -> Stretches:
     """Cut stretches into about as many points as the budget allows."""
     budget = limits.POINT_BUDGET // max(observers, 1)
     length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST_STRETCH)
-    first, last = [], []
-    for low, high in zip(stretches.first, stretches.last, strict=True):
-        count = max(1, round((high - low) / length))
-        edges = np.linspace(low, high, count + 1).astype(int)
-        first.append(edges[:-1])
-        last.append(edges[1:])
-    if not first:
+    if not len(stretches):
         return stretches
-    pieces = Stretches(np.concatenate(first), np.concatenate(last))
+    ends = zip(stretches.first, stretches.last, strict=True)
+    edges = [np.linspace(a, b, max(1, round((b - a) / length)) + 1).astype(int) for a, b in ends]
+    first, last = (np.concatenate([e[part] for e in edges]) for part in (slice(-1), slice(1, None)))
+    pieces = Stretches(first, last)
     if len(pieces) <= 1.5 * budget:
         return pieces
     # Of many short stretches a fraction is kept, each of them whole.

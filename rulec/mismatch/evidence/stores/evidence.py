@@ -32,6 +32,7 @@ from rulec.mismatch.evidence.evidence import (
     Proposal,
     amplitudes_of,
     climbed,
+    fewest,
 )
 from rulec.mismatch.evidence.prior import Prior, usual
 from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
@@ -72,7 +73,7 @@ class StoresEvidence(Evidence):
         ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
         for spot, moved in errors_of_form(bench, ids, values):
-            own = _compressed(self._table(moved), common.FORM_KNOWN)
+            own = fewest(self._table(moved), common.FORM_KNOWN, limits.FORM_RANK)
             forms.append(own)
             law += [spot.id] * own.shape[1]
         self.forms, self.law = np.concatenate(forms, axis=1), tuple(law)
@@ -430,11 +431,3 @@ def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
         if b - a <= limits.BRIDGED_SAMPLES:
             found[a:b] = True
     return found
-
-
-def _compressed(table: Array, times: float) -> Array:
-    """The fewest columns with the same sum of squares, without those that do not show at `times`
-    their size."""
-    left, size, _ = np.linalg.svd(table, full_matrices=False)
-    kept = (size * times > limits.FORM_NOT_SEEN) & (size > limits.FORM_RANK * size.max(initial=0.0))
-    return np.asarray(left[:, kept] * size[kept])
