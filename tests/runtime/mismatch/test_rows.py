@@ -21,6 +21,7 @@ from rulec.mismatch.evidence.model import ESTIMATION, HELDOUT, PATTERN, SELECTIO
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, span
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.model import TOO_MANY, UNSETTLED, evidence_of
+from rulec.mismatch.evidence.steady.operating_state_means import likeness
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, inverses
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen
@@ -109,6 +110,20 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
         if names & {"B.pump", "B.power"}:
             assert not np.any(system.data.values["B.n"][cell.points] == 0.0)
     assert any("A.pump" in s and "B.pump" not in s for s in sets)
+
+
+def test_an_infinite_estimate_does_not_hide_the_flow_of_its_module() -> None:
+    """A pump that stands, of which only two estimates are known: errors of form follow the flow."""
+    where = opened("abc")
+    system = rows_at(where, recorded(where, tour(where[0], 240))).system
+    flows = system.flows(Configuration())
+    pump, power, plant = (system.number[f"B.{name}"] for name in ("pump", "power", "plant"))
+    flows.values[pump] = np.nan
+    before = likeness(system, flows, "B")
+    flows.values[power, 5] = np.inf
+    np.testing.assert_allclose(likeness(system, flows, "B"), before, atol=0.01)
+    flows.values[[power, plant]] = np.nan
+    assert np.abs(likeness(system, flows, "B") - before).max() > 0.1
 
 
 def test_columns_are_derivatives_of_rows() -> None:

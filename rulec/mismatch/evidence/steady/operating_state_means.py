@@ -71,14 +71,16 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
 def _flow_as_set(system: System, flows: Flows, module: str, inputs: Sequence[Array]) -> list[Array]:
     """The flow through a module as a quadratic function of all inputs, shape (n,), m3/s."""
     own = [i for i, o in enumerate(system.observers) if o.module == module]
-    known = np.asarray(np.isfinite(flows.values[own]).any(axis=0))
+    # An estimate may be infinite, as where a pump stands.
+    flow = np.where(np.isfinite(flows.values[own]), flows.values[own], np.nan)
+    known = np.asarray(np.isfinite(flow).any(axis=0))
     scaled = [(values - values.mean()) / values.std() for values in inputs]
     terms = [np.ones(len(known)), *scaled]
     terms += [one * other for i, one in enumerate(scaled) for other in scaled[: i + 1]]
     table = np.stack(terms, axis=1)
     if known.sum() <= 2 * table.shape[1]:
         table = table[:, : 1 + len(scaled)]
-    middle = np.nanmedian(flows.values[own][:, known], axis=0)
+    middle = np.nanmedian(flow[:, known], axis=0)
     values: Array = table @ np.linalg.lstsq(table[known], middle, rcond=1e-6)[0]
     return [values] if _spread(values) > 0.0 else []
 
