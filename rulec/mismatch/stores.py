@@ -57,7 +57,7 @@ def explain(
     bench = SimulationProblem(ruleset, builder, record)
     try:
         found = search(bench, tell)
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, RanAway):
         return NotComparable(
             why="the plant as it is stated runs away with these readings",
             next="Look at the units of the columns and at the values of the plant.",

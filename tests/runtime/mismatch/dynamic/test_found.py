@@ -11,16 +11,19 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.simulation.balances import RanAway
 
-from rulec.mismatch import analyse
+from rulec.mismatch import analyse, stores
 from rulec.mismatch.answer.findings import findings_of, location_of
 from rulec.mismatch.answer.verdict import verdict_of
-from rulec.mismatch.answer.written_plant import written
+from rulec.mismatch.answer.written_plant import NotComparable, written
+from rulec.mismatch.evidence.stores import fit
 from rulec.mismatch.evidence.stores.fit import plain_end, refit, sharpened
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search import posterior as of_search
+from rulec.mismatch.search import simulated
 from rulec.mismatch.search.curve_by_simulation import curve_of
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.grow_sets import prune
@@ -123,6 +126,21 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}
+
+
+def test_a_plant_that_runs_away_with_an_error_of_a_sensor_is_not_judged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Within its class an input may be higher than it reads, and fill what has no outflow."""
+
+    def away(*_: object) -> None:
+        raise RanAway
+
+    monkeypatch.setattr(fit, "drift_of", away)
+    monkeypatch.setattr(simulated, "explain", lambda bench, tell: begun(bench).posterior())
+    said = stores.explain(made(200), *tanks(), (), lambda text: None)
+    assert isinstance(said, NotComparable)
+    assert "runs away" in said.why
 
 
 LOST_FLOW = "upper.overflow-lost@inflow"
