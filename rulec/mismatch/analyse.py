@@ -34,14 +34,14 @@ from rulec.mismatch.answer.written_plant import (
 from rulec.mismatch.evidence.configuration import ERROR
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
-from rulec.mismatch.inference.heldout_errors import confounded, heldout_spans
+from rulec.mismatch.inference.heldout_errors import MODELS, confounded, heldout_spans
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
 from rulec.mismatch.structure import hypotheses as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.structure_search import Evidence as StructureEvidence
-from rulec.mismatch.structure.structure_search import Structure, structure_of
+from rulec.mismatch.structure.structure_search import structure_of
 
 NO_CLOCK = (
     "these {what} have no common time, so rulec did not look for changes with time, nor for faults "
@@ -73,10 +73,11 @@ def analyse(
     """
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
-    checked = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
-    found = _explained(checked, heldout, tell)
+    judged_by, explain = _engine(ruleset)
+    checked = structure_of(recording, judged_by(ruleset, builder, heldout), tell)
     recording, taken = checked.recording, checked.taken
     ruleset, builder = checked.evidence.ruleset, checked.evidence.builder
+    found = explain(recording, ruleset, builder, heldout, tell)
     if isinstance(found, NotComparable):
         return _cannot(recording, ruleset, found, taken, begin)
     model = found.model
@@ -201,27 +202,17 @@ def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:
             yield Strain(f"error of {signal.id}", times * u, 0.0, u, signal.unit, "class")
 
 
-def _evidence(
-    ruleset: Ruleset, builder: ModelBuilder, heldout: Sequence[tuple[float, float]]
-) -> StructureEvidence:
+def _engine(
+    ruleset: Ruleset,
+) -> tuple[Callable[..., StructureEvidence], Callable[..., Explained[Any] | NotComparable]]:
+    """What judges the structure of a plant, and what explains its recordings."""
     if ruleset.dynamics is None:
-        return Settled(ruleset, builder, heldout)
-    # Loaded here, as below.
-    from rulec.mismatch.structure.stores import Stores
-
-    return Stores(ruleset, builder, heldout)
-
-
-def _explained(
-    read: Structure, heldout: Sequence[tuple[float, float]], tell: Progress
-) -> Explained[Any] | NotComparable:
-    recording, ruleset, builder = read.recording, read.evidence.ruleset, read.evidence.builder
-    if ruleset.dynamics is None:
-        return steady.explain(recording, ruleset, builder, heldout, tell)
+        return Settled, steady.explain
     # Loaded here: a plant that stores nothing needs no integrator.
     from rulec.mismatch import stores
+    from rulec.mismatch.structure.stores import Stores
 
-    return stores.explain(recording, ruleset, builder, heldout, tell)
+    return Stores, stores.explain
 
 
 def _read_so(misread: Sequence[Finding]) -> list[str]:
@@ -267,16 +258,14 @@ def _curves(
         for name, variable in model.variables(module).items()
         if name != signal
     }
-    predicted = np.isfinite(course.recalibrated) & np.isfinite(course.repaired)
+    predicted = np.isfinite(course.recalibrated + course.repaired + course.measured)
     return Curves(
         time=shown.series.time,
-        measured=course.measured,
-        shipped=course.shipped,
-        recalibrated=course.recalibrated,
-        repaired=course.repaired,
         heldout=shown.series.heldout,
         drivers=drivers,
-        inside=judged & predicted & np.isfinite(course.measured),
+        inside=judged & predicted,
+        measured=course.measured,
+        **{name: getattr(course, name) for name in MODELS},
     )
 
 

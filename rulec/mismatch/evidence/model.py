@@ -5,11 +5,12 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec, StateSpec
 from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.recording import Recording
 
@@ -94,6 +95,11 @@ class Variable:
     factor: float
     offset: float
     unit: str
+
+    @classmethod
+    def of(cls, course: Array, own: SignalSpec | StateSpec) -> Self:
+        """The course, SI, of a reading or of a state."""
+        return cls(course, own.factor, own.offset, own.unit)
 
     def shown(self, values: Array | float) -> Array:
         """Values in SI, any shape, converted to the unit."""

@@ -1,14 +1,14 @@
 """The prior of the values of a model: parameters, errors of sensors, unknowns of effects."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.special import stdtr, stdtrit
 
-from rulec.effects.candidate import Unknown
-from rulec.knowledge.parameter_belief import Belief, Coordinates, LocalBelief, peak_of
+from rulec.effects.candidate import BaseParameters, Unknown
+from rulec.knowledge.parameter_belief import Belief, Coordinates, LocalBelief, belief_in, peak_of
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
 
@@ -63,6 +63,13 @@ class Prior:
         precision[at_wide, at_wide] *= (free + 1.0) / (free + square[wide])
         density = plant.density + self.odds + float(np.sum(tails + 0.5 * np.log(known)))
         return LocalBelief(density, mean, precision)
+
+
+def belief_of(known: BaseParameters, at: Sequence[int]) -> Belief:
+    """The prior of some parameters of a plant, by number."""
+    rows, names = list(at), [known.ids[i] for i in at]
+    covariance = known.covariance[np.ix_(rows, rows)]
+    return belief_in(names, known.positive[rows], known.values[rows], covariance, known.sheet)
 
 
 def prior_with(

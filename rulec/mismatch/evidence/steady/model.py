@@ -204,13 +204,10 @@ class SteadyModel(Model):
     def variable(self, name: str) -> Variable | None:
         """A reading at the settled points."""
         values = self.fitted.rows.system.data.values.get(name)
-        derived = self.builder.fluid_drivers.get(name)
+        derived, signal = self.builder.fluid_drivers.get(name), self.ruleset.signal_by_id.get(name)
         if derived is not None and values is not None:
             return Variable(values, derived.unit.factor, derived.unit.offset, derived.unit.text)
-        signal = self.ruleset.signal_by_id.get(name)
-        if signal is None or values is None:
-            return None
-        return Variable(values, signal.factor, signal.offset, signal.unit)
+        return None if signal is None or values is None else Variable.of(values, signal)
 
 
 def model_of(fitted: Fitted) -> SteadyModel:

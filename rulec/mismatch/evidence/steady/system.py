@@ -12,7 +12,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.parameter_belief import Belief, belief_in
+from rulec.knowledge.parameter_belief import Belief
 from rulec.mismatch.evidence.configuration import (
     CHANGE,
     ERROR,
@@ -20,6 +20,7 @@ from rulec.mismatch.evidence.configuration import (
     own_error,
     reading_and_recording,
 )
+from rulec.mismatch.evidence.prior import belief_of
 from rulec.mismatch.evidence.steady.prepare import Data
 
 Slopes = dict[str, dict[int, Array]]
@@ -79,14 +80,7 @@ class System:
         known = self.builder.parameters
         u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
         inside = [name.partition(".")[0] in self.modules for name in known.ids]
-        at = np.flatnonzero((u > 0) & np.array(inside, dtype=bool))
-        return belief_in(
-            [known.ids[i] for i in at],
-            known.positive[at],
-            known.values[at],
-            known.covariance[np.ix_(at, at)],
-            known.sheet,
-        )
+        return belief_of(known, np.flatnonzero((u > 0) & np.array(inside, dtype=bool)).tolist())
 
     @cached_property
     def number(self) -> Mapping[str, int]:

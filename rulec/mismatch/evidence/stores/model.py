@@ -66,16 +66,11 @@ class StoresModel(Model):
 
     @cached_property
     def _courses(self) -> dict[str, Variable]:
-        bench, fitted = self.bench, self.fitted
-        assert bench.ruleset.dynamics is not None
-        found = {
-            state.id: Variable(fitted.course(state.id), state.factor, state.offset, state.unit)
-            for state in bench.ruleset.dynamics.states
-        }
-        for name, course in bench.record.inputs.items():
-            signal = bench.ruleset.signal_by_id[name]
-            found[name] = Variable(course, signal.factor, signal.offset, signal.unit)
-        return found
+        signals, dynamics = self.ruleset.signal_by_id, self.ruleset.dynamics
+        assert dynamics is not None
+        inputs = self.bench.record.inputs.items()
+        states = {s.id: Variable.of(self.fitted.course(s.id), s) for s in dynamics.states}
+        return {**states, **{name: Variable.of(own, signals[name]) for name, own in inputs}}
 
     def variables(self, module: str) -> dict[str, Variable]:
         """States of the plant, and inputs."""
@@ -85,11 +80,10 @@ class StoresModel(Model):
 
     def variable(self, name: str) -> Variable | None:
         """A state, an input or a measured reading."""
-        if name in self.bench.record.measured:
-            signal = self.bench.ruleset.signal_by_id[name]
-            course = self.bench.record.measured[name]
-            return Variable(course, signal.factor, signal.offset, signal.unit)
-        return self._courses.get(name)
+        measured = self.bench.record.measured.get(name)
+        if measured is None:
+            return self._courses.get(name)
+        return Variable.of(measured, self.ruleset.signal_by_id[name])
 
 
 def model_of(fitted: Fitted) -> StoresModel:

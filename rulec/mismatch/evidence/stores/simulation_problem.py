@@ -18,7 +18,7 @@ from rulec_runtime.simulation.balances import TIME, Balances, Course
 
 from rulec.effects.candidate import BaseParameters, Candidate, DisturbanceLocation, Unknown
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.parameter_belief import Belief, belief_in
+from rulec.knowledge.parameter_belief import Belief
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
@@ -36,7 +36,7 @@ from rulec.mismatch.evidence.model import (
     inside_of,
     unread,
 )
-from rulec.mismatch.evidence.prior import Prior, prior_with
+from rulec.mismatch.evidence.prior import Prior, belief_of, prior_with
 from rulec.mismatch.result import Evidence
 
 
@@ -227,7 +227,7 @@ class SimulationProblem:
     def __init__(self, ruleset: Ruleset, builder: ModelBuilder, record: Record) -> None:
         self.ruleset, self.builder, self.record = ruleset, builder, record
         self.signals = tuple(record.measured)
-        self._beliefs: dict[tuple[str, ...], Belief] = {}
+        self._beliefs: dict[tuple[int, ...], Belief] = {}
         self._last: tuple[Any, Mapping[str, Array], Course] | None = None
         # Inputs that are linear between samples.
         self._linear = frozenset(s.id for s in ruleset.signals if s.between == "line")
@@ -245,16 +245,13 @@ class SimulationProblem:
     def prior(self, setting: Configuration) -> Prior:
         """The prior of uncertain parameters that affect a measured reading, and of unknowns within
         their ranges."""
-        base, reached = self.base, self._reached(setting.ids)
-        rows = [i for i, name in enumerate(base.ids) if name in reached]
-        names = tuple(base.ids[i] for i in rows)
-        if names not in self._beliefs:
-            covariance = base.covariance[np.ix_(rows, rows)]
-            own = base.positive[rows], base.values[rows], covariance
-            self._beliefs[names] = belief_in(names, *own, base.sheet)
+        reached = self._reached(setting.ids)
+        rows = tuple(i for i, name in enumerate(self.base.ids) if name in reached)
+        if rows not in self._beliefs:
+            self._beliefs[rows] = belief_of(self.base, rows)
         unknowns = unknowns_of(setting.joined).values()
         bounds = {u.id: self.ends(u) for u in unknowns if not u.fixed}
-        return prior_with(self._beliefs[names], {}, bounds, setting)
+        return prior_with(self._beliefs[rows], {}, bounds, setting)
 
     def ends(self, unknown: Unknown) -> tuple[float, float]:
         """Range of an unknown. Near the ends of a recording, an onset cannot be distinguished from
