@@ -178,26 +178,19 @@ class Explanation(Explained[Fitted]):
         simulation."""
         bench, record, recording = self._bench, self._bench.record, self.recording
         held = inside_of(recording.time, heldout_spans(record.time, ~record.open))
-        found = []
-        for proof in proofs if plants is not None else ():
+        factor, found = len(recording) // len(record.time), []
+        for proof in (p for p in proofs if plants and p.fit.signal in plants.signals):
+            assert plants is not None
             name = proof.fit.signal
-            if plants is None or name not in plants.signals:
-                continue
             signal = bench.ruleset.signal_by_id[name]
             measured = without_odd(signal, recording.values[name])
             tables = [t[name] for t in (plants.shipped, plants.recalibrated, plants.last)]
             noise = noise_floor(measured[np.isfinite(measured)])
-            fit = fit_of(
-                signal,
-                [course - measured for course in tables],
-                (noise, noise),
-                (~held, held),
-                (proof.fit.estimation.repaired, proof.fit.heldout.repaired),
-            )
-            factor = len(recording.time) // len(bench.record.time)
+            whole = proof.fit.estimation.repaired, proof.fit.heldout.repaired
+            errors, parts = [course - measured for course in tables], (~held, held)
+            fit = replace(fit_of(signal, errors, (noise, noise), parts, whole), simulated=True)
             thin = (thinned(recording.time, {}, {"": course}, factor)[2][""] for course in tables)
             predicted = Predicted(*thin)
-            fit = replace(fit, simulated=True)
             found.append(Reading(fit=fit, measured=record.measured[name], predicted=predicted))
         return found or [
             Reading(fit=p.fit, measured=record.measured[p.fit.signal], predicted=p.predicted)
@@ -211,7 +204,10 @@ class Explanation(Explained[Fitted]):
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """What held-out blocks rejected, what is hidden and what remains; what was left out."""
-        before = self._rejected()
+        before = [
+            f"{listed(self.dropped)} fitted the other blocks but gained nothing on the held-out "
+            "ones, so rulec does not name it; here the held-out blocks took part in the search"
+        ] * bool(self.dropped)
         behind = [
             f"{count} single readings of {name} are left out: neither neighbour supports them"
             for name, count in self._bench.record.glitches.items()
@@ -229,14 +225,6 @@ class Explanation(Explained[Fitted]):
                 "before it, errors are those of all samples"
             )
         return tuple(before), tuple(behind)
-
-    def _rejected(self) -> list[str]:
-        if not self.dropped:
-            return []
-        return [
-            f"{listed(self.dropped)} fitted the other blocks but gained nothing on the held-out "
-            "ones, so rulec does not name it; here the held-out blocks took part in the search"
-        ]
 
 
 def prove(plain: Fitted, best: Fitted) -> list[Proof]:
