@@ -7,8 +7,8 @@ of a sensor also shifts its whole column, and cannot be distinguished from a clo
 Source: own derivation.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +25,6 @@ from scipy.special import expit
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.model import ESTIMATION
-from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure import limits
@@ -50,15 +49,22 @@ class Moving:
     setting: Configuration
     chosen: NDArray[np.intp]
 
-    @cached_property
-    def recorded(self) -> Array:
-        """Errors as recorded, shape (rows,), in units of their noise."""
-        return self.errors({})
-
-    def errors(self, columns: Mapping[str, Array]) -> Array:
-        """Errors with some columns replaced, each shape (samples of the recording,), SI."""
+    def _errors(self, columns: Mapping[str, Array]) -> Array:
+        """Errors with some columns replaced, each shape (samples of the recording,), SI; shape
+        (rows,), in units of their noise."""
         at = {name: values[self.chosen] for name, values in columns.items()}
         return self.rows.errors(self.rows.system.flows(self.setting, at=at))[0]
+
+    def excess(self, columns: Mapping[str, Array]) -> Array:
+        """Log of each sample's deviation in noise with some columns replaced, shape (n,); NaN if
+        nothing is compared."""
+        return self._excess(self._errors(columns))
+
+    @cached_property
+    def recorded(self) -> tuple[Array, Array]:
+        """Errors as recorded, shape (rows,), and the deviations of samples, shape (n,)."""
+        errors = self._errors({})
+        return errors, self._excess(errors)
 
     @cached_property
     def slopes(self) -> dict[str, Array]:
@@ -67,8 +73,25 @@ class Moving:
         maps = self.rows.maps(flows)
         return {name: self.rows.column(maps, by) for name, by in flows.by_reading.items()}
 
-    def excess(self, errors: Array) -> Array:
-        """Log of a sample's deviation in noise, shape (n,); NaN if nothing is compared."""
+    def changed(self, unit: Sequence[str], by: int) -> tuple[Array, Array]:
+        """The change of errors if columns are read `by` samples later, to first order, shape
+        (rows,), and the deviations of samples then, shape (n,)."""
+        change = np.zeros(len(self.rows))
+        for name, there in self.later(unit, by).items():
+            off = there - self.recording.values[name]
+            change += self.slopes[name] * off[self.chosen][self.rows.point]
+        return change, self._excess(self.recorded[0] + change)
+
+    def later(self, unit: Sequence[str], by: int) -> dict[str, Array]:
+        """Columns read `by` samples later, each shape (samples of the recording,); NaN beyond the
+        ends of their file."""
+        segment = self.recording.segment
+        at = np.arange(len(segment)) + by
+        near = np.clip(at, 0, len(segment) - 1)
+        inside = (at == near) & (segment[near] == segment)
+        return {n: np.where(inside, self.recording.values[n][near], np.nan) for n in unit}
+
+    def _excess(self, errors: Array) -> Array:
         square, count = (
             np.bincount(self.rows.point, values, minlength=len(self.chosen))
             for values in (errors**2, np.ones(len(errors)))
@@ -78,30 +101,23 @@ class Moving:
         return log
 
 
-def moving_of(
-    recording: Recording, data: Data, system: System, setting: Configuration
-) -> Moving | None:
+def moving_of(recording: Recording, system: System, setting: Configuration) -> Moving | None:
     """Samples of a recording in addition to its settled points; None if nothing checks them."""
-    n = len(recording)
+    n, data = len(recording), system.data
     chosen = np.arange(0, n, -(-n // limits.MOVING_SAMPLES))
-    lengths = np.sqrt(data.stretches.lengths)
+    lengths, none = np.sqrt(data.stretches.lengths), np.zeros(len(chosen), np.intp)
     noise = {name: float(np.median(v * lengths)) for name, v in data.noise.items()}
-    samples = Data(
+    samples = replace(
+        data,
         points=points_of_samples(recording, system.ruleset, noise).at(chosen),
         time=recording.time[chosen],
         noise={k: np.full(len(chosen), v) for k, v in noise.items()},
-        block=np.zeros(len(chosen), dtype=np.intp),
+        block=none,
         part=np.full(len(chosen), ESTIMATION),
-        of_rows=False,
-        split="",
-        digest="",
         moving={},
         stretches=Stretches(chosen, chosen + 1),
-        sample=np.zeros(0, dtype=np.intp),
-        source=np.zeros(len(chosen), np.intp)
-        if recording.source is None
-        else recording.source[chosen],
-        sources=recording.sources,
+        sample=none[:0],
+        source=none if recording.source is None else recording.source[chosen],
         clock=recording.time[chosen] - recording.time[0],
         timed=True,
     )
@@ -130,26 +146,31 @@ class Shift:
 
 
 def shifts_of(moving: Moving) -> tuple[list[Shift], int]:
-    """Shifts that explain the samples, best first, and the number tried."""
-    tried = [sign * by for by in sizes_of(moving.recording) for sign in (1, -1)]
-    scanned = [(_scanned(moving, unit, by), unit, by) for unit in _units(moving) for by in tried]
-    best: dict[tuple[str, ...], tuple[float, int]] = {}
-    for gain, unit, by in scanned:
-        if gain > best.get(unit, (0.0, 0))[0]:
-            best[unit] = gain, by
-    order = sorted(best, key=lambda unit: -best[unit][0])[: limits.STRUCTURE_REFITTED]
-    found = [_judged(moving, _refined(moving, unit, best[unit][1])) for unit in order]
-    return sorted(found, key=lambda s: -s.gain), len(scanned)
+    """Shifts that explain the samples, best first, and the number tried.
 
-
-def _units(moving: Moving) -> Iterator[tuple[str, ...]]:
-    """Columns that may share a clock: each alone, and those of a module together."""
+    Columns may share a clock: each alone, and those of a module together.
+    """
     modules: dict[str, list[str]] = {}
     for name in moving.slopes:
-        yield (name,)
         modules.setdefault(name.partition(".")[0], []).append(name)
-    if len(modules) > 1:
-        yield from (tuple(names) for names in modules.values() if len(names) > 1)
+    units: list[tuple[str, ...]] = [(name,) for name in moving.slopes]
+    units += [tuple(n) for n in modules.values() if 1 < len(n) < len(moving.slopes)]
+    sizes = [sign * by for by in sizes_of(moving.recording) for sign in (1, -1)]
+    best: dict[tuple[str, ...], tuple[float, int]] = {}
+    plain = moving.recorded[1]
+    for unit in units if sizes else ():
+        gains = [float(np.nansum(plain - moving.changed(unit, by)[1])) for by in sizes]
+        if max(gains) > 0.0:
+            best[unit] = max(gains), sizes[int(np.argmax(gains))]
+    found = []
+    for unit in sorted(best, key=lambda unit: -best[unit][0])[: limits.STRUCTURE_REFITTED]:
+
+        def gain(by: int, unit: tuple[str, ...] = unit) -> float:
+            return float(np.nansum(plain - moving.excess(moving.later(unit, by))))
+
+        by = nearest(gain, best[unit][1], longest(moving.recording))
+        found.append(_judged(moving, unit, by))
+    return sorted(found, key=lambda s: -s.gain), len(units) * len(sizes)
 
 
 def sizes_of(recording: Recording) -> list[int]:
@@ -160,46 +181,6 @@ def sizes_of(recording: Recording) -> list[int]:
 def longest(recording: Recording) -> float:
     """The longest shift of a column, in samples."""
     return len(recording) * limits.LATEST
-
-
-def _change(moving: Moving, unit: Sequence[str], by: int) -> Array:
-    """The change of errors if columns are read `by` samples later, to first order."""
-    change = np.zeros(len(moving.rows))
-    for name in unit:
-        off = later(moving.recording, name, by) - moving.recording.values[name]
-        change += moving.slopes[name] * off[moving.chosen][moving.rows.point]
-    return change
-
-
-def _scanned(moving: Moving, unit: Sequence[str], by: int) -> float:
-    """The gain of a shift to first order, over all samples."""
-    there = moving.excess(moving.recorded + _change(moving, unit, by))
-    return float(np.nansum(moving.excess(moving.recorded) - there))
-
-
-def later(recording: Recording, name: str, by: int) -> Array:
-    """A column read `by` samples later, shape (n,); NaN beyond the ends of its file."""
-    values, n = recording.values[name], len(recording)
-    at = np.arange(n) + by
-    inside = (at >= 0) & (at < n)
-    at = np.clip(at, 0, n - 1)
-    return np.where(inside & (recording.segment[at] == recording.segment), values[at], np.nan)
-
-
-def _read(moving: Moving, unit: Sequence[str], by: int) -> Array:
-    """Deviations of samples in noise, in logs, with columns read `by` samples later."""
-    columns = {name: later(moving.recording, name, by) for name in unit}
-    return moving.excess(moving.errors(columns))
-
-
-def _refined(moving: Moving, unit: tuple[str, ...], by: int) -> Shift:
-    """The best shift near one that was tried."""
-    plain = moving.excess(moving.recorded)
-
-    def gain(at: int) -> float:
-        return float(np.nansum(plain - _read(moving, unit, at)))
-
-    return Shift(signals=unit, by=nearest(gain, by, longest(moving.recording)))
 
 
 def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
@@ -215,41 +196,35 @@ def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
     return by
 
 
-def _judged(moving: Moving, shift: Shift) -> Shift:
+def _judged(moving: Moving, unit: tuple[str, ...], by: int) -> Shift:
     """The gain of a shift, and of a lag instead, where reading otherwise makes a difference;
     samples of one change count as one comparison."""
-    if not shift.by:
-        return shift
-    plain, there = moving.excess(moving.recorded), _read(moving, shift.signals, shift.by)
-    change = _change(moving, shift.signals, shift.by)
+    if not by:
+        return Shift(signals=unit, by=by)
+    plain, there = moving.recorded[1], moving.excess(moving.later(unit, by))
+    change = moving.changed(unit, by)[0]
     size = np.sqrt(np.bincount(moving.rows.point, change**2, minlength=len(plain)))
     moved = (size > limits.GROSSLY_OFF) & np.isfinite(plain) & np.isfinite(there)
     if not moved.any() or plain[moved].mean() <= 0.0:
-        return Shift(signals=shift.signals, by=shift.by)
-    lags = [moving.excess(moving.errors(c)) for c in _lagging(moving, shift)]
-    slow = min(float(np.mean(np.where(np.isfinite(v), v, plain)[moved])) for v in lags)
+        return Shift(signals=unit, by=by)
+    # If a column is late, all others are slowed down alike; if it is early, the column itself is.
+    slowed = set(moving.slopes) - set(unit) if by > 0 else set(unit)
+    slow = np.inf
+    for share in limits.LAG_SHARES:
+        pace = share * abs(by)
+        lags = moving.excess({name: _lagged(moving.recording, name, pace) for name in slowed})
+        slow = min(slow, float(np.mean(np.where(np.isfinite(lags), lags, plain)[moved])))
     # Changes are runs of samples, cut at the ends of blocks.
     block = np.arange(len(moved)) * common.BLOCKS // len(moved)
-    first = moved & ~(np.concatenate([[False], moved[:-1]]) & (np.diff(block, prepend=-1) == 0))
-    count = int(first.sum())
+    first = moved & ~(np.append(False, moved[:-1]) & (np.diff(block, prepend=-1) == 0))
+    before, after, count = float(plain[moved].mean()), float(there[moved].mean()), int(first.sum())
     return Shift(
-        signals=shift.signals,
-        by=shift.by,
-        gain=count * float(plain[moved].mean() - there[moved].mean()),
-        lag=count * float(plain[moved].mean() - slow),
-        left=float(there[moved].mean() / plain[moved].mean()),
+        signals=unit,
+        by=by,
+        gain=count * (before - after),
+        lag=count * (before - slow),
+        left=after / before,
     )
-
-
-def _lagging(moving: Moving, shift: Shift) -> Iterator[Mapping[str, Array]]:
-    """Columns as they are if a lag causes what looks like a shift. If a column is late, all others
-    are slowed down alike; if it is early, the column itself is."""
-    slow = set(shift.signals)
-    if shift.by > 0:
-        slow = set(moving.slopes) - slow
-    for share in limits.LAG_SHARES:
-        pace = share * abs(shift.by)
-        yield {name: _lagged(moving.recording, name, pace) for name in slow}
 
 
 def _lagged(recording: Recording, name: str, pace: float) -> Array:
@@ -276,40 +251,31 @@ def taken_of(
         return None
     near = best.odds(tried) - float(np.log(common.CERTAIN / (1.0 - common.CERTAIN)))
     alike = [s for s in sound if s is not best and s.odds(tried) > near]
-    hypothesis = hypothesis_of(best, alike, pace_of(recording), ruleset)
+    pace, texts = pace_of(recording), []
+    for shift in (best, *alike):
+        verb = "is" if len(shift.signals) == 1 else "are"
+        side = "late" if shift.by > 0 else "early"
+        texts.append(
+            f"{listed(list(shift.signals))} {verb} recorded {abs(shift.by) * pace:.4g} s too "
+            f"{side} against the others"
+        )
+    late, names = best.by * pace, listed(list(best.signals))
+    inputs = all(ruleset.signal_by_id[name].is_input for name in best.signals)
+    same = ""
+    if late > 0.0 and not inputs:
+        same = " (a dead time of the sensor, or of its way to the recorder, looks the same)"
+    elif late < 0.0 and inputs:
+        same = " (a plant that answers it so much later looks the same)"
+    hypothesis = Hypothesis(
+        kind=CLOCK,
+        mending=Mending(signals=best.signals, late=late),
+        text=" or ".join(texts) + same,
+        action=f"set the clock that {names} {'is' if len(best.signals) == 1 else 'are'} recorded "
+        f"by {'back' if late > 0.0 else 'forward'} by {abs(late):.4g} s, or shift what it wrote",
+    )
     return AcceptedHypothesis(hypothesis, best.gain, float(expit(best.odds(tried))))
 
 
 def pace_of(recording: Recording) -> float:
     """Usual time between rows, s."""
     return float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
-
-
-def hypothesis_of(
-    shift: Shift, alike: Sequence[Shift], pace: float, ruleset: Ruleset
-) -> Hypothesis:
-    """A shift in words, with `pace` s per sample; `alike` are others that explain as much."""
-    late, names = shift.by * pace, listed(list(shift.signals))
-    text = " or ".join(_in_words(one, pace) for one in (shift, *alike))
-    inputs = all(ruleset.signal_by_id[name].is_input for name in shift.signals)
-    same = ""
-    if late > 0.0 and not inputs:
-        same = " (a dead time of the sensor, or of its way to the recorder, looks the same)"
-    elif late < 0.0 and inputs:
-        same = " (a plant that answers it so much later looks the same)"
-    return Hypothesis(
-        kind=CLOCK,
-        mending=Mending(signals=shift.signals, late=late),
-        text=text + same,
-        action=f"set the clock that {names} {'is' if len(shift.signals) == 1 else 'are'} recorded "
-        f"by {'back' if late > 0.0 else 'forward'} by {abs(late):.4g} s, or shift what it wrote",
-    )
-
-
-def _in_words(shift: Shift, pace: float) -> str:
-    verb = "is" if len(shift.signals) == 1 else "are"
-    side = "late" if shift.by > 0 else "early"
-    return (
-        f"{listed(list(shift.signals))} {verb} recorded {abs(shift.by) * pace:.4g} s too {side} "
-        "against the others"
-    )

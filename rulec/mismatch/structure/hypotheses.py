@@ -16,7 +16,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves
 from rulec_runtime.recordings.stationary import noise_of
 
-from rulec.algebra.continuity import Balance
 from rulec.knowledge.plant import Plant
 from rulec.mismatch.result import Finding, Location, Misread, Rewired
 from rulec.passes.link import junctions
@@ -63,19 +62,15 @@ def rewirings(plant: Plant, off: Mapping[str, float], most: int) -> tuple[Rewiri
     `off` is how much each module contradicts others. A pipe between modules without contradiction
     is right. Pipes at modules with the largest contradiction come first.
     """
-    known = {_network(plant, plant.connections)}
+    known = {junctions(plant)}
     found = []
     for rewiring in _every(plant):
-        network = _network(plant, rewiring.of(plant.connections))
+        network = junctions(replace(plant, connections=rewiring.of(plant.connections)))
         if network not in known and any(off.get(m, 0.0) > 0.0 for m in rewiring.modules):
             known.add(network)
             found.append(rewiring)
     found.sort(key=lambda r: -max(off.get(m, 0.0) for m in r.modules))
     return tuple(found[:most])
-
-
-def _network(plant: Plant, connections: tuple[Pipe, ...]) -> tuple[Balance, ...]:
-    return junctions(replace(plant, connections=connections))
 
 
 def _every(plant: Plant) -> Iterator[Rewiring]:
@@ -137,8 +132,31 @@ def hypotheses(
     """All hypotheses on the readings that a model reads."""
     known = [s for s in read if np.isfinite(recording.values.get(s.id, np.zeros(0))).any()]
     for signal in known:
-        yield from _units(recording, ruleset, signal)
-        yield from _sign(recording, signal)
+        values = recording.values[signal.id]
+        noise = noise_of(values)
+        scale = recording.scales.get(signal.id, (signal.factor, signal.offset))
+        for mixup in mixups(signal, scale, ruleset.units):
+            there = values * mixup.factor + mixup.offset
+            if like_a_reading(signal, there, noise * mixup.factor):
+                times = max(mixup.factor, 1.0 / mixup.factor)
+                off = f"{times:.4g} times too {'large' if mixup.factor < 1.0 else 'small'}"
+                off = "counted from another zero" if mixup.offset else off
+                yield Hypothesis(
+                    kind=UNIT,
+                    mending=Mending(signals=(signal.id,), factor=mixup.factor, offset=mixup.offset),
+                    text=f"{signal.id} is in {mixup.true}, not {mixup.written}: its values are "
+                    + off,
+                    action=f"write {mixup.true} as the unit of {signal.id} in the columns map or "
+                    "in the header",
+                )
+        # A reading with a conventional zero has no other sign.
+        if not signal.offset and like_a_reading(signal, -values, noise):
+            yield Hypothesis(
+                kind=SIGN,
+                mending=Mending(signals=(signal.id,), factor=-1.0),
+                text=f"{signal.id} has the wrong sign",
+                action=f"reverse the sign of {signal.id} where it is recorded",
+            )
     moving = [s for s in known if not never_moves(recording.values[s.id])]
     for one, other in exchangeable(moving, ruleset.units):
         yield Hypothesis(
@@ -147,38 +165,6 @@ def hypotheses(
             text=f"the columns {one.id} and {other.id} are swapped",
             action=f"exchange {one.id} and {other.id} in the columns map or in the header",
         )
-
-
-def _units(recording: Recording, ruleset: Ruleset, signal: SignalSpec) -> Iterator[Hypothesis]:
-    values = recording.values[signal.id]
-    noise = noise_of(values)
-    scale = recording.scales.get(signal.id, (signal.factor, signal.offset))
-    for mixup in mixups(signal, scale, ruleset.units):
-        there = values * mixup.factor + mixup.offset
-        if like_a_reading(signal, there, noise * mixup.factor):
-            times = max(mixup.factor, 1.0 / mixup.factor)
-            off = f"{times:.4g} times too {'large' if mixup.factor < 1.0 else 'small'}"
-            off = "counted from another zero" if mixup.offset else off
-            yield Hypothesis(
-                kind=UNIT,
-                mending=Mending(signals=(signal.id,), factor=mixup.factor, offset=mixup.offset),
-                text=f"{signal.id} is in {mixup.true}, not {mixup.written}: its values are {off}",
-                action=f"write {mixup.true} as the unit of {signal.id} in the columns map or in "
-                "the header",
-            )
-
-
-def _sign(recording: Recording, signal: SignalSpec) -> Iterator[Hypothesis]:
-    """The other sign; a reading with a conventional zero has none."""
-    values = recording.values[signal.id]
-    if signal.offset or not like_a_reading(signal, -values, noise_of(values)):
-        return
-    yield Hypothesis(
-        kind=SIGN,
-        mending=Mending(signals=(signal.id,), factor=-1.0),
-        text=f"{signal.id} has the wrong sign",
-        action=f"reverse the sign of {signal.id} where it is recorded",
-    )
 
 
 TITLES = {
@@ -193,38 +179,34 @@ TITLES = {
 
 def findings_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Finding, ...]:
     """Each as a finding, whose place is the ids of its signals or outlets."""
-    return tuple(_finding(one) for one in taken)
-
-
-def _finding(one: AcceptedHypothesis) -> Finding:
-    signals = one.hypothesis.places
-    modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
-    return Finding(
-        id=f"{'+'.join(signals)}.{one.hypothesis.kind}",
-        sort="structure",
-        name=one.hypothesis.kind,
-        title=TITLES[one.hypothesis.kind],
-        module=modules[0],
-        place=" ".join(signals),
-        text=one.hypothesis.text,
-        action=one.hypothesis.action,
-        probability=one.probability,
-        gain=one.gain,
-        closed=float("nan"),
-        members=modules if len(modules) > 1 else (),
-    )
+    found = []
+    for one in taken:
+        told, signals = one.hypothesis, one.hypothesis.places
+        modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
+        found.append(
+            Finding(
+                id=f"{'+'.join(signals)}.{told.kind}",
+                sort="structure",
+                name=told.kind,
+                title=TITLES[told.kind],
+                module=modules[0],
+                place=" ".join(signals),
+                text=told.text,
+                action=told.action,
+                probability=one.probability,
+                gain=one.gain,
+                closed=float("nan"),
+                members=modules if len(modules) > 1 else (),
+            )
+        )
+    return tuple(found)
 
 
 def places_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator[Location]:
     """The signals or outlets of each."""
-    for one in taken:
-        for name in one.hypothesis.places:
-            module, _, place = name.partition(".")
-            yield Location(
-                module=module,
-                place=place,
-                title=ruleset.modules.get(module, module),
-            )
+    for name in (name for one in taken for name in one.hypothesis.places):
+        module, _, place = name.partition(".")
+        yield Location(module=module, place=place, title=ruleset.modules.get(module, module))
 
 
 def misread_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Misread, ...]:
@@ -238,16 +220,10 @@ def misread_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Misread, ...]:
 
 def rewired_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Rewired, ...]:
     """What must be edited in the plant file before the answer holds."""
-    return tuple(
-        Rewired(
-            stated=_pipe(t.hypothesis.rewiring.stated),
-            fits=_pipe(t.hypothesis.rewiring.fits),
-            edit=t.hypothesis.action,
-        )
-        for t in taken
-        if t.hypothesis.rewiring is not None
-    )
-
-
-def _pipe(pipe: tuple[str, str] | None) -> str | None:
-    return None if pipe is None else " -> ".join(pipe)
+    found = []
+    for rewiring, edit in ((t.hypothesis.rewiring, t.hypothesis.action) for t in taken):
+        if rewiring is not None:
+            pipes = (rewiring.stated, rewiring.fits)
+            stated, fits = (None if pipe is None else " -> ".join(pipe) for pipe in pipes)
+            found.append(Rewired(stated=stated, fits=fits, edit=edit))
+    return tuple(found)

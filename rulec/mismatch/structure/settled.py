@@ -20,7 +20,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.operating_state_means import states_of
-from rulec.mismatch.evidence.steady.prepare import Data, prepare
+from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.system import System
@@ -39,22 +39,15 @@ class Comparable:
 
 
 @dataclass(frozen=True)
-class _Fitted:
-    """The plain model refitted to the settled points of a recording."""
-
-    recording: Recording
-    data: Data
-    fitted: Fitted
-
-
-@dataclass(frozen=True)
 class Settled:
     """Settled points of a plant, judged by their redundancy."""
 
     ruleset: Ruleset
     builder: ModelBuilder
     heldout: Sequence[tuple[float, float]]
-    _kept: dict[int, _Fitted] = field(default_factory=dict, compare=False, repr=False)
+    _kept: dict[int, tuple[Recording, Fitted]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     def read(self) -> list[SignalSpec]:
         """Readings that some estimate needs."""
@@ -62,12 +55,13 @@ class Settled:
         return [s for s in self.ruleset.signals if s.id in used]
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
+        """How well a recording agrees with the plain model, refitted in `steps` steps."""
         found = self._fitted(recording, steps)
-        return Agreement.none() if found is None else self._agreement(found.data, found.fitted)
+        return Agreement.none() if found is None else self._agreement(found)
 
-    def _agreement(self, data: Data, fitted: Fitted) -> Agreement:
+    def _agreement(self, fitted: Fitted) -> Agreement:
         rows = fitted.rows
-        used = data.open[rows.group_point]
+        used = rows.system.data.open[rows.group_point]
         if not used.any():
             return Agreement.none()
         state = states_of(rows.system)[rows.group_point]
@@ -86,28 +80,28 @@ class Settled:
             idle=bool((rows.system.valid.mean(axis=1) < limits.HARDLY_USED).any()),
         )
 
-    def _fitted(self, recording: Recording, steps: int) -> _Fitted | None:
-        """The plain model refitted; that of the last recording is cached."""
+    def _fitted(self, recording: Recording, steps: int) -> Fitted | None:
+        """The plain model refitted to settled points; that of the last recording is cached."""
         kept = self._kept.get(steps)
-        if kept is not None and kept.recording is recording:
-            return kept
+        if kept is not None and kept[0] is recording:
+            return kept[1]
         data = prepare(recording, self.ruleset, self.heldout)
         if data is None:
             return None
         rows = rows_of(System(self.ruleset, self.builder, data), Configuration())
         if not rows.groups:
             return None
-        found = _Fitted(recording, data, fit(rows, Configuration(), data.open, steps))
-        self._kept[steps] = found
+        found = fit(rows, Configuration(), data.open, steps)
+        self._kept[steps] = recording, found
         return found
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
         """Columns with a wrong clock, if any; a table of points has no time."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
-        if found is None or found.data.of_rows or len(found.data) < common.FEWEST_POINTS:
+        data = None if found is None else found.rows.system.data
+        if found is None or data is None or data.of_rows or len(data) < common.FEWEST_POINTS:
             return None
-        system, setting = found.fitted.rows.system, found.fitted.setting
-        moving = moving_of(recording, found.data, system, setting)
+        moving = moving_of(recording, found.rows.system, found.setting)
         return taken_of(*shifts_of(moving), recording, self.ruleset) if moving else None
 
     def rewired(self, rewiring: Rewiring) -> Settled | None:
@@ -124,11 +118,11 @@ class Settled:
         found = self._fitted(recording, 0)
         if found is None:
             return Comparable(0, 0)
-        system, moving = found.fitted.rows.system, found.data.moving
+        system, data = found.rows.system, found.rows.system.data
         recorded = {o.id for o in system.observers}
         rests = np.array(
             [
-                np.full(len(found.data), o.id in recorded) & ~moving.get(o.module, False)
+                np.full(len(data), o.id in recorded) & ~data.moving.get(o.module, False)
                 for o in self.ruleset.observers
             ]
         )
@@ -144,33 +138,28 @@ class Settled:
         plant = self.builder.network.plant
         if found is None or not plant.connections:
             return ()
-        return rewirings(plant, _off(found.fitted.rows.system), limits.MOST_REWIRINGS)
+        observed, ruleset = found.rows.system.observed, self.ruleset
+        with np.errstate(invalid="ignore", divide="ignore"):
+            far = np.abs(observed.residuals) > limits.GROSSLY_OFF * observed.residual_u
+        module = {o.id: o.module for o in ruleset.observers}
+        # By module, the largest share of points at which one of its comparisons is grossly off.
+        off: dict[str, float] = {}
+        for residual, share in zip(ruleset.residuals, far.mean(axis=1).tolist(), strict=True):
+            for name in {module[term.observer] for term in residual.terms}:
+                off[name] = max(off.get(name, 0.0), share)
+        return rewirings(plant, off, limits.MOST_REWIRINGS)
 
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
         """Agreement with each of the best explanations at some modules, and its unknowns."""
-        found = self._fitted(recording, limits.STRUCTURE_STEPS)
-        if found is None:
+        fitted = self._fitted(recording, limits.STRUCTURE_STEPS)
+        if fitted is None:
             return []
-        data, fitted = found.data, found.fitted
-        own = [c for c in fitted.rows.system.candidates if set(c.modules) & set(modules)]
-        result = []
+        system, result = fitted.rows.system, []
+        own = [c for c in system.candidates if set(c.modules) & set(modules)]
         for trial in screen(fitted, own)[: limits.STRUCTURE_REFITTED]:
             setting = trial.joined_to(fitted.setting)
-            there = fit(fitted.rows, setting, data.open, limits.STRUCTURE_RIVAL_STEPS)
-            result.append((self._agreement(data, there), len(trial.values)))
+            there = fit(fitted.rows, setting, system.data.open, limits.STRUCTURE_RIVAL_STEPS)
+            result.append((self._agreement(there), len(trial.values)))
         return result
-
-
-def _off(system: System) -> dict[str, float]:
-    """By module, the largest share of points at which one of its comparisons deviates grossly."""
-    observed, ruleset = system.observed, system.ruleset
-    with np.errstate(invalid="ignore", divide="ignore"):
-        far = np.abs(observed.residuals) > limits.GROSSLY_OFF * observed.residual_u
-    module = {o.id: o.module for o in ruleset.observers}
-    found: dict[str, float] = {}
-    for residual, share in zip(ruleset.residuals, far.mean(axis=1).tolist(), strict=True):
-        for name in {module[term.observer] for term in residual.terms}:
-            found[name] = max(found.get(name, 0.0), share)
-    return found

@@ -53,18 +53,19 @@ def shifts_against_cause(
     dynamics = ruleset.dynamics
     assert dynamics is not None
     plain = judge(recording, limits.STRUCTURE_STEPS)
-    if plain.gross < limits.GROSS_SHARE:
-        return [], 1
-    before = judge(recording, 0).likelihood
-    sides = dict.fromkeys(dynamics.inputs, 1) | dict.fromkeys(dynamics.outputs, -1)
     # Less than two samples of a simulation hardly show in it.
     least = 2 * -(-len(recording) // common.SAMPLE_BUDGET)
     sizes = [by for by in sizes_of(recording) if by >= least]
-    if not sizes:
+    if plain.gross < limits.GROSS_SHARE or not sizes:
         return [], 1
+    before, pace = judge(recording, 0).likelihood, pace_of(recording)
+    sides = dict.fromkeys(dynamics.inputs, 1) | dict.fromkeys(dynamics.outputs, -1)
+
+    def read(name: str, by: int, steps: int) -> Agreement:
+        return judge(Mending(signals=(name,), late=by * pace).of(recording), steps)
 
     def gain(name: str, by: int) -> float:
-        return judge(_read(recording, name, by), 0).likelihood - before
+        return read(name, by, 0).likelihood - before
 
     best: dict[str, tuple[float, int]] = {}
     for name in (n for n in sides if n in recording.values):
@@ -76,26 +77,15 @@ def shifts_against_cause(
     for name in order[: limits.STRUCTURE_REFITTED]:
         by = nearest(partial(gain, name), best[name][1], longest(recording))
         # Effects after their cause are left to the catalogue.
-        if by * sides[name] > 0:
-            found.append(_judged(recording, name, by, judge, plain))
+        if by * sides[name] <= 0:
+            continue
+        # With the plain model refitted, one sample less or more may be better. Comparisons beyond
+        # the ends of the file are no loss of the hypothesis.
+        near = {at: read(name, at, limits.STRUCTURE_STEPS) for at in (by - 1, by, by + 1) if at}
+        compared = {at: Compared(plain, replace(a, rows=plain.rows)) for at, a in near.items()}
+        by = max(compared, key=lambda at: compared[at].gain)
+        found.append(Shift(signals=(name,), by=by, gain=compared[by].gain, left=compared[by].left))
     return found, max(len(sizes) * len(best), 1)
-
-
-def _read(recording: Recording, name: str, by: int) -> Recording:
-    return Mending(signals=(name,), late=by * pace_of(recording)).of(recording)
-
-
-def _judged(recording: Recording, name: str, by: int, judge: Judge, plain: Agreement) -> Shift:
-    """The gain of a shift with the plain model refitted; one sample less or more may be better."""
-
-    def compared(at: int) -> Compared:
-        there = judge(_read(recording, name, at), limits.STRUCTURE_STEPS)
-        # Comparisons beyond the ends of the file are no loss of the hypothesis.
-        return Compared(plain, replace(there, rows=plain.rows))
-
-    near = {at: compared(at) for at in (by - 1, by, by + 1) if at}
-    by = max(near, key=lambda at: near[at].gain)
-    return Shift(signals=(name,), by=by, gain=near[by].gain, left=near[by].left)
 
 
 @dataclass(frozen=True)
@@ -114,6 +104,7 @@ class Stores:
         return [s for s in self.ruleset.signals if s.id in used]
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
+        """How well a recording agrees with the plain model, refitted in `steps` steps."""
         record = record_of(recording, self.ruleset, self.builder.given, self.heldout)
         if record is None:
             return Agreement.none()
@@ -122,15 +113,23 @@ class Stores:
             errors, strain = _fitted(problem, steps)
         except RanAway:
             return Agreement.none()
-        each = [_comparison(self.ruleset, problem, name, errors[name]) for name in problem.signals]
-        likelihood, excess, gross = np.mean(each, axis=0).tolist()
+        each = []
+        for name in problem.signals:
+            measured = record.measured[name]
+            signal = self.ruleset.signal_by_id[name]
+            of_class = median_u(signal, measured[np.isfinite(measured)])
+            off = np.abs(errors[name][problem.known[name]])
+            off = off / np.hypot(problem.floors[name], of_class)
+            off = np.where(np.isfinite(off), off, limits.UNREAD)
+            each.append((np.log(np.maximum(off, 1.0)).mean(), (off > limits.GROSSLY_OFF).mean()))
+        excess, gross = np.mean(each, axis=0).tolist()
         dynamics = self.ruleset.dynamics
         assert dynamics is not None
         shown = [n for n in dynamics.outputs if n in recording.values]
         return Agreement(
             rows=sum(int(known.sum()) for known in problem.known.values()),
             count=float(common.BLOCKS * len(problem.signals)) * float(record.open.mean()),
-            likelihood=likelihood,
+            likelihood=-excess,
             excess=excess,
             gross=gross,
             strain=strain,
@@ -138,6 +137,7 @@ class Stores:
         )
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
+        """Columns with a wrong clock, if any."""
         shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
         return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
 
@@ -160,15 +160,3 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
         # Implausible parameters may compensate a wrong column: that is no agreement.
         return fitter.errors(at, judged)[0], 0.0
     return fitted.errors, fitted.negative_log_prior
-
-
-def _comparison(
-    ruleset: Ruleset, problem: SimulationProblem, name: str, error: Array
-) -> tuple[float, float, float]:
-    """Means of the log likelihood of an error, the log of its size, and whether it is gross."""
-    measured = problem.record.measured[name]
-    of_class = median_u(ruleset.signal_by_id[name], measured[np.isfinite(measured)])
-    off = np.abs(error[problem.known[name]]) / np.hypot(problem.floors[name], of_class)
-    off = np.where(np.isfinite(off), off, limits.UNREAD)
-    excess = np.log(np.maximum(off, 1.0))
-    return -float(excess.mean()), float(excess.mean()), float((off > limits.GROSSLY_OFF).mean())

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from scipy.special import expit
 
-from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.structure import limits
@@ -25,26 +23,12 @@ from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Hypothesis, 
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.wiring import connection_of
 
+if TYPE_CHECKING:
+    from rulec.mismatch.structure.stores import Stores
 
-class Evidence(Protocol):
-    """What a kind of plant shows of a recording."""
 
-    @property
-    def ruleset(self) -> Ruleset:
-        """The plant."""
-
-    def read(self) -> list[SignalSpec]:
-        """Readings that the model reads."""
-
-    def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in `steps` steps."""
-
-    @property
-    def builder(self) -> ModelBuilder:
-        """Its models."""
-
-    def clock(self, recording: Recording) -> AcceptedHypothesis | None:
-        """Columns with a wrong clock, if any."""
+Evidence: TypeAlias = "Settled | Stores"
+"""What a kind of plant shows of a recording."""
 
 
 @dataclass(frozen=True)
@@ -97,34 +81,26 @@ def _best(
 def _column(
     recording: Recording, evidence: Evidence, plain: Agreement, every: list[Hypothesis]
 ) -> AcceptedHypothesis | None:
-    """The column or pair of columns that, read otherwise, makes the rest agree, if any."""
+    """The column or pair of columns that, read otherwise, makes the rest agree, if any.
+
+    Those that gain most without a refit are refitted, but none that leaves readings unused that
+    others can use.
+    """
+    read = [h.mending.of(recording) for h in every if h.mending is not None]
+    first, found = evidence.agreement(recording, 0), [evidence.agreement(r, 0) for r in read]
+    rows = max([first.rows, *(one.rows for one in found)])
+    gains = np.array([Compared(first.over(rows), one.over(rows)).each for one in found])
     price = limits.STRUCTURE_ODDS - float(np.log(max(len(every), 1)))
+    able = [i for i, one in enumerate(found) if one.rows >= limits.STRUCTURE_READS * rows]
     best, most = None, 0.0
-    for hypothesis, rows in _promising(recording, evidence, every):
-        there = evidence.agreement(_read_so(hypothesis, recording), limits.STRUCTURE_STEPS)
+    for i in sorted(able, key=lambda i: -gains[i])[: limits.STRUCTURE_REFITTED]:
+        if gains[i] <= 0.0:
+            break
+        there = evidence.agreement(read[i], limits.STRUCTURE_STEPS)
         compared = Compared(plain.over(rows), there.over(rows))
         probability = float(expit(compared.gain + price))
         sure = probability > common.CERTAIN and compared.left < limits.STRUCTURE_LEAVES
         if sure and compared.each > most:
             most = compared.each
-            best = AcceptedHypothesis(hypothesis, compared.gain, probability)
+            best = AcceptedHypothesis(every[i], compared.gain, probability)
     return best
-
-
-def _read_so(hypothesis: Hypothesis, recording: Recording) -> Recording:
-    return recording if hypothesis.mending is None else hypothesis.mending.of(recording)
-
-
-def _promising(
-    recording: Recording, evidence: Evidence, every: list[Hypothesis]
-) -> list[tuple[Hypothesis, int]]:
-    """Hypotheses that gain most without a refit, and the number of comparisons. Those that leave
-    readings unused that others can use are excluded."""
-    plain = evidence.agreement(recording, 0)
-    found = [evidence.agreement(_read_so(h, recording), 0) for h in every]
-    rows = max([plain.rows, *(one.rows for one in found)])
-    gains = np.array([Compared(plain.over(rows), one.over(rows)).each for one in found])
-    whole = np.array([one.rows >= limits.STRUCTURE_READS * rows for one in found], dtype=bool)
-    order = np.argsort(-np.where(whole, gains, -np.inf), kind="stable")
-    best = order[: limits.STRUCTURE_REFITTED]
-    return [(every[i], rows) for i in best if whole[i] and gains[i] > 0.0]
