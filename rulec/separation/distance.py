@@ -29,13 +29,8 @@ SOUND, PRESENT = 0, 1
 """Indices of the first two points: the present one without the fault, and with it."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A present fault with its degree, and another one that it may be taken for."""
-
-    fault: FaultSpec
-    degree: float
-    other: FaultSpec
+Case = tuple[FaultSpec, float, FaultSpec]
+"""A present fault with its degree, and another one that it may be taken for."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +65,17 @@ class FaultMeasure:
         apart = np.full((len(self.rows), len(points)), np.inf)
         flows: Mapping[str, Array] = {}
         for row, cases in zip(apart, self.rows, strict=True):
-            for case in cases:
-                truth = self._faulty(points, case.fault, case.degree)
+            for fault, degree, other in cases:
+                truth = self._faulty(points, fault, degree)
                 flows = flows or {name: v[2:] for name, v in truth.flows.items()}
-                own = [self._apart(truth, case.other, i, p) for i, p in enumerate(points)]
-                row[:] = np.minimum(row, own)
+                for i, point in enumerate(points):
+                    there, square = [PRESENT, 2 + i] if point else [PRESENT], np.nan
+                    # The present point counts even if readings leave their ranges.
+                    if truth.possible[there[1:]].all():
+                        fitted = self._undone(truth, other, there)
+                        square = np.nan if fitted is None else float(fitted.distance[0, 0])
+                    # Rounding may make the distance of a perfect fit negative.
+                    row[i] = np.minimum(row[i], np.sqrt(np.maximum(square, 0.0)))
         return Looked(np.where(np.isfinite(apart), apart, np.nan), flows)
 
     def degree_of(self, other: FaultSpec, fault: FaultSpec, degree: float) -> float:
@@ -82,28 +83,40 @@ class FaultMeasure:
         fitted = self._undone(self._faulty([{}], fault, degree), other, [PRESENT])
         return 0.0 if fitted is None else _legal(other, float(fitted.degree[0, 0, 0]))
 
-    def _apart(self, truth: Faulty, other: FaultSpec, place: int, point: Point) -> float:
-        there = [PRESENT, 2 + place] if point else [PRESENT]
-        # The present point counts even if readings leave their ranges.
-        if not truth.possible[there[1:]].all():
-            return float("nan")
-        fitted = self._undone(truth, other, there)
-        if fitted is None:
-            return float("nan")
-        # Rounding may make the distance of a perfect fit negative.
-        return float(np.sqrt(np.maximum(fitted.distance[0, 0], 0.0)))
-
     def _faulty(self, points: Sequence[Point], fault: FaultSpec, degree: float) -> Faulty:
-        """The plant at the present point, without the fault and with it, and at others with it."""
-        n = 2 + len(points)
+        """The plant at the present point, without the fault and with it, and at others with it;
+        readings are means over the time for which a set point is held."""
+        n, ruleset = 2 + len(points), self.equations.ruleset
         given = {name: np.full(n, value) for name, value in self.present.items()}
         for i, point in enumerate(points, 2):
-            for name, shown in point.items():
-                signal = self.equations.ruleset.signal_by_id[name]
-                given[name][i] = shown * signal.factor + signal.offset
+            for name, value in point.items():
+                own = ruleset.signal_by_id[name]
+                given[name][i] = value * own.factor + own.offset
         degrees = np.full(n, _legal(fault, degree))
         degrees[SOUND] = 0.0
-        return faulty(self.equations, given, fault, degrees, self.bounds)
+        simulated = simulate_with(self.equations, given, {fault.id: degrees})
+        possible = simulated.solved.copy()
+        values, u, systematic = {}, {}, {}
+        for signal in (s for s in ruleset.signals if s.id in simulated.values):
+            shown = np.broadcast_to(simulated.values[signal.id], (n,))
+            values[signal.id] = shown
+            systematic[signal.id] = systematic_u(signal, shown) + np.zeros(n)
+            noise = STATISTICAL_SHARE * systematic[signal.id] / np.sqrt(STEP_SECONDS)
+            u[signal.id] = np.hypot(systematic[signal.id], noise)
+            ranges = [signal.ends, self.bounds.get(signal.id, signal.ends)]
+            if signal.minimum is not None:
+                ranges.append((signal.minimum, np.inf))
+            low, high = signal.valid_from, signal.valid_to
+            # A fault may move what it scales out of the calibrated range, as in a diagnosis.
+            if low is not None and high is not None and signal.id not in fault.scales:
+                slack = BEYOND_CALIBRATED * (high - low)
+                ranges.append((low - slack, high + slack))
+            with np.errstate(invalid="ignore"):
+                for least, most in ranges:
+                    possible &= (shown >= least) & (shown <= most)
+        bad = {name: np.zeros(n, dtype=bool) for name in values}
+        readings = Points(values, u, systematic, bad, {}, np.zeros(n))
+        return Faulty(observe(ruleset, readings), possible, simulated.flows)
 
     def _undone(self, truth: Faulty, other: FaultSpec, points: list[int]) -> Outcomes | None:
         """The fit of another fault; None if no estimate that is valid at all points shows it."""
@@ -114,46 +127,6 @@ class FaultMeasure:
         if not test.freedom or not test.touched((other,)):
             return None
         return fit(test, [(other,)])
-
-
-def faulty(
-    equations: Equations,
-    given: Mapping[str, Array],
-    fault: FaultSpec,
-    degrees: Array,
-    bounds: Mapping[str, tuple[float, float]],
-) -> Faulty:
-    """Readings with a fault, as means over the time for which a set point is held.
-
-    `given` is an array, shape (n,), SI, per signal that no equation determines; `degrees` have
-    shape (n,); `bounds` are limits of readings, SI.
-    """
-    simulated = simulate_with(equations, given, {fault.id: degrees})
-    possible = simulated.solved.copy()
-    n = len(possible)
-    values, u, systematic = {}, {}, {}
-    for signal in equations.ruleset.signals:
-        if signal.id not in simulated.values:
-            continue
-        shown = np.broadcast_to(simulated.values[signal.id], (n,))
-        values[signal.id] = shown
-        systematic[signal.id] = systematic_u(signal, shown) + np.zeros(n)
-        noise = STATISTICAL_SHARE * systematic[signal.id] / np.sqrt(STEP_SECONDS)
-        u[signal.id] = np.hypot(systematic[signal.id], noise)
-        ranges = [signal.ends, *((bounds[signal.id],) if signal.id in bounds else ())]
-        if signal.minimum is not None:
-            ranges.append((signal.minimum, np.inf))
-        low, high = signal.valid_from, signal.valid_to
-        # A fault may move what it scales out of the calibrated range, as in a diagnosis.
-        if low is not None and high is not None and signal.id not in fault.scales:
-            slack = BEYOND_CALIBRATED * (high - low)
-            ranges.append((low - slack, high + slack))
-        with np.errstate(invalid="ignore"):
-            for least, most in ranges:
-                possible &= (shown >= least) & (shown <= most)
-    bad = {name: np.zeros(n, dtype=bool) for name in values}
-    points = Points(values, u, systematic, bad, {}, np.zeros(n))
-    return Faulty(observe(equations.ruleset, points), possible, simulated.flows)
 
 
 def _legal(fault: FaultSpec, degree: float) -> float:

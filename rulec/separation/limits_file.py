@@ -47,9 +47,29 @@ def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, Range]:
             message = f"'{name}' is no input" if reading else f"this plant has no input '{name}'"
             reader.report_key(path, "KB131", message, did_you_mean(name, known))
             continue
-        found = _one(reader, path, part, known[name])
-        if found is not None:
-            read[name] = found
+        signal = known[name]
+        unit, ends = _ends(reader, path, part, signal)
+        if ends is None:
+            continue
+        lowest, highest = map(signal.shown, ends)
+        above = [("ends", b) for b in (signal.valid_to, signal.highest)]
+        below = [("begins", b) for b in (signal.valid_from, signal.lowest, signal.minimum)]
+        for does, bound in (*above, *below):
+            if bound is None:
+                continue
+            shown = signal.shown(bound)
+            if lowest > shown if does == "ends" else highest < shown:
+                message = f"the range of '{name}' {does} at {shown:.4g} {signal.unit}"
+                reader.report_key(path, "KB133", message, "limits narrow the range of the plant")
+                break
+        read[name] = Range(
+            signal=signal,
+            lowest=lowest,
+            highest=highest,
+            rate=part.get("rate", math.inf) * unit.factor / signal.factor,
+            hold=part.get("hold", 0.0),
+            costs="costs" in part,
+        )
     return read
 
 
@@ -65,60 +85,25 @@ def _readings(reader: Reader, ruleset: Ruleset) -> dict[str, tuple[float, float]
                 hint = "limits of inputs stand under 'inputs'"
             reader.report_key(path, "KB134", f"'{name}' is no reading of this plant", hint)
             continue
-        unit = _unit(reader, path, known[name])
-        ends = (part.get("lowest", -math.inf), part.get("highest", math.inf))
-        if not ends[0] < ends[1]:
-            message = f"'lowest' {ends[0]:g} is not below 'highest' {ends[1]:g}"
-            reader.report((*path, "lowest"), "KB055", message)
-        elif unit is not None:
-            read[name] = (unit.to_si(ends[0]), unit.to_si(ends[1]))
+        _, ends = _ends(reader, path, part, known[name])
+        if ends is not None:
+            read[name] = ends
     return read
 
 
-def _unit(reader: Reader, path: tuple[str, str], signal: SignalSpec) -> Unit | None:
-    """The unit of limits; None, with a report, if it does not fit."""
+def _ends(
+    reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
+) -> tuple[Unit, tuple[float, float] | None]:
+    """The unit of limits and both ends, SI; None, with a report, for mistakes."""
     unit, own = reader.unit(*path, "unit"), reader.units.parse(signal.unit)
-    if unit.dimension == UNKNOWN:
-        return None
-    if not unit.dimension.fits(own.dimension):
+    low, high = part.get("lowest", -math.inf), part.get("highest", math.inf)
+    sound = unit.dimension != UNKNOWN
+    if sound and not unit.dimension.fits(own.dimension):
         message = f"'{path[-1]}' is in {own.text}; '{unit.text}' does not fit"
         reader.report((*path, "unit"), "KB073", message)
-        return None
-    return unit
-
-
-def _one(
-    reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
-) -> Range | None:
-    """The limits of an input in the unit of its sensor; None, with a report, for mistakes."""
-    unit = _unit(reader, path, signal)
-    if unit is None:
-        return None
-    if not part["lowest"] < part["highest"]:
-        message = f"'lowest' {part['lowest']:g} is not below 'highest' {part['highest']:g}"
+        sound = False
+    if not low < high:
+        message = f"'lowest' {low:g} is not below 'highest' {high:g}"
         reader.report((*path, "lowest"), "KB055", message)
-        return None
-    lowest, highest = (signal.shown(unit.to_si(part[key])) for key in ("lowest", "highest"))
-    for bound in (signal.valid_to, signal.highest):
-        if bound is not None and lowest > signal.shown(bound):
-            _outside(reader, path, signal, "ends", bound)
-            return None
-    for bound in (signal.valid_from, signal.lowest, signal.minimum):
-        if bound is not None and highest < signal.shown(bound):
-            _outside(reader, path, signal, "begins", bound)
-            return None
-    return Range(
-        signal=signal,
-        lowest=lowest,
-        highest=highest,
-        rate=part.get("rate", math.inf) * unit.factor / signal.factor,
-        hold=part.get("hold", 0.0),
-        costs="costs" in part,
-    )
-
-
-def _outside(
-    reader: Reader, path: tuple[str, str], signal: SignalSpec, does: str, bound: float
-) -> None:
-    message = f"the range of '{path[-1]}' {does} at {signal.shown(bound):.4g} {signal.unit}"
-    reader.report_key(path, "KB133", message, "limits narrow the range of the plant")
+        sound = False
+    return unit, (unit.to_si(low), unit.to_si(high)) if sound else None

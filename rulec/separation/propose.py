@@ -12,8 +12,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec import limits as common
-from rulec.limits import SEPARATED
+from rulec.limits import SAME_FLOW, SEPARATED
 from rulec.separation import limits
 from rulec.separation.allowed import Allowed
 
@@ -53,22 +52,30 @@ class Proposal:
     hold: float = 0.0
     costs: tuple[str, ...] = ()
 
+    @property
+    def separated(self) -> int:
+        """The number of pairs that it separates."""
+        return sum(v >= SEPARATED for v in self.apart)
+
+    @property
+    def worth(self) -> tuple[int, int, float]:
+        """The number of separated pairs counts first, then the costs, then the distances."""
+        return self.separated, -len(self.costs), sum(self.apart)
+
 
 def propose(allowed: Allowed, present: Mapping[str, float], measure: Measure) -> Proposal:
     """The best step from the `present` inputs, as their sensors show them."""
     base = measure([{}])
     here = tuple(float(v) for v in np.nan_to_num(base.apart[:, 0]))
-    stay = Proposal(changes={}, here=here, apart=here)
-    best = stay
+    best = stay = Proposal(changes={}, here=here, apart=here)
     for _ in range(limits.MOST_INPUTS_OF_A_STEP):
-        if _separated(best) == len(here):
+        if best.separated == len(here):
             break
-        points = list(_points(allowed, present, best.changes))
-        further = [stay, *_judged(allowed, present, here, points, measure, base)] if points else []
-        found = max(further, key=_worth, default=best)
-        if _separated(found) == _separated(best):
-            found = max(further, key=lambda p: sum(p.apart), default=best)
-        more = _separated(found) - _separated(best)
+        further = [stay, *_further(allowed, present, best, measure, base)]
+        found = max(further, key=lambda p: p.worth)
+        if found.separated == best.separated:
+            found = max(further, key=lambda p: sum(p.apart))
+        more = found.separated - best.separated
         farther = sum(found.apart) >= sum(best.apart) + limits.CLEARLY_FARTHER
         if more < 0 or (more == 0 and not farther):
             break
@@ -76,59 +83,34 @@ def propose(allowed: Allowed, present: Mapping[str, float], measure: Measure) ->
     return best
 
 
-def _points(
-    allowed: Allowed, present: Mapping[str, float], before: Point
-) -> Iterator[dict[str, float]]:
-    """Points at which one more input is moved, to each of its levels."""
-    for name, own in allowed.inputs.items():
-        if name in before:
-            continue
-        least = limits.SMALLEST_CHANGE * (own.highest - own.lowest)
-        for level in own.levels(limits.LEVELS_OF_A_STEP).tolist():
-            if abs(level - present[name]) >= least:
-                yield {**before, name: level}
-
-
-def _judged(
-    allowed: Allowed,
-    present: Mapping[str, float],
-    here: tuple[float, ...],
-    points: Sequence[Point],
-    measure: Measure,
-    base: Looked,
+def _further(
+    allowed: Allowed, present: Mapping[str, float], best: Proposal, measure: Measure, base: Looked
 ) -> Iterator[Proposal]:
-    measured = measure(points)
+    """Steps that move one input more than the best one so far, to each of its levels."""
+    points = [
+        {**best.changes, name: level}
+        for name, own in allowed.inputs.items()
+        if name not in best.changes
+        for level in own.levels(limits.LEVELS_OF_A_STEP).tolist()
+        if abs(level - present[name]) >= limits.SMALLEST_CHANGE * (own.highest - own.lowest)
+    ]
+    measured = measure(points) if points else base
     for i, point in enumerate(points):
         apart = measured.apart[:, i]
-        if np.isfinite(apart).any():
-            ranges = {name: allowed.inputs[name] for name in point}
-            moved = [
-                module
-                for module in sorted(allowed.costly)
-                if _moves(measured.flows[module][i], base.flows[module][0])
-            ]
-            yield Proposal(
-                changes=point,
-                here=here,
-                apart=tuple(float(v) for v in np.nan_to_num(apart)),
-                ramp=max(abs(v - present[n]) / ranges[n].rate for n, v in point.items()),
-                hold=max(own.hold for own in ranges.values()),
-                costs=(*(n for n, own in ranges.items() if own.costs), *moved),
-            )
-
-
-def _moves(there: float, here: float) -> bool:
-    """Whether a flow changes; an unknown flow counts as changed."""
-    return not abs(there - here) <= common.SAME_FLOW * abs(here)
-
-
-def _separated(proposal: Proposal) -> int:
-    return sum(v >= common.SEPARATED for v in proposal.apart)
-
-
-def _worth(proposal: Proposal) -> tuple[int, int, float]:
-    """The number of separated pairs counts first, then the costs, then the distances."""
-    return _separated(proposal), -len(proposal.costs), sum(proposal.apart)
+        if not np.isfinite(apart).any():
+            continue
+        ranges = {name: allowed.inputs[name] for name in point}
+        flows = {m: (measured.flows[m][i], base.flows[m][0]) for m in sorted(allowed.costly)}
+        # An unknown flow counts as changed.
+        moved = [m for m, (v, now) in flows.items() if not abs(v - now) <= SAME_FLOW * abs(now)]
+        yield Proposal(
+            changes=point,
+            here=best.here,
+            apart=tuple(float(v) for v in np.nan_to_num(apart)),
+            ramp=max(abs(v - present[n]) / ranges[n].rate for n, v in point.items()),
+            hold=max(own.hold for own in ranges.values()),
+            costs=(*(n for n, own in ranges.items() if own.costs), *moved),
+        )
 
 
 def step_in_words(

@@ -80,6 +80,6 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
 def _cases(measure: FaultMeasure, finding: Finding, other: FaultSpec) -> list[Case]:
     """The finding taken for another cause, and vice versa."""
     degree = measure.degree_of(other, finding.fault, finding.degree)
-    row = [Case(finding.fault, finding.degree, other)]
+    row = [(finding.fault, finding.degree, other)]
     # A cause that cannot look like the finding here has no degree for the second case.
-    return row + ([Case(other, degree, finding.fault)] if degree > 0.0 else [])
+    return row + ([(other, degree, finding.fault)] if degree > 0.0 else [])

@@ -14,7 +14,7 @@ from rulec_runtime.output.terminal import styled
 
 from rulec.limits import SEPARATED
 from rulec.separation.allowed import Allowed
-from rulec.separation.distance import Case, FaultMeasure
+from rulec.separation.distance import FaultMeasure
 from rulec.separation.limits import STEP_DEGREES
 from rulec.separation.propose import Proposal, costs_in_words, propose, set_points
 from rulec.simulation.equations import equations_of
@@ -103,17 +103,16 @@ def separate_pairs(ruleset: Ruleset, allowed: Allowed) -> Iterator[Separated]:
     equations = equations_of(ruleset)
     signals = equations.given_signals
     shown = {s.id: s.shown(s.reference) for s in signals}
-    done: set[frozenset[str]] = set()
+    known: dict[frozenset[str], tuple[tuple[str, str], str]] = {}
     for group in ruleset.ambiguous:
         for pair in itertools.combinations(group.faults, 2):
-            if frozenset(pair) in done:
-                continue
-            done.add(frozenset(pair))
-            a, b = (ruleset.fault_by_id[name] for name in pair)
-            measure = FaultMeasure(
-                equations=equations,
-                present={s.id: s.reference for s in signals},
-                bounds=allowed.readings,
-                rows=[[Case(a, d * a.scale, b), Case(b, d * b.scale, a)] for d in STEP_DEGREES],
-            )
-            yield Separated(pair, group.kind, propose(allowed, shown, measure))
+            known.setdefault(frozenset(pair), (pair, group.kind))
+    for pair, kind in known.values():
+        a, b = (ruleset.fault_by_id[name] for name in pair)
+        measure = FaultMeasure(
+            equations=equations,
+            present={s.id: s.reference for s in signals},
+            bounds=allowed.readings,
+            rows=[[(a, d * a.scale, b), (b, d * b.scale, a)] for d in STEP_DEGREES],
+        )
+        yield Separated(pair, kind, propose(allowed, shown, measure))
