@@ -90,21 +90,22 @@ def groups_of(
             yield Group(fault, seed, draw, draw_truth(random))
 
 
-def record(
+def run_group(
     ruleset: Ruleset, points: Points, settings: Settings, group: Group
-) -> Iterator[tuple[float, dict[str, Array] | None]]:
-    """Recordings of a group with their degrees; None if the plant cannot run at that point."""
+) -> Iterator[Outcome]:
+    """Record and judge, one recording after the other."""
     equations = equations_of(replace(ruleset, undo=group.truth))
     degrees, count = degrees_of(ruleset, group.fault, settings), len(points)
     faulty = _simulated(equations, points, group, degrees)
     healthy = _simulated(equations, points, group, (0.0,))
-    # The signal whose reading the fault scales; none if it acts on the plant.
     spec = ruleset.fault_by_id.get(group.fault)
+    # The signal whose reading the fault scales; none if it acts on the plant.
     sensor = spec.scales[0] if spec is not None and spec.in_sensor and not spec.unit else ""
     for i, degree in enumerate(np.repeat(degrees, count).tolist()):
         point = i % count
+        shown = degree / spec.scale if spec is not None else 0.0
         if not (faulty.solved[i] and healthy.solved[point]):
-            yield degree, None
+            yield Outcome(fault=group.fault, degree=shown, kind=Kind.NO_POINT)
             continue
         lengths = (settings.lead_in, settings.samples)
         true = {
@@ -114,7 +115,8 @@ def record(
         random = group.random(SENSORS, point, round(degree * 1e9))
         gains = {name: values / healthy.values[name][point] for name, values in true.items()}
         own = {name: gain for name, gain in gains.items() if name == sensor}
-        yield degree, sense(ruleset, true, settings.errors, random, own)
+        readings = sense(ruleset, true, settings.errors, random, own)
+        yield judge(ruleset, readings, group.fault, shown, settings)
 
 
 def _simulated(
@@ -131,19 +133,6 @@ def _simulated(
         for o in equations.ruleset.observers
     }
     return simulate_with(equations, given, fault, offsets)
-
-
-def run_group(
-    ruleset: Ruleset, points: Points, settings: Settings, group: Group
-) -> Iterator[Outcome]:
-    """Record and judge, one recording after the other."""
-    fault = group.fault
-    for degree, readings in record(ruleset, points, settings, group):
-        if readings is None:
-            shown = share(ruleset, fault, degree)
-            yield Outcome(fault=fault, degree=shown, kind=Kind.NO_POINT)
-        else:
-            yield judge(ruleset, readings, fault, degree, settings.lead_in, settings.mode)
 
 
 def size_of(ruleset: Ruleset, points: Points, settings: Settings) -> tuple[int, int]:
@@ -228,19 +217,14 @@ class Outcome:
 
 
 def judge(
-    ruleset: Ruleset,
-    readings: Mapping[str, Array],
-    fault: str,
-    degree: float,
-    onset: int,
-    mode: str,
+    ruleset: Ruleset, readings: Mapping[str, Array], fault: str, degree: float, settings: Settings
 ) -> Outcome:
-    """Diagnose a recording of one sample a second with a fault from sample `onset` on."""
-    samples = len(next(iter(readings.values())))
+    """Diagnose a recording of one sample a second with a fault after the lead-in; its `degree` is a
+    share, of what it acts on or of the range of its sensor."""
+    onset, samples = settings.lead_in, len(next(iter(readings.values())))
     time, segment = np.arange(float(samples)), np.zeros(samples, dtype=int)
-    diagnosis = diagnose(
-        Recording(time=time, values=readings, segment=segment, missing=(), notes=()), ruleset, mode
-    )
+    recording = Recording(time=time, values=readings, segment=segment, missing=(), notes=())
+    diagnosis = diagnose(recording, ruleset, settings.mode)
     ends = [f.until for f in diagnosis.findings] + [p.until for p in diagnosis.unknown]
     early = any(end < onset for end in ends)
     late = [f for f in diagnosis.findings if f.until >= onset]
@@ -249,10 +233,10 @@ def judge(
     if finding is None:
         unknown = any(p.until >= onset for p in diagnosis.unknown)
         kind = Kind.UNKNOWN if unknown else Kind.QUIET if diagnosis.judged else Kind.NOT_JUDGED
-        return Outcome(fault=fault, degree=share(ruleset, fault, degree), kind=kind, early=early)
+        return Outcome(fault=fault, degree=degree, kind=kind, early=early)
     return Outcome(
         fault=fault,
-        degree=share(ruleset, fault, degree),
+        degree=degree,
         kind=Kind.NAMED if finding.fault.id == fault else Kind.OTHER,
         first=finding.fault.id,
         shared=any(name == fault for name, _ in finding.alternatives),
@@ -261,8 +245,3 @@ def judge(
         upper=finding.upper / finding.fault.scale,
         early=early,
     )
-
-
-def share(ruleset: Ruleset, fault: str, degree: float) -> float:
-    """A degree as a share, of what it acts on or of the range of its sensor; 0 without a fault."""
-    return degree / ruleset.fault_by_id[fault].scale if fault else 0.0

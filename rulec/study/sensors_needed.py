@@ -46,18 +46,14 @@ def _merged(
 ) -> Iterator[list[str]]:
     """Groups of listed faults of a part that are alike now and were not all alike before; `now` and
     `before` flag pairs of all its faults, shape (faults, faults)."""
+    from scipy.sparse.csgraph import connected_components  # slow to load
+
     faults = list(one.highest)
     chosen = np.array([name in listed_ones for name in faults], dtype=bool)
     now = now & np.outer(chosen, chosen)
-    left = {int(i) for i in np.flatnonzero(now.any(axis=0))}
-    while left:
-        group, grown = np.zeros(0, dtype=int), np.array([min(left)])
-        while len(grown) > len(group):
-            group = grown
-            grown = np.union1d(group, np.flatnonzero(now[group].any(axis=0)))
-        left -= set(group.tolist())
-        if (now & ~before)[np.ix_(group, group)].any():
-            yield [faults[i] for i in group]
+    group = connected_components(now)[1]
+    for number in np.unique(group[(now & ~before).any(axis=0)]):
+        yield [faults[i] for i in np.flatnonzero(group == number)]
 
 
 def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:

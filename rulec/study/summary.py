@@ -6,7 +6,7 @@ from rulec_runtime.report.text import counted
 
 from rulec.study.campaign import Kind
 from rulec.study.limits import BLIND, CONFUSED, FEW, MOST_CONFUSIONS, RELIABLE
-from rulec.study.tally import Cell, Confusion, FaultKind, Tally
+from rulec.study.tally import Cell, FaultKind, Tally
 
 TITLES = ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds")
 """Titles of the columns of a table, after the fault."""
@@ -59,47 +59,49 @@ def verdict(tally: Tally) -> str:
 
 def sentences(tally: Tally) -> Iterator[str]:
     """Findings in order: what is reliable, what is not, what is confused, false alarms."""
-    rows = rows_of(tally)
-    yield from _reliable(rows)
-    yield from _unreliable(rows)
+    groups: dict[tuple[int, float, str], list[FaultKind]] = {}
+    for kind, cells in rows_of(tally).items():
+        if cells[-1].recordings:
+            groups.setdefault(_seen(cells), []).append(kind)
+    for (*_, seen), kinds in sorted(groups.items()):
+        yield f"{seen}: {_names(kinds)}."
     frequent = [c for c in tally.confusions if c.count >= CONFUSED * c.of]
-    yield from map(_confused, frequent[:MOST_CONFUSIONS])
-    yield from _degrees(tally.cells)
-    yield _alarmed(tally)
-    lost = sum(c.kinds[Kind.NO_POINT] for c in tally.cells)
-    if lost:
+    for c in frequent[:MOST_CONFUSIONS]:
+        yield (
+            f"Confused: {c.fault.title} of {c.fault.type} is taken for {c.taken_for.title} of "
+            f"{c.taken_for.type} in {c.count} of {c.of} recordings."
+        )
+    if named := sum(c.named for c in tally.cells):
+        error = sum(c.error * c.named for c in tally.cells) / named
+        bias = sum(c.bias * c.named for c in tally.cells) / named
+        yield (
+            f"Degree, where the true fault is named first: off by {error:.3f} on average (bias "
+            f"{bias:+.3f}); its bounds hold the true one in {sum(c.covered for c in tally.cells)} "
+            f"of {named} recordings."
+        )
+    healthy, early = tally.healthy, tally.lead_in
+    before = f" Before the fault set in: {early.alarms} of {early.recordings}."
+    yield (
+        f"False alarms: {healthy.alarms} of {healthy.recordings} healthy recordings "
+        f"({healthy.samples} samples); with 95 % confidence less than {percent(healthy.bound)}."
+        f"{before if early.recordings else ''}"
+    )
+    if lost := sum(c.kinds[Kind.NO_POINT] for c in tally.cells):
         yield f"Left out: {lost} recordings, because the plant has no operating point there."
 
 
-def _reliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
-    by_degree: dict[float, list[FaultKind]] = {}
-    for kind, cells in rows.items():
-        degree = reliable_from(cells)
-        if degree is not None:
-            by_degree.setdefault(degree, []).append(kind)
-    for degree, kinds in sorted(by_degree.items()):
-        yield (
-            f"Detected and identified (first or as an alternative) from {percent(degree)} on: "
-            f"{_names(kinds)}."
-        )
-
-
-def _unreliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
-    """Faults that are not reliable at any studied degree, by what is missing."""
-    unnamed = "Detected, but not always identified"
-    missed = "Not always detected, even at the largest degree"
-    invisible = "Cannot be seen"
-    groups: dict[str, list[FaultKind]] = {unnamed: [], missed: [], invisible: []}
-    for kind, cells in rows.items():
-        largest = cells[-1]
-        if reliable_from(cells) is not None or not largest.recordings:
-            continue
-        share = largest.found / largest.recordings
-        what = invisible if share < BLIND else missed if share < RELIABLE else unnamed
-        groups[what].append(kind)
-    for what, kinds in groups.items():
-        if kinds:
-            yield f"{what}: {_names(kinds)}."
+def _seen(cells: Sequence[Cell]) -> tuple[int, float, str]:
+    """How well a kind of fault is seen, in words; behind two numbers by which these are ordered."""
+    degree, largest = reliable_from(cells), cells[-1]
+    if degree is not None:
+        words = "Detected and identified (first or as an alternative)"
+        return 0, degree, f"{words} from {percent(degree)} on"
+    share = largest.found / largest.recordings
+    if share >= RELIABLE:
+        return 1, 0.0, "Detected, but not always identified"
+    if share >= BLIND:
+        return 2, 0.0, "Not always detected, even at the largest degree"
+    return 3, 0.0, "Cannot be seen"
 
 
 def _names(kinds: Sequence[FaultKind]) -> str:
@@ -108,38 +110,6 @@ def _names(kinds: Sequence[FaultKind]) -> str:
     for kind in kinds:
         by_type.setdefault(kind.type, []).append(kind.title)
     return "; ".join(f"{', '.join(titles)} of {name}" for name, titles in by_type.items())
-
-
-def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
-    """Errors of the degrees, over all faults that were named first."""
-    named = sum(c.named for c in cells)
-    if named:
-        error = sum(c.error * c.named for c in cells) / named
-        bias = sum(c.bias * c.named for c in cells) / named
-        covered = sum(c.covered for c in cells)
-        yield (
-            f"Degree, where the true fault is named first: off by {error:.3f} on average (bias "
-            f"{bias:+.3f}); its bounds hold the true one in {covered} of {named} "
-            "recordings."
-        )
-
-
-def _confused(c: Confusion) -> str:
-    return (
-        f"Confused: {c.fault.title} of {c.fault.type} is taken for {c.taken_for.title} of "
-        f"{c.taken_for.type} in {c.count} of {c.of} recordings."
-    )
-
-
-def _alarmed(tally: Tally) -> str:
-    healthy, early = tally.healthy, tally.lead_in
-    text = (
-        f"False alarms: {healthy.alarms} of {healthy.recordings} healthy recordings "
-        f"({healthy.samples} samples); with 95 % confidence less than {percent(healthy.bound)}."
-    )
-    if early.recordings:
-        text += f" Before the fault set in: {early.alarms} of {early.recordings}."
-    return text
 
 
 def percent(share: float) -> str:

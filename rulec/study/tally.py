@@ -1,7 +1,7 @@
 """Count the outcomes of a study, pooled over the modules of a type."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,22 +97,27 @@ def tally(
     for f in ruleset.faults:
         name, title = (text.removeprefix(f"{f.module}.") for text in (f.id, f.title))
         kinds[f.id] = FaultKind(types[f.module], name, title)
-    groups: dict[tuple[FaultKind, float], list[Outcome]] = {}
-    for kind in kinds.values():
-        for degree in sorted({o.degree for o in outcomes if o.fault}):
-            groups.setdefault((kind, degree), [])
-    for outcome in outcomes:
-        if outcome.fault:
-            groups[kinds[outcome.fault], outcome.degree].append(outcome)
-    faulty = [o for o in outcomes if o.fault and o.kind != Kind.NO_POINT]
-    healthy = [o for o in outcomes if not o.fault and o.kind != Kind.NO_POINT]
+    order = list(dict.fromkeys(kinds.values()))
+    groups: dict[tuple[int, float], list[Outcome]] = {}
+    for o in (o for o in outcomes if o.fault):
+        groups.setdefault((order.index(kinds[o.fault]), o.degree), []).append(o)
+    ran = [o for o in outcomes if o.kind != Kind.NO_POINT]
+    faulty, healthy = [o for o in ran if o.fault], [o for o in ran if not o.fault]
+    total = Counter(kinds[o.fault] for o in faulty)
+    taken = Counter((kinds[o.fault], kinds[o.first]) for o in faulty if o.kind == Kind.OTHER)
+    confusions = [Confusion(a, b, count, total[a]) for (a, b), count in taken.items()]
+    # The most frequent confusion first.
+    confusions.sort(key=lambda c: (-c.count / c.of, -c.count, c.fault.name))
     alarms = sum(o.kind in (Kind.OTHER, Kind.UNKNOWN) or o.early for o in healthy)
     early = sum(o.early for o in faulty)
     return Tally(
-        tuple(_cell(kind, degree, part) for (kind, degree), part in groups.items() if part),
-        _confusions(kinds, faulty),
-        _alarms(alarms, len(healthy), samples + lead_in),
-        _alarms(early, len(faulty) if lead_in else 0, lead_in),
+        cells=tuple(_cell(order[i], degree, groups[i, degree]) for i, degree in sorted(groups)),
+        # The most frequent confusion first.
+        confusions=tuple(
+            sorted(confusions, key=lambda c: (-c.count / c.of, -c.count, c.fault.name))
+        ),
+        healthy=_alarms(alarms, len(healthy), samples + lead_in),
+        lead_in=_alarms(early, len(faulty) if lead_in else 0, lead_in),
     )
 
 
@@ -129,18 +134,6 @@ def _cell(fault: FaultKind, degree: float, outcomes: Sequence[Outcome]) -> Cell:
         error=float(np.mean(np.abs(errors))) if named else 0.0,
         bias=float(np.mean(errors)) if named else 0.0,
     )
-
-
-def _confusions(kinds: Mapping[str, FaultKind], faulty: Iterable[Outcome]) -> tuple[Confusion, ...]:
-    """Which fault was named first instead of which, the most frequent confusion first."""
-    total: Counter[FaultKind] = Counter()
-    count: Counter[tuple[FaultKind, FaultKind]] = Counter()
-    for outcome in faulty:
-        total[kinds[outcome.fault]] += 1
-        if outcome.kind == Kind.OTHER:
-            count[kinds[outcome.fault], kinds[outcome.first]] += 1
-    found = [Confusion(a, b, n, total[a]) for (a, b), n in count.items()]
-    return tuple(sorted(found, key=lambda c: (-c.count / c.of, -c.count, c.fault.name)))
 
 
 def _alarms(alarms: int, recordings: int, samples: int) -> Alarms:
