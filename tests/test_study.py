@@ -116,6 +116,7 @@ def counted() -> Tally:
         ("A.P_el.low", 0.2, Kind.QUIET),
         ("B.P_el.low", 0.2, Kind.NO_POINT),
         ("C.clogging", 0.2, Kind.UNKNOWN),
+        ("C.clogging", 0.3, Kind.NO_POINT),
         ("", 0.0, Kind.QUIET),
         ("", 0.0, Kind.UNKNOWN),
     )
@@ -125,7 +126,8 @@ def counted() -> Tally:
 
 def test_summary_says_what_the_counts_mean() -> None:
     """Two modules of a type are one row; reliable, without a name, confused, blind, left out are
-    each a sentence; a degree that is found below one that is not is luck."""
+    each a sentence; a degree that is found below one that is not is luck; the largest degree may
+    have no operating point."""
     leak = next(c for c in counted().cells if c.fault.name == "leakage" and c.degree == 0.2)
     assert (leak.recordings, leak.found, leak.named, leak.covered) == (2, 2, 2, 1)
     assert (leak.error, leak.bias) == pytest.approx((0.02, -0.01))
@@ -137,7 +139,8 @@ def test_summary_says_what_the_counts_mean() -> None:
         "Internal leakage of dosing-pcp is taken for Widening of static-mixer in 1 of 4",
         "off by 0.020 on average (bias -0.010); its bounds hold the true one in 1 of 2",
         "False alarms: 1 of 2 healthy recordings (40 samples)",
-        "Left out: 1 recordings",
+        "Detected, but not always identified: Clogging of static-mixer.",
+        "Left out: 2 recordings",
     ):
         assert part in text
     rows = {kind.name: cells for kind, cells in rows_of(counted()).items()}

@@ -38,9 +38,8 @@ def per_type(tally: Tally, types: Mapping[str, str]) -> Iterator[tuple[str, str,
 def reliable_from(cells: Sequence[Cell]) -> float | None:
     """Smallest degree above which the fault is found, and named first or as an alternative."""
     smallest = None
-    for cell in sorted(cells, key=lambda c: -c.degree):
-        enough = RELIABLE * cell.recordings
-        if not cell.recordings or min(cell.found, cell.named + cell.shared) < enough:
+    for cell in sorted((c for c in cells if c.recordings), key=lambda c: -c.degree):
+        if min(cell.found, cell.named + cell.shared) < RELIABLE * cell.recordings:
             break
         smallest = cell.degree
     return smallest
@@ -48,7 +47,7 @@ def reliable_from(cells: Sequence[Cell]) -> float | None:
 
 def verdict(tally: Tally) -> str:
     """How many kinds of fault are found and named, and the number of false alarms."""
-    rows = [cells for cells in rows_of(tally).values() if cells[-1].recordings]
+    rows = [cells for cells in rows_of(tally).values() if any(c.recordings for c in cells)]
     reliable = sum(reliable_from(cells) is not None for cells in rows)
     healthy = tally.healthy
     return (
@@ -61,8 +60,9 @@ def sentences(tally: Tally) -> Iterator[str]:
     """Findings in order: what is reliable, what is not, what is confused, false alarms."""
     groups: dict[tuple[int, float, str], list[FaultKind]] = {}
     for kind, cells in rows_of(tally).items():
-        if cells[-1].recordings:
-            groups.setdefault(_seen(cells), []).append(kind)
+        # At a large degree a plant may have no operating point.
+        if ran := [cell for cell in cells if cell.recordings]:
+            groups.setdefault(_seen(ran), []).append(kind)
     for (*_, seen), kinds in sorted(groups.items()):
         yield f"{seen}: {_names(kinds)}."
     frequent = [c for c in tally.confusions if c.count >= CONFUSED * c.of]
@@ -87,7 +87,8 @@ def sentences(tally: Tally) -> Iterator[str]:
         f"{before if early.recordings else ''}"
     )
     if lost := sum(c.kinds[Kind.NO_POINT] for c in tally.cells):
-        yield f"Left out: {lost} recordings, because the plant has no operating point there."
+        left = counted(lost, "recording")
+        yield f"Left out: {left}, because the plant has no operating point there."
 
 
 def _seen(cells: Sequence[Cell]) -> tuple[int, float, str]:
