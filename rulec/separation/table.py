@@ -25,13 +25,15 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
     close = [p for p in pairs if not p.is_apart]
     split = sum(p.is_split for p in close)
     out.print(styled("\n[bold]One change of set points[/]\n"))
-    out.print(
+    text = (
         f"{len(pairs)} pairs of faults look alike; {len(pairs) - len(close)} can be separated "
-        f"at the reference point ({SEPARATED:g} sigma), and one change of set points separates "
-        f"{'all' if split == len(close) else split} of the other {len(close)}"
+        f"at the reference point ({SEPARATED:g} sigma)"
     )
     if not close:
+        out.print(text)
         return
+    every = "all" if split == len(close) else split
+    out.print(f"{text}, and one change of set points separates {every} of the other {len(close)}")
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     degrees = " / ".join(f"{d:g}" for d in STEP_DEGREES)
     for title in ("faults", f"sigma now\nat degree\n{degrees}", f"then\nat degree\n{degrees}"):

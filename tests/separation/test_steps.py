@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.terminal import plain
 
 from rulec.cli import main
 from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
+from rulec.separation.table import Separated, show_separated
 from tests.conftest import ROOT, compiled
 from tests.written import told_by, write_columns
 
@@ -107,6 +109,13 @@ def test_matrix_tells_the_step_of_each_pair(capsys: pytest.CaptureFixture[str]) 
         assert [part["degree"] for part in pair["sigma"]] == [0.1, 0.2]
         assert np.all([part["then"] > max(4.0, part["now"]) for part in pair["sigma"]])
         assert all(change["unit"] == "rpm" for change in pair["changes"])
+
+
+def test_nothing_is_left_to_separate_where_the_reference_point_does_it_all() -> None:
+    far = Proposal(changes={}, here=(9.0, 9.0), apart=(9.0, 9.0))
+    pair = Separated(("A.leakage", "A.clogging"), "alike", far)
+    text = plain(lambda out: show_separated(out, compiled("abc"), [pair]))
+    assert text.endswith("1 can be separated at the reference point (4 sigma)")
 
 
 PLANTS = ("abc", "mixing-rig")
