@@ -12,7 +12,6 @@ from rulec_runtime.recordings.stationary import Stretches
 
 from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.knowledge import SensorClass
-from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.configuration import (
@@ -28,7 +27,6 @@ from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.screen import spot_column
 from rulec.mismatch.evidence.steady.system import System, with_properties
 from rulec.mismatch.evidence.steady.terms import driver_of
-from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search.refit import Model
 
 
@@ -134,11 +132,9 @@ def _spread(rows: Rows, there: SteadyEvidence, covariance: Array) -> dict[str, A
 
 def _flows(system: System, model: Model) -> dict[str, Array]:
     """Flows of modules by a model, m3/s, shape (n,) each."""
-    values = system.flows(_later(model.setting, system.data.time)).values
-    members: dict[str, list[int]] = {}
-    for i, observer in enumerate(system.observers):
-        members.setdefault(observer.module, []).append(i)
-    return {module: np.mean(values[own], axis=0) for module, own in members.items()}
+    values = system.flows(_later(model, system.data.time)).values
+    of = np.array([o.module for o in system.observers])
+    return {module: np.mean(values[of == module], axis=0) for module in system.modules}
 
 
 def data_at(data: Data, places: Places) -> Data:
@@ -171,14 +167,15 @@ def data_at(data: Data, places: Places) -> Data:
     )
 
 
-def _later(setting: Configuration, time: Array) -> Configuration:
-    """A setting at other times, s, with the same values; growth has gone on until then."""
-    return replace(setting, courses=tuple(course.at_times(time) for course in setting.courses))
-
-
 def _evaluated(rows: Rows, model: Model) -> Fitted:
     data, at = rows.system.data, model.at * _kept(model)[0]
-    return evaluated(rows, _later(model.setting, data.time), model.prior, at, data.open)
+    return evaluated(rows, _later(model, data.time), model.prior, at, data.open)
+
+
+def _later(model: Model, time: Array) -> Configuration:
+    """The setting at other times, s, with the same values; growth has gone on until then."""
+    courses = tuple(course.at_times(time) for course in model.setting.courses)
+    return replace(model.setting, courses=courses)
 
 
 def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
@@ -221,7 +218,11 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
     by_value = fitted.jacobian[there.seen]
     table, numbers = [by_value * kept], list(range(len(model.at)))
     for term in model.terms:
-        own, columns = model.columns_of(term), _columns(there, model, fitted, term)
+        own, slope = model.columns_of(term), spot_column(fitted, term.changed)
+        # Residuals by the functions of the term, each of prior unit size.
+        columns = term.basis.at(driver_of(there.system, term.driver)[there.point])
+        shown = 0.0 if slope is None else slope[there.seen, None]
+        columns = model.size_of(term) * shown * columns
         off = off + columns @ solution[own]
         table.append(columns)
         numbers += own.tolist()
@@ -231,15 +232,6 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
     covariance += added * by_value[:, stay] @ by_value[:, stay].T
     covariance[np.diag_indices(len(covariance))] += model.scale**2
     return off, covariance
-
-
-def _columns(there: SteadyEvidence, model: Model, fitted: Fitted, term: Term) -> Array:
-    """Residuals by the functions of a term, each of prior unit size, shape (rows, functions)."""
-    slopes = spot_column(fitted, term.changed)
-    basis = term.basis.at(driver_of(there.system, term.driver)[there.point])
-    if slopes is None:
-        return np.zeros_like(basis)
-    return np.asarray(model.size_of(term) * slopes[there.seen, None] * basis)
 
 
 # The cheapest sensor for explanations that no set points distinguish.
@@ -288,37 +280,33 @@ def advised(
 ) -> tuple[Advised, ...]:
     """Sensors that distinguish pairs, the cheapest first for each pair."""
     system = evidence.system
+    inputs = [s.id for s in system.ruleset.signals if s.is_input and s.id in system.data.values]
     claims = {number: _claims(system, models[number]) for number in {n for p in pairs for n in p}}
     sensors, found = list(_sensors(system)), list[Advised]()
     for pair in pairs:
-        judged = [_judged(system, sensor, pair, *(claims[n] for n in pair)) for sensor in sensors]
-        clear = [a for a in judged if a.apart**2 / 2.0 >= limits.TOLD_APART]
-        found += sorted(clear, key=lambda a: (a.sensor.cost, -a.apart))
+        clear = []
+        for sensor in sensors:
+            (a, u_a), (b, u_b) = (claims[number][sensor.quantity] for number in pair)
+            own = np.array([sensor.kind.uncertainty(sensor.full_scale, float(v)) for v in a])
+            apart = np.nan_to_num(np.abs(a - b) / np.sqrt(own**2 + u_a**2 + u_b**2))
+            i = int(np.argmax(apart))
+            one = Advised(
+                pair=pair,
+                sensor=sensor,
+                values=(float(a[i]), float(b[i])),
+                u=float(own[i]),
+                at={name: float(system.data.values[name][i]) for name in inputs},
+                apart=float(apart[i]),
+            )
+            if one.apart**2 / 2.0 >= limits.TOLD_APART:
+                clear.append(one)
+        found += sorted(clear, key=lambda one: (one.sensor.cost, -one.apart))
     return tuple(found)
 
 
 Claims = Mapping[Quantity, tuple[Array, Array]]
 """Predictions of each quantity at the recorded points, SI, and their standard uncertainty, shape
 (points,) each."""
-
-
-def _judged(
-    system: System, sensor: Sensor, pair: tuple[int, int], first: Claims, second: Claims
-) -> Advised:
-    """The distance of a pair by a sensor, at the point where it is largest."""
-    (a, u_a), (b, u_b) = first[sensor.quantity], second[sensor.quantity]
-    own = np.array([sensor.kind.uncertainty(sensor.full_scale, float(v)) for v in a])
-    apart = np.nan_to_num(np.abs(a - b) / np.sqrt(own**2 + u_a**2 + u_b**2))
-    place = int(np.argmax(apart))
-    inputs = [s.id for s in system.ruleset.signals if s.is_input and s.id in system.data.values]
-    return Advised(
-        pair=pair,
-        sensor=sensor,
-        values=(float(a[place]), float(b[place])),
-        u=float(own[place]),
-        at={name: float(system.data.values[name][place]) for name in inputs},
-        apart=float(apart[place]),
-    )
 
 
 def _claims(system: System, model: Model) -> Claims:
@@ -377,48 +365,43 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
 
 
 def _sensors(system: System) -> Iterator[Sensor]:
-    plant = system.builder.network.plant
-    for name in system.modules:
-        module, classes = plant.modules[name], plant.knowledge.sensors
-        for signal in module.type.signals.values():
-            if f"{name}.{signal.name}" in system.shared:
-                kind = classes[signal.sensor]
-                yield Sensor(
-                    quantity=(name, signal.name),
-                    title=f"a second reading of {name}.{signal.name}",
-                    kind=kind,
-                    full_scale=signal.full_scale,
-                    unit=signal.unit.text,
-                    factor=signal.unit.factor,
-                    cost=kind.cost,
-                )
-        yield from _flow_meter(system, module)
-
-
-def _flow_meter(system: System, module: Module) -> Iterator[Sensor]:
-    """The flow meter that the type declares, else one of the cheapest class that measures flows."""
+    """A second reading of each signal in use, and per module a flow meter if none is: the one that
+    its type declares, else one of the cheapest class that measures flows."""
     knowledge = system.builder.network.plant.knowledge
     classes, quantities = knowledge.sensors, knowledge.units.quantities
-    name = module.name
-    declared = [s for s in module.type.signals.values() if s.unit.dimension == VOLUME_FLOW]
-    if any(f"{name}.{s.name}" in system.shared for s in declared):
-        return
     fitting = [
         (c, None, "l/h", 1e-3 / 3600.0)
         for c in sorted(classes.values(), key=lambda c: c.cost)
         if quantities.get(c.measures) == VOLUME_FLOW and c.kind != "full scale"
     ]
-    own = [(classes[s.sensor], s.full_scale, s.unit.text, s.unit.factor) for s in declared]
-    for kind, full_scale, unit, factor in [*own, *fitting][:1]:
-        reading = f"{name}.{declared[0].name}" if declared else ""
-        recorded = bool(np.isfinite(system.data.values.get(reading, np.nan)).any())
-        unused = f"{reading}, which is recorded and which no relation uses"
-        yield Sensor(
-            quantity=(name, ""),
-            title=unused if recorded else f"a flow meter in {name}",
-            kind=kind,
-            full_scale=full_scale,
-            unit=unit,
-            factor=factor,
-            cost=0.0 if recorded else kind.cost,
-        )
+    for name in system.modules:
+        declared, metered = [], False
+        for signal in system.builder.network.plant.modules[name].type.signals.values():
+            kind, unit, reading = classes[signal.sensor], signal.unit, f"{name}.{signal.name}"
+            is_flow, used = unit.dimension == VOLUME_FLOW, reading in system.shared
+            if is_flow:
+                declared.append((reading, (kind, signal.full_scale, unit.text, unit.factor)))
+            if used:
+                metered |= is_flow
+                yield Sensor(
+                    quantity=(name, signal.name),
+                    title=f"a second reading of {reading}",
+                    kind=kind,
+                    full_scale=signal.full_scale,
+                    unit=unit.text,
+                    factor=unit.factor,
+                    cost=kind.cost,
+                )
+        meters = [] if metered else [*declared, *(("", meter) for meter in fitting)]
+        for reading, (kind, full_scale, text, factor) in meters[:1]:
+            recorded = bool(np.isfinite(system.data.values.get(reading, np.nan)).any())
+            unused = f"{reading}, which is recorded and which no relation uses"
+            yield Sensor(
+                quantity=(name, ""),
+                title=unused if recorded else f"a flow meter in {name}",
+                kind=kind,
+                full_scale=full_scale,
+                unit=text,
+                factor=factor,
+                cost=0.0 if recorded else kind.cost,
+            )

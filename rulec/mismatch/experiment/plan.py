@@ -21,7 +21,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.forecast import Forecast, advised, forecast
-from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, places_in
+from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, places_in, usual_step
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.result import CandidateSet, ExperimentRefused
 from rulec.mismatch.search.later_refits import Again, refitted_again
@@ -76,27 +76,25 @@ def chosen(
     every = sorted(set(predicted[0].point.tolist()).intersection(*(one.point for one in predicted)))
     left = [place for place in every if among is None or among[place]]
     places: list[int] = []
-    factors = [np.zeros((len(odds), len(odds)))]
+    found = [np.zeros((len(odds), len(odds)))]
     shares = odds / odds.sum()
-    worth = [certain(shares, factors[0])]
+    worth = [certain(shares, found[0])]
     while left and len(places) < most:
-        grown = factors[-1][:, :, None] + np.array(
-            [gains(one, true, places, left) for true, one in enumerate(predicted)]
-        )
+        after = np.array([factors(one, i, places, left) for i, one in enumerate(predicted)])
         sure = [
-            certain(shares, own) if in_time([*places, place]) else 0.0
-            for place, own in zip(left, np.moveaxis(grown, 2, 0), strict=True)
+            certain(shares, after[:, :, i]) if in_time([*places, place]) else 0.0
+            for i, place in enumerate(left)
         ]
         best = int(np.argmax(sure))
         if not sure[best] > 0.0:
             break
         places.append(left.pop(best))
-        factors.append(grown[:, :, best])
+        found.append(after[:, :, best])
         worth.append(sure[best])
     # Two steps may discriminate where one does not.
     kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
-    certainty = tuple(certain(odds, own) for own in factors[: kept + 1])
-    return Choice(tuple(places[:kept]), certainty, worth[kept], factors[kept])
+    certainty = tuple(certain(odds, own) for own in found[: kept + 1])
+    return Choice(tuple(places[:kept]), certainty, worth[kept], found[kept])
 
 
 NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
@@ -118,48 +116,26 @@ def certain(odds: Array, factors: Array) -> float:
     return float(SHARES @ sure @ odds / SHARES.sum())
 
 
-def gains(predicted: Forecast, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
-    """The rise of the expected log Bayes factors of the true explanation against each by each
-    place, after readings at the known places; nats, shape (explanations, places)."""
-    before, rows = _rows(predicted, known), _rows(predicted, places)
-    read = before[before >= 0]
-    first, by_true, own = _conditional(predicted, true, read, rows)
+def factors(predicted: Forecast, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
+    """Expected log Bayes factors of the true explanation against each by readings at the known
+    places and each of some others; nats, shape (explanations, places)."""
+    most = int(np.bincount(predicted.point).max())
+    each = [[*known, place] for place in places]
+    # Numbers of the rows that are read, shape (places, rows); negative ones are padding.
+    rows = np.tile(-1 - np.arange(len(each[0]) * most), (len(each), 1))
+    for line, read in zip(rows, each, strict=True):
+        there = np.flatnonzero(np.isin(predicted.point, read))
+        line[: len(there)] = there
+    pairs = rows[:, :, None], rows[:, None, :]
+    own = np.linalg.cholesky(predicted.between(true, *pairs))
     found = []
     for other, off in enumerate(predicted.off):
-        factor, by, left = _conditional(predicted, other, read, rows)
-        apart = predicted.off[true] - off
-        mean = np.where(rows >= 0, apart[rows], 0.0)
-        mean -= np.einsum("kni,k->ni", by, np.linalg.solve(factor, apart[read]))
-        spread = np.einsum("kni->nik", by_true)
-        spread = spread - np.einsum("kni,kl->nil", by, np.linalg.solve(factor, first))
-        parts = np.concatenate([mean[:, :, None], spread, own], axis=2)
-        squares = (np.linalg.solve(left, parts) ** 2).sum(axis=(1, 2))
-        grown = np.linalg.slogdet(left)[1] - np.linalg.slogdet(own)[1]
-        found.append(np.maximum(grown + 0.5 * (squares - rows.shape[1]), 0.0))
-    return np.array(found)
-
-
-def _rows(predicted: Forecast, places: Sequence[int]) -> NDArray[np.intp]:
-    """Numbers of the rows of each place, shape (places, r); negative ones are padding."""
-    most = int(np.bincount(predicted.point).max())
-    number = np.tile(-1 - np.arange(most), (len(places), 1))
-    for line, place in zip(number, places, strict=True):
-        own = np.flatnonzero(predicted.point == place)
-        line[: len(own)] = own
-    return number
-
-
-def _conditional(
-    predicted: Forecast, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """Lower factor of the covariance of the rows that were read, shape (k, k); the covariance of
-    rows with these in its units, shape (k, n, r); lower factors of the rest, shape (n, r, r)."""
-    between = functools.partial(predicted.between, explanation)
-    factor = np.linalg.cholesky(between(read[:, None], read[None, :]))
-    by = np.linalg.solve(factor, between(read[:, None], rows.reshape(1, -1)))
-    by = by.reshape(len(read), *rows.shape)
-    left = between(rows[:, :, None], rows[:, None, :]) - np.einsum("kni,knj->nij", by, by)
-    return np.asarray(factor), np.asarray(by), np.asarray(np.linalg.cholesky(left))
+        factor = np.linalg.cholesky(predicted.between(other, *pairs))
+        apart = np.where(rows >= 0, (predicted.off[true] - off)[rows], 0.0)
+        parts = np.linalg.solve(factor, np.concatenate([apart[:, :, None], own], axis=2))
+        grown = np.linalg.slogdet(factor)[1] - np.linalg.slogdet(own)[1]
+        found.append(grown + 0.5 * ((parts**2).sum(axis=(1, 2)) - rows.shape[1]))
+    return np.maximum(found, 0.0)
 
 
 @dataclass(frozen=True)
@@ -283,9 +259,9 @@ def planned(
     """
     if most < 1:
         raise ExperimentRefused(f"--steps {most}: an experiment has one step at least")
-    again, left_out = _refitted(recording, ruleset, builder, standing)
+    again = _refitted(recording, ruleset, builder, standing)
     system = again.evidence.rows.system
-    sample = _sample(recording.time)
+    sample = usual_step(recording.time)
     allowed = None if given is None else allowed_of(ruleset, given)
     reach = input_ranges(system, recording, sample, allowed)
     if not reach.ranges:
@@ -301,11 +277,17 @@ def planned(
     settling = 0.0 if system.data.of_rows else SETTLING * sample
     telling = min(most, limits.TELLING_STEPS)
     best = best_within(predicted, odds, telling, seconds, limited, settling)
-    steps = _steps(best.limited, best.choice.places, best.predicted, system)
-    steps += _covering(limited, best, most - len(steps), seconds, predicted, system)
+    first = best.choice.places
+    steps = _steps(best.limited, first, best.predicted, system)
+    # Steps that cover the range come after those that discriminate, without loss of product.
+    held = math.ceil(limits.COVERING_HELD * reach.step / limited.shortest)
+    after = replace(limited, held=held, begun=first[-1] if first else -1)
+    since = best.limited.seconds(first)
+    more = covering(after, limited.free, first, most - len(first), seconds - since)
+    steps += _steps(after, more, predicted, system, since, covers=True)
     return Experiment(
         standing=again.sets,
-        left_out=left_out,
+        left_out=tuple(one for one in standing if one not in again.sets),
         steps=steps,
         certainty=best.choice.certainty,
         unlisted=max(1.0 - float(odds.sum()), 0.0),
@@ -323,8 +305,8 @@ def planned(
 
 def _refitted(
     recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[CandidateSet]
-) -> tuple[Again, tuple[CandidateSet, ...]]:
-    """The possible explanations refitted, and those that switched and cannot be predicted."""
+) -> Again:
+    """The possible explanations refitted, but for those that switched and cannot be predicted."""
     data = prepare(recording, ruleset)
     assert data is not None
     every = rows_of(system_of(ruleset, builder, data), Configuration())
@@ -339,31 +321,7 @@ def _refitted(
             "what stands besides one explanation switched with the set points that were recorded; "
             "what it does at others is not known, so no set points can be planned that tell it"
         )
-    return again, tuple(one for one in standing if one not in again.sets)
-
-
-def _sample(time: Array) -> float:
-    """The usual time between two samples, s."""
-    between = np.diff(time)
-    between = between[between > 0.0]
-    return float(np.median(between)) if len(between) else limits.SHORTEST_STEP
-
-
-def _covering(
-    limited: Feasible,
-    best: Best,
-    most: int,
-    seconds: float,
-    predicted: Sequence[Forecast],
-    system: System,
-) -> tuple[Step, ...]:
-    """Steps that cover the range, after those that discriminate and without loss of product."""
-    telling = best.choice.places
-    since = best.limited.seconds(telling)
-    held = math.ceil(limits.COVERING_HELD * limited.reach.step / limited.shortest)
-    after = replace(limited, held=held, begun=telling[-1] if telling else -1)
-    places = covering(after, limited.free, telling, most, seconds - since)
-    return _steps(after, places, predicted, system, since, covers=True)
+    return again
 
 
 def _steps(

@@ -40,42 +40,38 @@ def input_ranges(
 
     Steps are as long as usual, and long enough for readings to settle, with samples of `sample`, s.
     """
-    present = {
-        signal.id: float(known[-1])
-        for signal in system.ruleset.signals
-        if signal.is_input and signal.id in recording.values
-        for known in [recording.values[signal.id][np.isfinite(recording.values[signal.id])]]
-        if len(known)
-    }
+    inputs = [s for s in system.ruleset.signals if s.is_input]
+    known = {s.id: recording.values[s.id] for s in inputs if s.id in recording.values}
+    known = {name: values[np.isfinite(values)] for name, values in known.items()}
+    present = {name: float(values[-1]) for name, values in known.items() if len(values)}
     data = system.data
-    steps = np.diff(np.sort(data.time))
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
+    step = usual_step(np.sort(data.time))
     if not data.of_rows:
         # If inputs change one after another, means are closer to each other than a step takes.
         step = max(step, (SETTLING + limits.HELD_SAMPLES) * sample)
-    if allowed is None:
-        return InputRanges(dict(_recorded(system)), step, present)
-    ranges = {
-        name: (min(ends), max(ends))
-        for name, own in allowed.inputs.items()
-        if name in present
-        for ends in [(own.si(own.lowest), own.si(own.highest))]
-    }
-    return InputRanges(ranges, step, present, allowed)
-
-
-def _recorded(system: System) -> Iterator[tuple[str, tuple[float, float]]]:
-    """The range of each input that varied in the recording, SI."""
-    for signal in system.ruleset.signals:
-        values = system.data.values.get(signal.id)
-        if not signal.is_input or values is None:
-            continue
+    ranges: dict[str, tuple[float, float]] = {}
+    if allowed is not None:
+        for name, own in allowed.inputs.items():
+            if name in present:
+                low, high = sorted((own.si(own.lowest), own.si(own.highest)))
+                ranges[name] = (low, high)
+        return InputRanges(ranges, step, present, allowed)
+    for signal in (s for s in inputs if s.id in data.values):
+        values = data.values[signal.id]
         # No equation holds where a pump stands, and whether values between can run is unknown.
         least = -np.inf if signal.minimum is None else signal.minimum
         ran = values[np.isfinite(values) & (values >= least)]
-        noise = float(np.nanmedian(system.data.noise[signal.id]))
+        noise = float(np.nanmedian(data.noise[signal.id]))
         if len(ran) and np.ptp(ran) > limits.FEATURE_VARIES * noise:
-            yield signal.id, (float(ran.min()), float(ran.max()))
+            ranges[signal.id] = (float(ran.min()), float(ran.max()))
+    return InputRanges(ranges, step, present)
+
+
+def usual_step(time: Array) -> float:
+    """The usual time between two points in time, s; shape (n,)."""
+    steps = np.diff(time)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else limits.SHORTEST_STEP
 
 
 def places_in(system: System, reach: InputRanges) -> Places:
@@ -180,24 +176,16 @@ class Feasible:
 
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
         """The shortest time of the way to each place in sequence, and that of holding it, s."""
-        ways = zip([self.begun, *places], places, strict=False)
-        hold = self.held * self.shortest
-        return [(self._ramp(before, place), hold) for before, place in ways]
+        route, ramps = [self.begun, *places], np.zeros(len(places))
+        for name, own in self.reach.allowed.inputs.items():
+            if name in self.places.inputs:
+                way = np.abs(np.diff(self.places.inputs[name][route]))
+                ramps = np.maximum(ramps, way / abs(own.signal.factor) / own.rate)
+        return [(ramp, self.held * self.shortest) for ramp in ramps.tolist()]
 
     def seconds(self, places: Sequence[int]) -> float:
         """The time that some places take in sequence, s."""
         return sum(ramp + hold for ramp, hold in self.times(places))
-
-    def _ramp(self, before: int, place: int) -> float:
-        allowed = self.reach.allowed.inputs
-        inputs = (
-            (own, self.places.inputs[n]) for n, own in allowed.items() if n in self.places.inputs
-        )
-        ways = (
-            abs(float(v[place] - v[before])) / abs(own.signal.factor) / own.rate
-            for own, v in inputs
-        )
-        return max(ways, default=0.0)
 
     def at_end(self, place: int) -> Iterator[tuple[str, str]]:
         """Inputs that are at an end of their range at a place: name, and which end."""
@@ -225,37 +213,32 @@ def feasible(
             least = low if signal.minimum is None else max(low, signal.minimum)
             possible &= (values >= least) & (values <= high)
     bounds = reach.allowed.readings
-    known = {n: b for n, b in bounds.items() if all(n in one.readings for one in predicted)}
-    return Feasible(
-        places=places,
-        reach=reach,
-        possible=possible,
-        forbidden={name: _leaves(predicted, name, *ends) for name, ends in known.items()},
-        costs=_costs(places, reach, predicted),
-        unwatched=tuple(sorted(bounds.keys() - known.keys())),
-    )
-
-
-def _leaves(predicted: Sequence[Forecast], name: str, low: float, high: float) -> NDArray[np.bool_]:
-    """Where a reading may leave its limits by some explanation, or is not predicted."""
-    values = np.array([one.readings[name] for one in predicted])
-    far = limits.COVERED * np.array([one.spread[name] for one in predicted])
-    return ~np.asarray(np.all((values - far >= low) & (values + far <= high), axis=0))
-
-
-def _costs(
-    places: Places, reach: InputRanges, predicted: Sequence[Forecast]
-) -> tuple[tuple[str, ...], ...]:
-    """Inputs and modules per place whose change costs product; unknown flows count as changed."""
+    known = [n for n in bounds if all(n in one.readings for one in predicted)]
+    forbidden = {}
+    for name in known:
+        # Where a reading may leave its limits by some explanation, or is not predicted.
+        values = np.array([one.readings[name] for one in predicted])
+        far = limits.COVERED * np.array([one.spread[name] for one in predicted])
+        inside = (values - far >= bounds[name][0]) & (values + far <= bounds[name][1])
+        forbidden[name] = ~np.asarray(inside.all(axis=0))
     costly: dict[str, NDArray[np.bool_]] = {}
     for name, own in reach.allowed.inputs.items():
         if own.costs and name in reach.ranges:
             values = places.inputs[name]
             costly[name] = ~np.isclose(values, values[-1], rtol=1e-9, atol=0.0)
     for module in sorted(reach.allowed.costly):
+        # An unknown flow counts as changed.
         unknown = np.full(len(places), np.nan)
         flows = np.array([one.flows.get(module, unknown) for one in predicted])
         same = np.abs(flows - flows[:, -1:]) <= SAME_FLOW * np.abs(flows[:, -1:])
         costly[module] = ~np.all(same, axis=0)
-    at = range(len(places))
-    return tuple(tuple(n for n, there in costly.items() if there[place]) for place in at)
+    return Feasible(
+        places=places,
+        reach=reach,
+        possible=possible,
+        forbidden=forbidden,
+        costs=tuple(
+            tuple(n for n, there in costly.items() if there[i]) for i in range(len(places))
+        ),
+        unwatched=tuple(sorted(bounds.keys() - set(known))),
+    )

@@ -17,7 +17,7 @@ from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table
-from rulec_runtime.report.text import number, percent, safe
+from rulec_runtime.report.text import listed, number, percent, safe
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.result import Experiment, Reading, duration, in_words
@@ -133,12 +133,10 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
         if found.telling:
             yield f"No set points within these ranges separate {pair[0] + 1} from {pair[1] + 1}."
         yield _sensor(found, pair)
-    ranges = [
-        f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
-        for name, bounds in found.set_by.items()
-        for signal in [ruleset.signal_by_id[name]]
-        for ends in [[signal.shown(end) for end in bounds]]
-    ]
+    signals, ranges = ruleset.signal_by_id, []
+    for name, bounds in found.set_by.items():
+        low, high = sorted(map(signals[name].shown, bounds))
+        ranges.append(f"{name} {number(low)} to {number(high)} {signals[name].unit}")
     within = "the limits" if found.limited else "what was recorded"
     yield f"Set points were chosen within {within}: {', '.join(ranges)}."
     if found.steps and not found.limited:
@@ -148,7 +146,19 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
             f"{in_words(one)} ({percent(one.probability)}) also remains possible. Its effect at "
             "other set points is unknown, so nothing is predicted for it."
         )
-    yield from _limits(found)
+    steps: dict[str, list[int]] = {}
+    for place, step in enumerate(found.telling if found.limited else (), start=1):
+        costs = [f"Product is lost in {{}} (by {' and '.join(step.costs)})."] if step.costs else []
+        binds = [f"{n} is at its {end} permitted value in {{}}." for n, end in step.at_end]
+        for text in (*costs, *binds):
+            steps.setdefault(text, []).append(place)
+    yield from (text.format(_steps_of(places)) for text, places in steps.items())
+    for name in found.hindering:
+        yield f"The limits of {name} forbid steps that would gain more."
+    if found.time_is_short:
+        yield "There is no time for steps that would gain more: --hours ends the experiment."
+    for name in found.unwatched:
+        yield f"No explanation predicts {name}, which has limits: watch it while you run this."
 
 
 def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
@@ -167,28 +177,10 @@ def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
     )
 
 
-def _limits(found: Experiment) -> Iterator[str]:
-    steps: dict[str, list[int]] = {}
-    for place, step in enumerate(found.telling if found.limited else (), start=1):
-        costs = [f"Product is lost in {{}} (by {' and '.join(step.costs)})."] if step.costs else []
-        binds = [f"{n} is at its {end} permitted value in {{}}." for n, end in step.at_end]
-        for text in (*costs, *binds):
-            steps.setdefault(text, []).append(place)
-    yield from (text.format(_steps_of(places)) for text, places in steps.items())
-    for name in found.hindering:
-        yield f"The limits of {name} forbid steps that would gain more."
-    if found.time_is_short:
-        yield "There is no time for steps that would gain more: --hours ends the experiment."
-    for name in found.unwatched:
-        yield f"No explanation predicts {name}, which has limits: watch it while you run this."
-
-
 def _steps_of(places: Sequence[int]) -> str:
-    if len(places) == 1:
-        return f"step {places[0]}"
     if len(places) > 2 and places[-1] - places[0] == len(places) - 1:
         return f"steps {places[0]} to {places[-1]}"
-    return f"steps {', '.join(map(str, places[:-1]))} and {places[-1]}"
+    return f"step{'s' * (len(places) > 1)} {listed([str(place) for place in places])}"
 
 
 SPREAD = 0.7

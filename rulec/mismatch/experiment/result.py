@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset_file import built
 from rulec_runtime.output.csv_cell import row_of
+from rulec_runtime.output.json_file import Damaged
 from rulec_runtime.report.text import counted, number, percent
 
 from rulec.effects.repair import AGAIN
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.forecast import Advised
-from rulec.mismatch.result import CandidateSet, ExperimentRefused, Presence
+from rulec.mismatch.result import CandidateSet, ExperimentRefused
 
 
 @dataclass(frozen=True)
@@ -142,8 +144,8 @@ def possible_sets(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ..
     """The explanations that a mismatch left possible; `file` is its name. Raises ExperimentRefused
     if the file does not say."""
     try:
-        found = tuple(_one(one) for one in data["standing"])
-    except (LookupError, TypeError, ValueError, AttributeError):
+        found: tuple[CandidateSet, ...] = built(tuple[CandidateSet, ...])(data["standing"])
+    except (LookupError, TypeError, Damaged):
         raise ExperimentRefused(
             f"{file}: it does not say which explanations remain possible; {AGAIN}"
         ) from None
@@ -153,26 +155,6 @@ def possible_sets(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ..
             "recording that cannot be judged has none"
         )
     return found
-
-
-def _one(data: dict[str, Any]) -> CandidateSet:
-    return CandidateSet(
-        names=tuple(str(name) for name in data["names"]),
-        titles=tuple(str(title) for title in data["titles"]),
-        probability=float(data["probability"]),
-        joined=tuple(str(id_) for id_ in data["joined"]),
-        values={str(name): float(value) for name, value in data["values"].items()},
-        fixed={str(name): float(value) for name, value in data["fixed"].items()},
-        periods=tuple(
-            Presence(
-                str(p["unknown"]),
-                tuple((float(a), float(b), int(level)) for a, b, level in p["spans"]),
-                bool(p["grows"]),
-            )
-            for p in data["periods"]
-        ),
-        terms=tuple((str(name), float(length)) for name, length in data["terms"]),
-    )
 
 
 ROWS = (10, 600)

@@ -55,7 +55,7 @@ def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
     """Build a ruleset from its JSON data."""
     _refuse_version(data, name)
     try:
-        ruleset: Ruleset = _builder(Ruleset)(data)
+        ruleset: Ruleset = built(Ruleset)(data)
     except Damaged as error:
         raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
     _verify(ruleset.plan, name)
@@ -173,23 +173,24 @@ def _verify(plan: Plan, name: str) -> None:
 
 
 @functools.cache
-def _builder(kind: Any) -> Callable[[Any], Any]:
-    """A function that turns JSON data into `kind`; types are inspected once, not per value."""
+def built(kind: Any) -> Callable[[Any], Any]:
+    """A function that turns JSON data into `kind`; types are inspected once, not per value. It
+    raises `Damaged` where the data do not fit."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
         return _group_builder(kind)
     if origin is tuple and arguments[-1] is not Ellipsis:
         return _row_builder(arguments)
     if origin is tuple:
-        item = _builder(arguments[0])
+        item = built(arguments[0])
         return lambda data: tuple(map(item, _checked(data, list, "a list")))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        value = _builder(arguments[1])
+        value = built(arguments[1])
         return lambda data: {n: value(v) for n, v in _checked(data, dict, "a group").items()}
     if origin is typing.Literal:
         return _choice_builder(arguments)
     if origin in (types.UnionType, typing.Union):
-        whole = _builder(next(a for a in arguments if a is not types.NoneType))
+        whole = built(next(a for a in arguments if a is not types.NoneType))
         return lambda data: None if data is None else whole(data)
     if kind is float:
         number = (int, float)
@@ -203,7 +204,7 @@ def _builder(kind: Any) -> Callable[[Any], Any]:
 
 def _group_builder(kind: Any) -> Callable[[Any], Any]:
     fields, hints = dataclasses.fields(kind), typing.get_type_hints(kind)
-    builders = {f.name: _builder(hints[f.name]) for f in fields}
+    builders = {f.name: built(hints[f.name]) for f in fields}
     # A file of the same version, but an older tool, may lack these.
     optional = {f.name for f in fields if f.default is not dataclasses.MISSING}
 
@@ -218,7 +219,7 @@ def _group_builder(kind: Any) -> Callable[[Any], Any]:
 
 
 def _row_builder(kinds: tuple[Any, ...]) -> Callable[[Any], Any]:
-    builders = [_builder(kind) for kind in kinds]
+    builders = [built(kind) for kind in kinds]
     plain = kinds if all(kind in _WORDS for kind in kinds) else None
 
     def build(data: Any) -> Any:
