@@ -177,7 +177,7 @@ def best_within(
     def worth(held: int) -> float:
         return best(held).worth - limits.WORTH_COST * math.log2(held)
 
-    longest, held = max(int(seconds // limited.seconds([0])), 1), 1
+    longest, held = max(int(seconds // limited.shortest), 1), 1
     while longer := [h for h in (2 * held, 4 * held) if h <= longest and worth(h) > worth(held)]:
         held = max(longer, key=worth)
     choice = best(held)

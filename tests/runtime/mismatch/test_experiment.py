@@ -367,6 +367,18 @@ def test_no_time_for_more_is_told(seconds: float, steps: int) -> None:
     assert (len(best.choice.places), best.time_is_short) == (steps, steps < 2)
 
 
+def test_a_place_far_away_does_not_shorten_the_steps() -> None:
+    """The way to the first place takes longer than all of the time; the second is near."""
+    slow = Range(signal=compiled("abc").signal_by_id["A.n"], lowest=0, highest=900, rate=0.1)
+    near = Places({"A.n": np.array([10.0, 0.1, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
+    reach = InputRanges({"A.n": (0.0, 10.0)}, 60.0, allowed=Allowed({"A.n": slow}))
+    limited = replace(_two_places((), False), places=near, reach=reach)
+    predicted = apart(np.array([3.0, 1.0]), (np.eye(2), np.eye(2)), (1.0, 1.0))
+    best = best_within(predicted, HALVES, 1, 3600.0, limited, 0.0)
+    assert best.choice.places == (1,)
+    assert best.limited.held > 1
+
+
 def test_set_points_lie_where_pumps_run() -> None:
     plant = opened("abc")
     recording = recorded(plant, tour(plant[0], 240))
