@@ -16,7 +16,7 @@ from rulec_runtime.report.text import counted, fixed, listed
 from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.findings import location_of_spot, of_recordings, shares_of, updates_of
+from rulec.mismatch.answer.findings import location_at, of_recordings, shares_of, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.answer.written_plant import (
     Explained,
@@ -126,8 +126,9 @@ def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Ex
 def _place(model: SteadyModel, spot: DisturbanceLocation, share: float) -> Location:
     """A place with an unrecorded driver, whose course shows the times."""
     term = model.term(next(c for c in model.joined if c.id == spot.id))
-    also = alike(model.fitted, spot)
-    return replace(location_of_spot(model, spot, share, term, also), periods=())
+    also = tuple(f"{s.module}.{s.place}" for s in alike(model.fitted, spot))
+    where = (spot.module, spot.place, spot.title)
+    return replace(location_at(model, where, share, term, also, {}), periods=())
 
 
 def _noise_words(fitted: Fitted) -> str:

@@ -9,7 +9,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import percent
 
-from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
+from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.answer.shapes import shape_of
 from rulec.mismatch.answer.wording import quantity
@@ -50,11 +50,13 @@ def shares_of(accepted: Sequence[Accepted]) -> dict[str, float]:
 
 def _finding(model: Model, own: Accepted, share: float) -> Finding:
     candidate = _joined(model, own.candidate.id)
-    parameters = {
-        u.name: _estimate(model, u)
-        for u in candidate.unknowns
-        if not u.fixed and u.id in model.free
-    }
+    parameters = {}
+    for one in (u for u in candidate.unknowns if not u.fixed and u.id in model.free):
+        line = model.line(one.id)
+        low, high = profile(line)
+        u = max(line.least, (high - low) / (2.0 * limits.NORMAL_95)) / one.factor
+        value, *ends = ((v - one.offset) / one.factor for v in (line.value, low, high))
+        parameters[one.name] = Estimate(one.title, value, u, min(ends), max(ends), one.unit)
     periods = model.periods(candidate, parameters)
     others = [
         Alternative(
@@ -102,14 +104,6 @@ def titled(ruleset: Ruleset, candidate: Candidate) -> str:
     return f"{candidate.title} ({where}, {candidate.place})"
 
 
-def _estimate(model: Model, unknown: Unknown) -> Estimate:
-    line = model.line(unknown.id)
-    low, high = profile(line)
-    u = max(line.least, (high - low) / (2.0 * limits.NORMAL_95))
-    value, *ends = ((v - unknown.offset) / unknown.factor for v in (line.value, low, high))
-    return Estimate(unknown.title, value, u / unknown.factor, min(ends), max(ends), unknown.unit)
-
-
 def sentence(
     candidate: Candidate, parameters: Mapping[str, Estimate], periods: tuple[Period, ...]
 ) -> str:
@@ -150,62 +144,51 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
     candidate = _joined(model, finding.id)
     curve = next((own.curve for own in accepted if own.candidate.id == finding.id), None)
     title = model.ruleset.modules.get(finding.module, finding.module)
-    spot = (finding.module, finding.place, title)
     term = model.term(candidate)
     if curve is not None:
-        return _of_curve(model, spot, curve, finding.closed, term)
-    variables = model.variables(finding.module)
-    periods = tuple((p.since, p.until) for p in finding.periods)
-    also = _elsewhere(model, finding) if finding.probability < limits.CERTAIN else ()
+        found = location_of_curve(model, curve, finding.closed, term)
+        return replace(found, module=finding.module, place=finding.place, title=title)
+    variables, spot = model.variables(finding.module), (finding.module, finding.place, title)
+    also: tuple[str, ...] = ()
+    if finding.probability < limits.CERTAIN:
+        known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
+        places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
+        also = tuple(p for p in places if p != f"{finding.module}.{finding.place}")
     drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
-    found = _location(model, spot, finding.closed, term, drivers, also)
+    found = location_at(model, spot, finding.closed, term, also, drivers)
+    periods = tuple((p.since, p.until) for p in finding.periods)
     return replace(found, region=(), periods=periods) if periods else found
 
 
-def location_of_curve(model: Model, curve: CurveFound, share: float) -> Location:
-    """A place whose error follows a driver in a way that has no name."""
-    spot = (curve.place.module, curve.place.place, curve.place.title)
-    over_time = np.interp(model.samples.time, curve.at, curve.value) ** 2
-    return _of_curve(model, spot, curve, share, over_time)
-
-
-def _of_curve(
-    model: Model, spot: tuple[str, str, str], curve: CurveFound, share: float, size: Array
+def location_of_curve(
+    model: Model, curve: CurveFound, share: float, size: Array | None = None
 ) -> Location:
-    """A place with the shape of its term; `size`, shape (n,), for a term over time: its
-    mismatch."""
+    """A place whose error follows a driver in a way that has no name; `size`, shape (n,), is the
+    mismatch by a term over time, by default that of the curve."""
     shape, driver = shape_of(model, curve), model.variable(curve.driver)
     if shape is not None and driver is not None:
         # Relative to its own level, as the fit to all points is centred.
         size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
+    elif size is None:
+        size = np.interp(model.samples.time, curve.at, curve.value) ** 2
+    spot = (curve.place.module, curve.place.place, curve.place.title)
     drivers = {} if driver is None else {curve.driver: driver}
-    return replace(_location(model, spot, share, size, drivers, curve.elsewhere), shape=shape)
+    return replace(location_at(model, spot, share, size, curve.elsewhere, drivers), shape=shape)
 
 
-def location_of_spot(
-    model: Model,
-    spot: DisturbanceLocation,
-    share: float,
-    contribution: Array,
-    also: Sequence[DisturbanceLocation],
-) -> Location:
-    """A place without a named cause; `also` are others that cannot be distinguished from it.
-
-    `contribution`, shape (n,), is the mismatch there at each sample, not negative.
-    """
-    others = tuple(f"{s.module}.{s.place}" for s in also)
-    return _location(model, (spot.module, spot.place, spot.title), share, contribution, {}, others)
-
-
-def _location(
+def location_at(
     model: Model,
     spot: tuple[str, str, str],
     share: float,
     size: Array,
-    drivers: Mapping[str, Variable],
     also: tuple[str, ...],
+    drivers: Mapping[str, Variable],
 ) -> Location:
-    """A place by module, place and title; its region is of a driver, else of any reading."""
+    """A place by module, place and title; `also` are others that cannot be distinguished from it.
+
+    `size`, shape (n,), is the mismatch there at each sample, not negative. The region is of a
+    driver, else of any reading.
+    """
     samples = model.samples
     return Location(
         module=spot[0],
@@ -216,13 +199,6 @@ def _location(
         periods=periods_of(samples.time, size) if samples.timed else (),
         also=also,
     )
-
-
-def _elsewhere(model: Model, finding: Finding) -> tuple[str, ...]:
-    """Places of alternatives, each once, most probable first."""
-    known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
-    places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
-    return tuple(p for p in places if p != f"{finding.module}.{finding.place}")
 
 
 def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
@@ -273,10 +249,8 @@ def update_sentence(name: str, moved: Sequence[Moved]) -> str:
     >>> update_sentence("b.csv", [Moved("x", "slip", 0.5, 0.97), Moved("y", "play", 0.25, 0.02)])
     'With b.csv: slip 50\xa0% -> 97\xa0%; play 25\xa0% -> 2\xa0%'
     """
-    shown = [f"{m.title} {_share(m)}" for m in moved[:MOVED]]
+    shown = []
+    for one in moved[:MOVED]:
+        before = "" if one.before is None else f"{percent(one.before)} -> "
+        shown.append(f"{one.title} {before}{percent(one.after)}")
     return f"With {name}: {'; '.join(shown)}"
-
-
-def _share(moved: Moved) -> str:
-    after = percent(moved.after)
-    return after if moved.before is None else f"{percent(moved.before)} -> {after}"

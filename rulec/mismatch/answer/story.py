@@ -192,7 +192,10 @@ def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
     repaired, why = is_repaired(mismatch), mismatch.unproven
     rows = _errors(fit, repaired)
     others = [f for f in mismatch.fits if f != fit]
-    facts = [("also", [_fit_words(other, repaired)]) for other in others[: MOST if brief else None]]
+    facts = []
+    for other in others[: MOST if brief else None]:
+        kept = ", ".join(f"{number(kept)} {name}" for name, _, kept in _errors(other, repaired))
+        facts.append(("also", [f"{other.signal} {kept}{suffix(other.unit)}"]))
     rivals = [_rivals_words(f) for f in mismatch.findings[: MOST if brief else None] if f.rivals]
     refused = f"Not proven: {why}, so rulec adopt will refuse. " if why else ""
     texts = [refused + _heldout_words(fit, repaired), explained_words(mismatch)]
@@ -214,12 +217,6 @@ def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
         for name, words in {**names, "noise": "estimated noise"}.items()
         if repaired or name != "repaired"
     ]
-
-
-def _fit_words(fit: Fit, repaired: bool) -> str:
-    """Held-out errors of one predicted signal in one line."""
-    errors = ", ".join(f"{number(kept)} {name}" for name, _, kept in _errors(fit, repaired))
-    return f"{fit.signal} {errors}{suffix(fit.unit)}"
 
 
 def _heldout_words(fit: Fit, repaired: bool) -> str:

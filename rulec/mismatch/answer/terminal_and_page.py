@@ -1,6 +1,7 @@
 """The story on the terminal and as a page, which also has pictures."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from rulec_runtime.report.wording import STATUS
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.story import Part, story
-from rulec.mismatch.answer.wording import hysteresis, is_repaired, letter, meaning
+from rulec.mismatch.answer.wording import hysteresis, is_repaired, letter, meaning, suffix
 from rulec.mismatch.inference.heldout_errors import rms
 from rulec.mismatch.result import Curves, HiddenDriver, Location, Mismatch, Shape
 
@@ -228,9 +229,9 @@ def _say_time(drawn: ReadingCourses) -> str:
     def off(flags: np.ndarray) -> str:
         errors = (drawn.error(model)[flags] for model in ("recalibrated", "repaired"))
         before, after = (rms(e[np.isfinite(e)]) for e in errors)
-        words = f"the recalibrated model is off by {_amount(before, drawn.unit)} rms"
+        words = f"the recalibrated model is off by {number(before, 2)}{suffix(drawn.unit)} rms"
         if np.isfinite(after):
-            words += f", the repaired one by {_amount(after, drawn.unit)}"
+            words += f", the repaired one by {number(after, 2)}{suffix(drawn.unit)}"
         return words
 
     judged = drawn.curves.inside
@@ -264,7 +265,8 @@ def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:
         heading = f"measured less {model}{drawn.in_unit}"
         svg = panel.drawn(f"error of the {model} model", heading, lines, [], last)
         parts.append(plot(svg, last, title))
-        moves += [_amount(span(medians[1]), drawn.unit)] if np.isfinite(medians[1]).any() else []
+        if np.isfinite(medians[1]).any():
+            moves.append(number(span(medians[1]), 2) + suffix(drawn.unit))
     caption = f"{title} does not vary enough to show anything."
     if moves:
         caption = f"Over {title} the median error spans {moves[0]}"
@@ -288,7 +290,7 @@ def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
     name, text = f"{hidden.module}.{hidden.place}", hidden.text.rstrip(".") or "The course"
     heading = f"shift of {name}{_bracketed(hidden.unit)}"
     svg = panel.drawn(f"course at {name}", heading, [line], [], True)
-    spans = _amount(span(hidden.course), hidden.unit)
+    spans = number(span(hidden.course), 2) + suffix(hidden.unit)
     return Figure(
         name="hidden",
         title="Course of what is not recorded",
@@ -326,10 +328,6 @@ def _bracketed(unit: str) -> str:
     return f" [{unit}]" if unit not in ("", "1") else ""
 
 
-def _amount(value: float, unit: str) -> str:
-    return f"{number(value, 2)} {unit}".rstrip() if unit != "1" else number(value, 2)
-
-
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
 
 
@@ -342,33 +340,29 @@ def tell(out: Console, mismatch: Mismatch) -> None:
         out.print(styled("\n[bold]{}[/]", mismatch.headline))
     for part in story(mismatch, brief=True):
         out.print(styled("\n[bold]{}[/]", part.title))
-        for content in (_table(part), *map(Text, part.texts), _facts(part)):
-            if content is not None:
-                out.print(Padding(content, (0, 0, 0, 2)))
+        for content in _contents(part):
+            out.print(Padding(content, (0, 0, 0, 2)))
 
 
-def _table(part: Part) -> RenderableType | None:
-    if not part.rows:
-        return None
-    shown = Table(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
-    for place, title in enumerate(part.titles):
-        justify = "right" if title.startswith(".") else "left"
-        shown.add_column(title.removeprefix("."), justify=justify, no_wrap=place > 0)  # type: ignore[arg-type]
-    for row in part.rows:
-        shown.add_row(*map(one_line, row))
-    return shown
-
-
-def _facts(part: Part) -> RenderableType | None:
-    if not part.facts:
-        return None
-    shown = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
-    shown.add_column(style="dim", min_width=9, no_wrap=True)
-    shown.add_column(overflow="fold")
-    for term, lines in part.facts:
-        for place, line in enumerate(lines):
-            shown.add_row(one_line("" if place else term), one_line(line))
-    return shown
+def _contents(part: Part) -> Iterator[RenderableType]:
+    """The table, the sentences and the facts of a part."""
+    if part.rows:
+        shown = Table(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
+        for place, title in enumerate(part.titles):
+            justify = "right" if title.startswith(".") else "left"
+            shown.add_column(title.removeprefix("."), justify=justify, no_wrap=place > 0)  # type: ignore[arg-type]
+        for row in part.rows:
+            shown.add_row(*map(one_line, row))
+        yield shown
+    yield from map(Text, part.texts)
+    if part.facts:
+        shown = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
+        shown.add_column(style="dim", min_width=9, no_wrap=True)
+        shown.add_column(overflow="fold")
+        for term, lines in part.facts:
+            for place, line in enumerate(lines):
+                shown.add_row(one_line("" if place else term), one_line(line))
+        yield shown
 
 
 def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> str:

@@ -52,7 +52,7 @@ def rounded(value: float, u: float, *more: float) -> tuple[str, ...]:
 
 def suffix(unit: str) -> str:
     """A unit behind a number."""
-    return "" if unit == "1" else f" {unit}"
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 def quantity(value: float, u: float, unit: str) -> str:

@@ -201,17 +201,13 @@ def written(found: Explained[F], proofs: Sequence[Proof]) -> tuple[Refits[F], Pl
         curves = [found.model.builder.curve_term(curve) for curve in found.curves]
         drawn = _refitted(found, sure, curves)
         drawn_errors = plant_errors(found, drawn, proofs)
-        if _fits_better(drawn_errors.fits, errors.fits):
+        # Fitted samples show a smaller error of the first reading, and no larger one of any other.
+        before = {fit.signal: max(fit.estimation.repaired, 1e-300) for fit in errors.fits}
+        now = [(f.estimation.repaired, before.get(f.signal, np.inf)) for f in drawn_errors.fits]
+        falls = [own / earlier for own, earlier in now]
+        if falls and falls[0] < 1.0 and max(falls) <= 1.0 + limits.SAME_ERROR:
             return drawn, drawn_errors
     return refits, errors
-
-
-def _fits_better(fits: Sequence[Fit], before: Sequence[Fit]) -> bool:
-    """Whether fitted samples show a smaller error of the first reading, and no larger one of any
-    other."""
-    earlier = {fit.signal: fit.estimation.repaired for fit in before}
-    falls = [fit.estimation.repaired / max(earlier.get(fit.signal, np.inf), 1e-300) for fit in fits]
-    return bool(falls) and falls[0] < 1.0 and max(falls) <= 1.0 + limits.SAME_ERROR
 
 
 def _refitted(found: Explained[F], sure: set[str], curves: Sequence[Candidate]) -> Refits[F]:
@@ -228,20 +224,17 @@ def _refitted(found: Explained[F], sure: set[str], curves: Sequence[Candidate]) 
             left_out.append((candidate, UNSURE))
             continue
         why = _why_not(candidate, builder)
-        instead = _instead(found, candidate) if why else candidate
+        instead: Candidate | None = candidate
+        if why:
+            own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
+            alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
+            instead = next((c for c in alike if not _why_not(c, builder)), None)
         if instead is not None:
             taken.append(instead)
         if why:
             same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
             left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
     return found.refitted([*taken, *curves], left_out)
-
-
-def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:
-    """The most probable writable explanation with the signature of one that is not writable."""
-    own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
-    alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
-    return next((c for c in alike if not _why_not(c, found.model.builder)), None)
 
 
 def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
@@ -253,14 +246,13 @@ def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
 
 def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> PlantErrors:
     """Simulate the plants over the recording, and compare."""
-    model, why = found.model, ""
-    ruleset, builder, recording = model.ruleset, model.builder, found.recording
+    ruleset, samples, why = found.model.ruleset, found.model.samples, ""
     try:
-        plants: Plants | None = plants_of(ruleset, builder, recording, *refits.repairs)
+        plants: Plants | None = plants_of(found.model, found.recording, *refits.repairs)
     except (SimulationRefused, Unwritable) as error:
         plants, why = None, str(error)
     readings = found.readings(plants, refits, proofs)
-    signals, samples = ruleset.signal_by_id, model.samples
+    signals = ruleset.signal_by_id
     courses = (course_of(signals[r.fit.signal], r.measured, r.predicted) for r in readings)
     return PlantErrors(
         fits=tuple(r.fit for r in readings),
@@ -268,6 +260,24 @@ def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]
         plants=plants,
         why=why,
     )
+
+
+def plants_of(model: Model, recording: Recording, plain: Repair, repair: Repair) -> Plants:
+    """Write, compile and simulate the plants; raises `SimulationRefused` if that is impossible.
+
+    Raises `Unwritable` if not even recalibrated values can be written.
+    """
+    first = simulated(model.ruleset, recording)
+    recalibrated = repaired = trial(model.builder, plain)
+    second, refused = simulated(recalibrated, recording), ""
+    third: Mapping[str, Array] | None = second
+    if repair.joined:
+        try:
+            repaired = trial(model.builder, repair)
+            third = simulated(repaired, recording)
+        except (Unwritable, SimulationRefused) as error:
+            repaired, third, refused = recalibrated, None, str(error)
+    return Plants(first, second, third, (model.ruleset, recalibrated, repaired), refused)
 
 
 def simulated(ruleset: Ruleset, recording: Recording) -> Mapping[str, Array]:
@@ -278,26 +288,6 @@ def simulated(ruleset: Ruleset, recording: Recording) -> Mapping[str, Array]:
         values = {name: v[rows] for name, v in recording.values.items()}
         files.append(file_of(f"file {int(segment) + 1}", recording.time[rows], values))
     return predict(ruleset, files).values
-
-
-def plants_of(
-    ruleset: Ruleset, builder: ModelBuilder, recording: Recording, plain: Repair, repair: Repair
-) -> Plants:
-    """Write, compile and simulate the plants; raises `SimulationRefused` if that is impossible.
-
-    Raises `Unwritable` if not even recalibrated values can be written.
-    """
-    first = simulated(ruleset, recording)
-    recalibrated = trial(builder, plain)
-    second = simulated(recalibrated, recording)
-    if not repair.joined:
-        return Plants(first, second, second, (ruleset, recalibrated, recalibrated))
-    try:
-        repaired = trial(builder, repair)
-        third = simulated(repaired, recording)
-    except (Unwritable, SimulationRefused) as error:
-        return Plants(first, second, None, (ruleset, recalibrated, recalibrated), str(error))
-    return Plants(first, second, third, (ruleset, recalibrated, repaired))
 
 
 def refusal(
