@@ -112,7 +112,7 @@ def analyse(
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
     beyond = [s for s in standing if frozenset(s.names) not in found.posterior.within]
-    answer = with_misread(
+    told, headline, then = with_misread(
         verdict,
         headline_of(verdict, findings, locations, doubt, fits, beyond)
         + remainder_of(verdict, fits),
@@ -132,8 +132,8 @@ def analyse(
         plant=ruleset.plant,
         title=ruleset.title,
         recording="",
-        verdict=answer.verdict,
-        headline=answer.headline,
+        verdict=told,
+        headline=headline,
         locations=(*structure.places_of(taken, ruleset), *locations),
         findings=(*misread, *findings),
         fit=fits[0] if fits else None,
@@ -141,7 +141,7 @@ def analyse(
         confounded=confounded(model.free, model.covariance, unknowns),
         hidden=found.hidden,
         untested=untested(model, named),
-        next=answer.next,
+        next=then,
         split=samples.split,
         digest=samples.digest,
         noise=found.noise,
@@ -277,14 +277,16 @@ def _cannot(
     begin: float,
 ) -> Mismatch:
     samples, misread = blind.samples, structure.findings_of(taken)
-    answer = with_misread("cannot judge", f"Cannot judge: {blind.why}.", blind.next, misread)
+    _, headline, then = with_misread(
+        "cannot judge", f"Cannot judge: {blind.why}.", blind.next, misread
+    )
     return Mismatch(
         plant=ruleset.plant,
         title=ruleset.title,
         recording="",
         verdict="cannot judge",
-        headline=answer.headline,
-        next=answer.next,
+        headline=headline,
+        next=then,
         locations=tuple(structure.places_of(taken, ruleset)),
         findings=misread,
         split=samples.split if samples else "",

@@ -25,22 +25,17 @@ class Range:
     costs: bool = False
 
     def levels(self, count: int) -> Array:
-        """Values spread over the range, as its sensor shows them, that are multiples of a power of
-        ten and thus easy to set."""
+        """Values spread over the range, as its sensor shows them, that are easy to set."""
         if not self.highest > self.lowest:
             return np.zeros(0)
         unit, first, last = self._ticks
-        shown = _decimal(np.unique(np.round(np.linspace(first, last, count))), unit)
-        inside: Array = shown[(shown >= self.lowest) & (shown <= self.highest)]
-        return inside
+        shown = self._nearest(unit * np.unique(np.round(np.linspace(first, last, count))))
+        return shown[(shown >= self.lowest) & (shown <= self.highest)]
 
     def easy(self, values: Array) -> Array:
         """The nearest values in the range that are easy to set, shape (n,), SI."""
-        unit, first, last = self._ticks
-        shown = (values - self.signal.offset) / self.signal.factor
-        ticks = np.clip(np.round(shown / unit), first, last)
-        easy: Array = _decimal(ticks, unit) * self.signal.factor + self.signal.offset
-        return easy
+        shown = self._nearest((values - self.signal.offset) / self.signal.factor)
+        return shown * self.signal.factor + self.signal.offset
 
     @property
     def _ticks(self) -> tuple[float, int, int]:
@@ -49,15 +44,16 @@ class Range:
         unit = 10.0 ** math.floor(math.log10(span / limits.STEPS_OF_A_RANGE))
         return unit, math.ceil(self.lowest / unit), math.floor(self.highest / unit)
 
+    def _nearest(self, shown: Array) -> Array:
+        """Multiples of that power as decimal numbers, 0.3 and not 0.30000000000000004."""
+        unit, first, last = self._ticks
+        digits = max(0, -round(math.log10(unit)))
+        ticks = np.clip(np.round(shown / unit), first, last)
+        return np.array([round(tick * unit, digits) for tick in ticks.tolist()])
+
     def si(self, shown: float) -> float:
         """A value that the sensor shows, SI."""
         return shown * self.signal.factor + self.signal.offset
-
-
-def _decimal(ticks: Array, unit: float) -> Array:
-    """Multiples of a power of ten as decimal numbers, 0.3 and not 0.30000000000000004."""
-    digits = max(0, -round(math.log10(unit)))
-    return np.array([round(tick * unit, digits) for tick in ticks.tolist()])
 
 
 @dataclass(frozen=True)
@@ -76,32 +72,25 @@ def allowed_of(ruleset: Ruleset, given: Allowed | None = None) -> Allowed:
     With given limits, inputs that they do not name stay constant. Without, an input that was not
     calibrated stays near its reference.
     """
-    named = {} if given is None else given.inputs
-    signals = (ruleset.signal_by_id[name] for name in ruleset.simulation.given)
-    inputs = {
-        signal.id: made
-        for signal in signals
-        if signal.is_input and (given is None or signal.id in named)
-        if (made := _range(signal, named.get(signal.id))) is not None
-    }
+    named, inputs = {} if given is None else given.inputs, {}
+    for signal in (ruleset.signal_by_id[name] for name in ruleset.simulation.given):
+        part = named.get(signal.id)
+        if not signal.is_input or (given is not None and part is None):
+            continue
+        low, high = signal.ends
+        calibrated = signal.valid_from is not None and signal.valid_to is not None
+        if calibrated or part is None:
+            own = range_of(signal)
+            low, high = max(low, own[0]), min(high, own[1])
+        elif signal.minimum is not None:
+            low = max(low, signal.minimum)
+        if not high > low:
+            continue
+        # A negative factor would swap the ends.
+        lowest, highest = sorted((signal.shown(low), signal.shown(high)))
+        part = part or Range(signal=signal, lowest=lowest, highest=highest)
+        lowest, highest = max(lowest, part.lowest), min(highest, part.highest)
+        hold = max(part.hold, limits.STEP_SECONDS)
+        if highest > lowest:
+            inputs[signal.id] = replace(part, lowest=lowest, highest=highest, hold=hold)
     return Allowed(inputs) if given is None else replace(given, inputs=inputs)
-
-
-def _range(signal: SignalSpec, part: Range | None) -> Range | None:
-    """The range of an input; None if it is empty."""
-    low, high = signal.ends
-    calibrated = signal.valid_from is not None and signal.valid_to is not None
-    if calibrated or part is None:
-        own = range_of(signal)
-        low, high = max(low, own[0]), min(high, own[1])
-    else:
-        low = max(low, -math.inf if signal.minimum is None else signal.minimum)
-    if not high > low:
-        return None
-    # A negative factor would swap the ends.
-    lowest, highest = sorted((signal.shown(low), signal.shown(high)))
-    if part is None:
-        return Range(signal=signal, lowest=lowest, highest=highest)
-    lowest, highest = max(lowest, part.lowest), min(highest, part.highest)
-    hold = max(part.hold, limits.STEP_SECONDS)
-    return replace(part, lowest=lowest, highest=highest, hold=hold) if highest > lowest else None

@@ -23,19 +23,13 @@ MEANWHILE = " Until then, `rulec adopt` writes it as a curve."
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
 
-@dataclass(frozen=True)
-class Answer:
-    """The verdict, the headline, and the next step."""
-
-    verdict: str
-    headline: str
-    next: str
-
-
-def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Answer:
-    """An answer that first states columns and connections that are not as stated."""
+def with_misread(
+    verdict: str, headline: str, then: str, misread: Sequence[Finding]
+) -> tuple[str, str, str]:
+    """Verdict, headline and next step, which first say what columns and connections are not as
+    stated."""
     if not misread:
-        return Answer(verdict, headline, then)
+        return verdict, headline, then
     found, todo = (
         " ".join(f"{text[0].upper()}{text[1:]}." for text in texts)
         for texts in ([f.text for f in misread], [f.action for f in misread])
@@ -45,7 +39,7 @@ def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Findi
     so = ["read"] * (len(pipes) < len(misread)) + ["connected"] * bool(pipes)
     # Nothing can be adopted before the plant file is right.
     rest = "" if alone or pipes else f" {then}"
-    return Answer(
+    return (
         ("named" if pipes else "sensor") if alone else verdict,
         f"{found} {' and '.join(so).capitalize()} as it should be, {_inside(headline)}",
         f"{todo} Then run again.{rest}",

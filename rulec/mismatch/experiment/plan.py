@@ -39,8 +39,7 @@ from rulec.separation.allowed import Allowed, allowed_of
 # bend where nothing was recorded; so the other steps lie far from each other along each input.
 #
 # Source: Box and Hill 1967; Hunter and Reiner 1965 (discrimination between models); Kullback and
-# Leibler 1951; Cover and Thomas 2006, 2.5 (chain rule of divergences); Joseph, Gul and Ba 2015
-# (maximum projection designs); Box and Draper 1959.
+# Leibler 1951; Joseph, Gul and Ba 2015 (maximum projection designs); Box and Draper 1959.
 
 
 @dataclass(frozen=True)

@@ -51,8 +51,8 @@ def apart(
     return [Forecast({}, place, own, covariance, shares=shares) for own in offs]
 
 
-def test_factors_grow_place_by_place_to_that_of_all() -> None:
-    """The chain rule, against the divergence of all rows at once; one place has a row less."""
+def test_factors_are_divergences_of_all_rows() -> None:
+    """Of all chosen places together; one place has a row less."""
     random = np.random.default_rng(0)
     point = np.repeat(np.arange(5), 3)[:-1]
     size = len(point)
