@@ -94,26 +94,24 @@ def places_in(system: System, reach: InputRanges) -> Places:
         names, table = names + stay, np.hstack([table, np.tile(kept, (len(table), 1))])
     table = np.vstack([table, [reach.present[name] for name in names]])
     data = system.data
-    # A failed sensor has no reading at all.
-    shown = [there for v in data.values.values() if (there := np.isfinite(v)).any()]
-    usable = np.flatnonzero(np.all(shown, axis=0))
+    # Points with the most readings: a sensor may have failed, or is not in every recording.
+    known = np.all([np.isfinite(data.values[name]) for name in names], axis=0)
+    shown = known * np.sum([np.isfinite(v) for v in data.values.values()], axis=0)
+    usable = np.flatnonzero(shown == shown.max())
     recorded = np.stack([data.values[name][usable] for name in names], axis=1)
     width = np.maximum(np.maximum(np.ptp(table, axis=0), np.ptp(recorded, axis=0)), 1e-300)
     far = np.abs((table[:, None, :] - recorded[None, :, :]) / width).max(axis=2)
     inputs = dict(zip(names, table.T, strict=True))
+    # Readings that are neither set nor, by any law, depend on what is set.
+    signals = system.ruleset.signal_by_id
+    caused = {s for o in system.observers for s in o.signals if not signals[s].is_input}
+    unset = [n for n in data.values if n in signals.keys() - caused - set(names)]
     return Places(
         inputs=inputs,
         near=usable[far.argmin(axis=1)],
         time=np.full(len(table), float(data.time.max()) + reach.step),
-        around=surroundings(data.values, data.time, _unset(system, names), inputs),
+        around=surroundings(data.values, data.time, unset, inputs),
     )
-
-
-def _unset(system: System, inputs: Sequence[str]) -> tuple[str, ...]:
-    """Readings that are neither set nor, by any law, depend on what is set."""
-    signals = system.ruleset.signal_by_id
-    caused = {s for o in system.observers for s in o.signals if not signals[s].is_input}
-    return tuple(n for n in system.data.values if n in signals.keys() - caused - set(inputs))
 
 
 def surroundings(
@@ -124,15 +122,15 @@ def surroundings(
     They keep their last value except for the part that followed the inputs in the recording, by
     linear least squares: a temperature may follow the load. All stay within the recorded range.
     """
-    names = [n for n in names if np.isfinite(recorded[n]).any()]
-    usable = np.all([np.isfinite(recorded[n]) for n in (*names, *inputs)], axis=0)
-    table = np.stack([recorded[n][usable] for n in inputs], axis=1)
-    last = int(np.argmax(time[usable]))
-    moved = np.stack(list(inputs.values()), axis=1) - table[last]
-    off = table - table.mean(axis=0)
-    found = {}
+    known, found = np.all([np.isfinite(recorded[n]) for n in inputs], axis=0), {}
     for name in names:
+        usable = known & np.isfinite(recorded[name])
+        if not usable.any():
+            continue
         values = recorded[name][usable]
+        table = np.stack([recorded[n][usable] for n in inputs], axis=1)
+        off, last = table - table.mean(axis=0), int(np.argmax(time[usable]))
+        moved = np.stack(list(inputs.values()), axis=1) - table[last]
         slopes = np.linalg.lstsq(off, values - values.mean(), rcond=1e-6)[0]
         found[name] = np.clip(values[last] + moved @ slopes, values.min(), values.max())
     return found

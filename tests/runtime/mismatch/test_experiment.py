@@ -301,9 +301,13 @@ def test_what_nobody_sets_stays_or_follows_the_load() -> None:
     random = np.random.default_rng(1)
     speed, time = random.uniform(5.0, 15.0, 400), np.arange(400.0)
     recorded = {"n": speed, "warm": 20.0 + 2.0 * speed, "day": 20.0 + time / 40.0}
-    there = surroundings(recorded, time, ["warm", "day"], {"n": np.array([6.0, 14.0])})
-    assert there["warm"] == pytest.approx([32.0, 48.0])
-    assert there["day"] == pytest.approx([30.0, 30.0], abs=1.0)
+    early, late = np.where(time < 200.0, 1.0, np.nan), np.where(time < 200.0, np.nan, 1.0)
+    # No row has all readings in the second case.
+    for shown in (recorded, {**recorded, "warm": recorded["warm"] * early, "other": late}):
+        names = [name for name in shown if name != "n"]
+        there = surroundings(shown, time, names, {"n": np.array([6.0, 14.0])})
+        assert there["warm"] == pytest.approx([32.0, 48.0])
+        assert there["day"] == pytest.approx([30.0, 30.0], abs=1.0)
 
 
 def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
@@ -388,3 +392,16 @@ def test_set_points_lie_where_pumps_run() -> None:
     points = replace(data.points, values={**data.values, "A.n": stands})
     stood = replace(system, data=replace(data, points=points))
     assert least <= input_ranges(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()
+
+
+def test_sensors_that_are_never_recorded_together_hinder_no_plan() -> None:
+    plant = opened("abc")
+    recording = recorded(plant, tour(plant[0], 240))
+    system = rows_at(plant, recording).system
+    data, values = system.data, dict(system.data.values)
+    for name, lost in (("A.dp", slice(None, None, 2)), ("B.dp", slice(1, None, 2))):
+        values[name] = values[name].copy()
+        values[name][lost] = np.nan
+    parts = replace(system, data=replace(data, points=replace(data.points, values=values)))
+    near = places_in(parts, input_ranges(parts, recording, 1.0)).near
+    assert np.isfinite(values["A.n"][near]).all()
