@@ -144,7 +144,8 @@ def set_points(ruleset: Ruleset, present: Mapping[str, float], proposal: Proposa
     for name, value in proposal.changes.items():
         does = "raise" if value > present[name] else "lower"
         unit = ruleset.signal_by_id[name].unit
-        parts.append(f"{does} {name} from {present[name]:.4g} to {value:g} {unit}")
+        # Four digits, but 15000 and not 1.5e+04.
+        parts.append(f"{does} {name} from {float(f'{present[name]:.4g}'):g} to {value:g} {unit}")
     slowly = f", taking {proposal.ramp:.3g} s at least" if proposal.ramp else ""
     return f"{' and '.join(parts)}{slowly}, and hold it for {proposal.hold:g} s"
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Step
 from rulec_runtime.report.wording import worst_first
@@ -47,10 +46,15 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         baseline=finding.baseline > 0,
         bounds=allowed.readings,
     )
-    rows = {
-        name: _cases(measure, finding, ruleset.fault_by_id[name])
-        for name, _ in finding.alternatives
-    }
+    rows: dict[str, list[Case]] = {}
+    for name, _ in finding.alternatives:
+        # The finding taken for another cause, and vice versa.
+        other = ruleset.fault_by_id[name]
+        rows[name] = [(finding.fault, finding.degree, other)]
+        degree = measure.degree_of(other, finding.fault, finding.degree)
+        # A cause that cannot look like the finding here has no degree for the second case.
+        if degree > 0.0:
+            rows[name].append((other, degree, finding.fault))
     present = {s.id: s.shown(measure.present[s.id]) for s in signals}
 
     def proposed(names: Sequence[str]) -> Proposal:
@@ -75,11 +79,3 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         costs=proposal.costs,
         text=step_in_words(ruleset, allowed, present, finding.fault.id, names, proposal),
     )
-
-
-def _cases(measure: FaultMeasure, finding: Finding, other: FaultSpec) -> list[Case]:
-    """The finding taken for another cause, and vice versa."""
-    degree = measure.degree_of(other, finding.fault, finding.degree)
-    row = [(finding.fault, finding.degree, other)]
-    # A cause that cannot look like the finding here has no degree for the second case.
-    return row + ([(other, degree, finding.fault)] if degree > 0.0 else [])

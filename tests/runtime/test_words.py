@@ -31,6 +31,7 @@ from rulec.mismatch.answer.findings import update_sentence
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.terminal_and_page import curves_of, rms, tell
 from rulec.mismatch.experiment.recipe import experiment_page
+from rulec.mismatch.experiment.result import Reading
 from rulec.mismatch.result import (
     Errors,
     Evidence,
@@ -41,6 +42,7 @@ from rulec.mismatch.result import (
     Region,
     Update,
 )
+from rulec.separation.propose import Proposal, set_points
 from rulec.simulation.signature import signature_of
 from tests.conftest import ROOT, Capsys, compiled
 from tests.runtime import (
@@ -166,6 +168,18 @@ def test_a_matrix_and_an_experiment_are_told_as_reviewed() -> None:
     # Of its readings one is predicted in some steps only; a way that takes no time has no column.
     page = experiment_page(made_by_hand(), compiled("abc"), MADE)
     assert_as_reviewed("experiment", "", page, {})
+
+
+def test_a_recipe_and_a_step_write_large_numbers_out() -> None:
+    """1 500 W and 15000 rpm, not 1.50e+03 and 1.5e+04."""
+    found = made_by_hand()
+    power = Reading("A.P_el", (1500.0, 1600.0), 5.0, (20.0, 20.0))
+    steps = tuple(replace(step, readings=(power,)) for step in found.steps)
+    page = experiment_page(replace(found, steps=steps), compiled("abc"), MADE)
+    assert ">1\u202f500</td>" in page
+    faster = Proposal(changes={"A.n": 18000.0}, here=(), apart=(), hold=60.0)
+    told = set_points(compiled("abc"), {"A.n": 15000.0}, faster)
+    assert told == "raise A.n from 15000 to 18000 rpm, and hold it for 60 s"
 
 
 @pytest.mark.parametrize("case", ALL)

@@ -203,7 +203,9 @@ def over_time(drawn: ReadingCourses, calendar: Calendar | None) -> Figure:
     for model, style in MODELS:
         values = getattr(curves, model)
         above.append(upper.curve(*thin_series(curves.time, values), style))
-        ends[int(style[1:])] = _end(upper, values)
+        if np.isfinite(values).any():
+            last = values[np.isfinite(values)][-1]
+            ends[int(style[1:])] = float(np.clip(last, upper.y.low, upper.y.high))
         if model != "shipped":
             below.append(lower.curve(*thin_series(curves.time, curves.measured - values), style))
     above.append(upper.curve(*thin_series(curves.time, curves.measured), "plain"))
@@ -317,11 +319,6 @@ def _holding(*values: Array) -> Axis:
         return axis(0.0, 1.0, 5)
     cut = CLIPPED if len(known) > 2 * COLUMNS else 0.0
     return axis(float(np.percentile(known, cut)), float(np.percentile(known, 100 - cut)), 5)
-
-
-def _end(panel: Panel, values: Array) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(np.clip(finite[-1], panel.y.low, panel.y.high)) if len(finite) else None
 
 
 def _bracketed(unit: str) -> str:

@@ -264,14 +264,13 @@ class Sensor:
 @dataclass(frozen=True, kw_only=True)
 class Advised:
     """A sensor that distinguishes two explanations, by their numbers: its reading under each and
-    its standard uncertainty, SI, at the recorded inputs `at`, SI, where they differ most; `apart`
-    in standard deviations."""
+    its standard uncertainty, SI, at the recorded point where they differ most; `apart` in standard
+    deviations."""
 
     pair: tuple[int, int]
     sensor: Sensor
     values: tuple[float, float]
     u: float
-    at: Mapping[str, float]
     apart: float
 
 
@@ -280,7 +279,6 @@ def advised(
 ) -> tuple[Advised, ...]:
     """Sensors that distinguish pairs, the cheapest first for each pair."""
     system = evidence.system
-    inputs = [s.id for s in system.ruleset.signals if s.is_input and s.id in system.data.values]
     claims = {number: _claims(system, models[number]) for number in {n for p in pairs for n in p}}
     sensors, found = list(_sensors(system)), list[Advised]()
     for pair in pairs:
@@ -295,7 +293,6 @@ def advised(
                 sensor=sensor,
                 values=(float(a[i]), float(b[i])),
                 u=float(own[i]),
-                at={name: float(system.data.values[name][i]) for name in inputs},
                 apart=float(apart[i]),
             )
             if one.apart**2 / 2.0 >= limits.TOLD_APART:

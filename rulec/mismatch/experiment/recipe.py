@@ -17,10 +17,10 @@ from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import columns, table
-from rulec_runtime.report.text import listed, number, percent, safe
+from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
 from rulec.mismatch import limits
-from rulec.mismatch.experiment.result import Experiment, Reading, duration, in_words
+from rulec.mismatch.experiment.result import Experiment, Reading, alike, duration, in_words
 
 READINGS = 2
 """Readings listed for each step."""
@@ -110,7 +110,9 @@ def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:
     apart = max(reading.values) - min(reading.values)
     noise = apart / reading.apart if reading.apart > 0.0 else reading.spread[explanation]
     digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
-    return f"{signal.shown(value):#.{min(max(digits, 3), 7)}g}".rstrip(".")
+    shown = signal.shown(value)
+    size = math.floor(math.log10(abs(shown))) if shown else 0
+    return fixed(shown, max(min(max(digits, 3), 7) - 1 - size, 0))
 
 
 def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
@@ -129,7 +131,7 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
             "permitted range, in case none of these explanations is true. No probability is "
             "predicted for them."
         )
-    for pair in found.alike:
+    for pair in alike(found.factors):
         if found.telling:
             yield f"No set points within these ranges separate {pair[0] + 1} from {pair[1] + 1}."
         yield _sensor(found, pair)

@@ -113,11 +113,6 @@ class Experiment:
             f"{after} after {steps} ({duration(self.steps[-1].until)}); now it is {before}."
         )
 
-    @property
-    def alike(self) -> tuple[tuple[int, int], ...]:
-        """Explanations that these steps do not distinguish, by their numbers."""
-        return alike(self.factors)
-
 
 def alike(factors: Array) -> tuple[tuple[int, int], ...]:
     """Pairs of explanations that are not distinguished, by their numbers."""
@@ -180,7 +175,7 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
         "certainty": list(found.certainty),
         "unlisted": found.unlisted,
         "factors": found.factors.tolist(),
-        "alike": [list(pair) for pair in found.alike],
+        "alike": [list(pair) for pair in alike(found.factors)],
         "sensors": [
             {
                 "explanations": list(one.pair),
@@ -193,7 +188,6 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
                 "difference": (one.values[1] - one.values[0]) / one.sensor.factor,
                 "u": one.u / one.sensor.factor,
                 "unit": one.sensor.unit,
-                "at": inputs(one.at),
             }
             for one in found.sensors
         ],
