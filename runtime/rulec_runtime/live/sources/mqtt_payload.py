@@ -7,11 +7,10 @@ sparkplug_b.proto.
 """
 
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from enum import IntEnum
-from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -133,96 +132,83 @@ def scaled(number: float, units: Sequence[float] = (1.0, 1e3, 1e6, 1e9)) -> floa
     return None
 
 
-class Wire(IntEnum):
-    """Wire types."""
-
-    VARINT = 0
-    EIGHT_BYTES = 1
-    BYTES = 2
-    FOUR_BYTES = 5
-
-
 class NoMessage(ValueError):
     """The bytes are not a valid message."""
 
 
-def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Number and content of each field: an int for a varint, else bytes. Raises `NoMessage`.
+_VARINT, _BYTES, _REALS = 0, 2, {1: "<d", 5: "<f"}
+"""Wire types; those of reals with their form."""
 
-    >>> [*fields(bytes([0x08, 0x96, 0x01, 0x12, 0x02, 0x68, 0x69]))]
-    [(1, 150), (2, b'hi')]
+_OTHER = {
+    str: "a name is no text",
+    int: "a whole number has another kind of field",
+    float: "a number has another kind of field",
+    bytes: "a part has another kind of field",
+}
+
+
+def fields(data: bytes) -> Iterator[tuple[int, int | float | bytes]]:
+    """Number and content of each field of a message: an int for a varint, a float for 4 or 8 bytes,
+    else bytes. Raises `NoMessage`.
+
+    >>> [*fields(bytes([0x08, 0x96, 0x01, 0x12, 0x02, 0x68, 0x69, 0x1D, 0, 0, 0xC0, 0x3F]))]
+    [(1, 150), (2, b'hi'), (3, 1.5)]
     """
     at = 0
+
+    def varint() -> int:
+        nonlocal at
+        value = 0
+        for i, byte in enumerate(data[at : at + limits.LONGEST_VARINT]):
+            value |= (byte & 0x7F) << (7 * i)
+            if byte < 0x80:
+                at += i + 1
+                return value & ((1 << 64) - 1)
+        raise NoMessage("a number does not end")
+
     while at < len(data):
-        tag, at = _varint(data, at)
+        tag = varint()
         number, kind = tag >> 3, tag & 7
         if not number:
             raise NoMessage("a field has number 0")
-        if kind == Wire.VARINT:
-            value, at = _varint(data, at)
-            yield number, value
+        if kind == _VARINT:
+            yield number, varint()
             continue
-        if kind == Wire.BYTES:
-            size, at = _varint(data, at)
-        elif kind in (Wire.EIGHT_BYTES, Wire.FOUR_BYTES):
-            size = 8 if kind == Wire.EIGHT_BYTES else 4
-        else:
+        if kind != _BYTES and kind not in _REALS:
             raise NoMessage("a field is of an unknown kind")
+        form = _REALS.get(kind, "")
+        size = struct.calcsize(form) if form else varint()
         if size > len(data) - at:
             raise NoMessage("a field is longer than the message")
-        yield number, data[at : at + size]
-        at += size
+        part, at = data[at : at + size], at + size
+        yield number, struct.unpack(form, part)[0] if form else part
 
 
-def real(data: int | bytes) -> float:
-    """The float in 4 or 8 bytes. Raises `NoMessage` for another field.
-
-    >>> real(bytes.fromhex("0000c03f"))
-    1.5
-    """
-    if not isinstance(data, bytes) or len(data) not in (4, 8):
-        raise NoMessage("a number has another kind of field")
-    (value,) = struct.unpack("<f" if len(data) == 4 else "<d", data)
-    return float(value)
-
-
-def whole(data: int | bytes, bits: int = 64, *, signed: bool = False) -> int:
-    """The lowest bits of a varint. Raises `NoMessage` for another field.
-
-    >>> whole(2**32 - 5, 32, signed=True), whole(251, 8, signed=True), whole(7)
-    (-5, -5, 7)
-    """
-    if not isinstance(data, int):
-        raise NoMessage("a whole number has another kind of field")
-    value = data & ((1 << bits) - 1)
-    return value - (1 << bits) if signed and value >> (bits - 1) else value
+def _known(data: bytes, names: Mapping[int, tuple[str, type]]) -> Iterator[tuple[str, Any]]:
+    """Name and content of the fields that are named, by number. Raises `NoMessage` for one of
+    another type, or if a text is not UTF-8."""
+    for number, part in fields(data):
+        if number not in names:
+            continue
+        name, kind = names[number]
+        content: int | float | bytes | str = part
+        if kind is str and isinstance(part, bytes):
+            with suppress(UnicodeDecodeError):
+                content = part.decode("utf-8")
+        if type(content) is not kind:
+            raise NoMessage(_OTHER[kind])
+        yield name, content
 
 
-def words(data: int | bytes) -> str:
-    """A text. Raises `NoMessage` for another field, or if it is not UTF-8."""
-    try:
-        return bytes.decode(data, "utf-8")  # type: ignore[arg-type]
-    except (TypeError, UnicodeDecodeError):
-        raise NoMessage("a name is no text") from None
-
-
-def inside(data: int | bytes) -> bytes:
-    """A nested message. Raises `NoMessage` for another field."""
-    if not isinstance(data, bytes):
-        raise NoMessage("a part has another kind of field")
-    return data
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """An integer of at most 64 bits, and the position after it."""
-    value = 0
-    for i, byte in enumerate(data[at : at + limits.LONGEST_VARINT]):
-        value |= (byte & 0x7F) << (7 * i)
-        if byte < 0x80:
-            return value & ((1 << 64) - 1), at + i + 1
-    raise NoMessage("a number does not end")
-
-
+_PAYLOAD = {1: ("stamp", int), 2: ("metric", bytes), 3: ("sequence", int)}
+_METRIC = {
+    **{1: ("name", str), 2: ("alias", int), 3: ("stamp", int), 4: ("kind", int)},
+    **{5: ("historical", int), 7: ("null", int), 9: ("quality", bytes)},
+    **dict.fromkeys((10, 11, 14), ("number", int)),
+    **dict.fromkeys((12, 13), ("number", float)),
+}
+_PROPERTIES = {1: ("key", str), 2: ("value", bytes)}
+_PROPERTY = dict.fromkeys((3, 4), ("number", int))
 _INTEGERS = {
     **{1: (8, True), 2: (16, True), 3: (32, True), 4: (64, True)},
     **{5: (8, False), 6: (16, False), 7: (32, False), 8: (64, False)},
@@ -230,7 +216,7 @@ _INTEGERS = {
 """Bits and sign of data types; integers on the wire are unsigned."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Metric:
     """A metric of a message.
 
@@ -242,8 +228,8 @@ class Metric:
     alias: int | None = None
     stamp: float | None = None
     kind: int = 0
-    historical: bool = False
-    null: bool = False
+    historical: int = 0
+    null: int = 0
     quality: int | None = None
     number: int | float | None = None
 
@@ -254,7 +240,8 @@ class Metric:
         if isinstance(self.number, float):
             return self.number
         bits, signed = _INTEGERS.get(self.kind or kind, (64, False))
-        return float(whole(self.number, bits, signed=signed))
+        number = self.number & ((1 << bits) - 1)
+        return float(number - (1 << bits) if signed and number >> (bits - 1) else number)
 
 
 @dataclass(frozen=True)
@@ -262,62 +249,36 @@ class Message:
     """A payload: its stamp, s since 1970, its sequence number, and its metrics."""
 
     stamp: float | None
-    sequence: int | None
     metrics: tuple[Metric, ...]
+    sequence: int | None = None
 
 
 def message_of(payload: bytes) -> Message:
     """Read a payload. Raises `BadPayload`."""
     if len(payload) > limits.LARGEST_MESSAGE:
         raise BadPayload(f"more than {limits.LARGEST_MESSAGE} bytes")
-    stamp, sequence, metrics = None, None, []
+    own, metrics = dict[str, Any](), []
     try:
-        for number, data in fields(payload):
-            if number == 1:
-                stamp = _milliseconds(data)
-            elif number == 2:
-                parts = fields(inside(data))
-                known = ((_FIELDS[n], part) for n, part in parts if n in _FIELDS)
-                metrics.append(Metric(**{name: read(part) for (name, read), part in known}))
-            elif number == 3:
-                sequence = whole(data)
+        for name, part in _known(payload, _PAYLOAD):
+            if name == "metric":
+                metrics.append(_metric(dict(_known(part, _METRIC))))
+            else:
+                own[name] = part
     except NoMessage as error:
         raise BadPayload(f"it is neither Sparkplug B nor JSON: {error}") from None
-    return Message(stamp, sequence, tuple(metrics))
+    return Message(metrics=tuple(metrics), **_stamped(own))
 
 
-def _quality(data: int | bytes) -> int | None:
-    """The property 'Quality' of a property set: keys, and values in the same order."""
-    keys, values = [], []
-    for number, part in fields(inside(data)):
-        if number == 1:
-            keys.append(words(part))
-        elif number == 2:
-            values.append(inside(part))
-    for key, value in zip(keys, values, strict=False):
-        if key == "Quality":
-            numbers = [whole(part) for number, part in fields(value) if number in (3, 4)]
-            return numbers[-1] if numbers else 0
-    return None
+def _metric(own: dict[str, Any]) -> Metric:
+    if "quality" in own:  # properties: keys, and values in the same order
+        parts = [*_known(own.pop("quality"), _PROPERTIES)]
+        keys, values = ([p for name, p in parts if name == kind] for kind in ("key", "value"))
+        if "Quality" in keys[: len(values)]:
+            value = values[keys.index("Quality")]
+            own["quality"] = dict(_known(value, _PROPERTY)).get("number", 0)
+    return Metric(**_stamped(own))
 
 
-def _milliseconds(data: int | bytes) -> float | None:
-    return scaled(float(whole(data)), (1e3,))  # milliseconds
-
-
-def _flag(data: int | bytes) -> bool:
-    return bool(whole(data))
-
-
-_FIELDS: Mapping[int, tuple[str, Callable[[int | bytes], Any]]] = {
-    1: ("name", words),
-    2: ("alias", whole),
-    3: ("stamp", _milliseconds),
-    4: ("kind", partial(whole, bits=32)),
-    5: ("historical", _flag),
-    7: ("null", _flag),
-    9: ("quality", _quality),
-    **dict.fromkeys((10, 11, 14), ("number", whole)),
-    **dict.fromkeys((12, 13), ("number", real)),
-}
-"""Name and reader of the fields of a metric, by number."""
+def _stamped(own: dict[str, Any]) -> dict[str, Any]:
+    """The fields with a stamp in s instead of ms."""
+    return own | {"stamp": scaled(float(own["stamp"]), (1e3,)) if "stamp" in own else None}
