@@ -206,7 +206,8 @@ def test_what_cannot_be_used_is_told_again(plant: PlantServer, watch: Watch) -> 
     taken = watch.of(plant.url)
     for value, why in (
         ([1.7, 1.9], "Uncertain; write 'uncertain: accept' at the signal to use it"),
-        (1.8, "an array of 2 values; write 'index: 0' at the signal for the first"),
+        (math.nan, "an array of 2 values; write 'index: 0' at the signal for the first"),
+        (1.8, "no number"),  # though its quality is Good
     ):
         told = ("stale", f"A.dp has had no reading for 1 s: {why}")
         taken.until(lambda t, told=told: told in t.told)  # type: ignore[misc]
@@ -214,7 +215,7 @@ def test_what_cannot_be_used_is_told_again(plant: PlantServer, watch: Watch) -> 
     taken.until(lambda t: t.of("A.dp")[-1] == 1.8e5)
     assert math.isnan(taken.of("A.dp")[0])
     assert not any(map(math.isnan, taken.of("A.n")))
-    assert [(n.kind, n.signal) for n in taken.notices if n.signal] == [("stale", "A.dp")] * 2
+    assert [(n.kind, n.signal) for n in taken.notices if n.signal] == [("stale", "A.dp")] * 3
     assert "lost" not in taken.kinds()
     plant.write("A.dp", [1.7, 1.9], code=ua.StatusCodes.UncertainLastUsableValue)
     text = MAP.replace("ns=2;s=A.dp", "{node: ns=2;s=A.dp, uncertain: accept, index: 1}")

@@ -10,6 +10,7 @@ import time as clocks
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from threading import Condition, RLock
 
 import numpy as np
@@ -193,8 +194,10 @@ class _Bad:
 
 
 def usable(reading: float, why: str, largest: float) -> tuple[float, str]:
-    """A reading and `why` it is unusable, also if it is beyond any sensor."""
-    return (float("nan"), "beyond any sensor") if abs(reading) > largest else (reading, why)
+    """A reading and `why` it is unusable, also if it is beyond any sensor, or no number."""
+    if abs(reading) > largest:
+        return float("nan"), "beyond any sensor"
+    return reading, why or ("no number" if isnan(reading) else "")
 
 
 class Unread:
