@@ -65,6 +65,25 @@ def test_events_and_status(broker: OwnBroker) -> None:
     late.loop_stop()
 
 
+def test_an_event_that_the_connection_lost_is_sent_again(
+    broker: OwnBroker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was lost between the look at the connection and the sending."""
+    sink = MqttOut(f"mqtt://127.0.0.1:{broker.port}", "abc")
+    client, heard = listening(broker.port)
+    until(lambda: sink.sessions)
+    lost = paho.MQTTMessageInfo(1)
+    lost.rc = paho.MQTT_ERR_NO_CONN
+    with monkeypatch.context() as patch:
+        patch.setattr(sink._client, "publish", lambda *_, **__: lost)
+        with pytest.raises(JournalTrouble, match="does not confirm"):
+            sink.commit("abc", story(), None, dated=True)
+    sink.commit("abc", story(), None, dated=True)
+    assert [event_in(heard.get(timeout=5)[1]) for _ in story()] == story()
+    sink.close()
+    client.loop_stop()
+
+
 def test_what_cannot_be_used() -> None:
     """A password would travel readable; without a broker it is trouble, as long as it lasts."""
     hosts = ("mqtt://", "mqtt://ann:secret@host", "mqtt://h:99999", "mqtt://[")

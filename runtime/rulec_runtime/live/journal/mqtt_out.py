@@ -95,8 +95,9 @@ class MqttOut:
         if new and not self._client.is_connected():
             raise JournalTrouble(f"{self.place}: no connection")
         for event in new:
-            if event.number not in self._sent:
-                # The client itself repeats messages that were published once.
+            sent = self._sent.get(event.number)
+            if sent is None or sent.rc:
+                # The client itself repeats what it took, but never confirms what it refused.
                 text = json_line(form_for(event, plant, dated)).rstrip()
                 topic = f"{self._topic}/events"
                 self._sent[event.number] = self._client.publish(topic, text, qos=1)
