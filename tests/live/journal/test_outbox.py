@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +107,19 @@ def test_what_waits_outlives_the_process(tmp_path: Path) -> None:
             file.write_bytes(text)
             with pytest.raises(JournalRefused, match="move it away"):
                 Outbox(journal, "abc", sink.said.append, file=file)
+
+
+def test_an_event_that_waited_still_tells_its_growth(tmp_path: Path) -> None:
+    """Files and brokers tell how fast a fault grows, also after a kill."""
+    sink, file = Frail(), tmp_path / "waiting.json"
+    growing = event(1, replace(LEAKAGE, growth={"rate": 1e-4, "reaches": None}))
+    sink.broken = JournalTrouble("frail: gone")
+    outbox = sink.outbox(file)
+    outbox.put([growing], b"1")
+    outbox.step()
+    sink.broken = None
+    assert sink.outbox(file).close() == 0
+    assert sink.events == [growing]
 
 
 def test_refused_for_good(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

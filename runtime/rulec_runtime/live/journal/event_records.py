@@ -80,6 +80,7 @@ def event_of(record: Record) -> Event:
             text=_text(record["told"]),
             active=active,
             alternatives=tuple((_text(n), _number(p)) for n, p in record["alternatives"]),
+            growth=dict(record.get("growth", {})),
             **fields,
         )
         return Event(
@@ -104,7 +105,7 @@ def other_content(place: str, plant: str, number: int, kept: Record, new: Record
 
 def form_for(event: Event, plant: str, dated: bool) -> Record:
     """An event as JSON data, with texts and numbers that can be stored."""
-    form: Record = _data(form_of(event, plant, UTC if dated else None))
+    form: Record = storable(form_of(event, plant, UTC if dated else None))
     return form
 
 
@@ -158,13 +159,14 @@ def _text(value: Any) -> str:
     return value
 
 
-def _data(value: Any) -> Any:
+def storable(value: Any) -> Any:
+    """JSON data with texts that can be stored, and None for numbers that are not finite."""
     if isinstance(value, str):
         return keepable(value)
     if isinstance(value, float):
         return _finite(value)
     if isinstance(value, dict):
-        return {key: _data(part) for key, part in value.items()}
+        return {key: storable(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_data(part) for part in value]
+        return [storable(part) for part in value]
     return value

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.event_records import event_of, record_of
+from rulec_runtime.live.journal.event_records import event_of, record_of, storable
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.moment import Now
 from rulec_runtime.output.json_file import Damaged, digest_of, read_json
@@ -64,7 +64,10 @@ def spill(file: Path, plant: str, pending: Pending) -> None:
     data: dict[str, Any] = {
         "plant": plant,
         "dated": dated,
-        "events": [record_of(event, dated) for event in pending.events],
+        "events": [
+            record_of(event, dated) | {"growth": storable(event.episode.growth)}
+            for event in pending.events
+        ],
         "state": None if state is None else base64.b64encode(state).decode(),
         "notes": [dataclasses.astuple(note) for note in pending.notes],
     }
