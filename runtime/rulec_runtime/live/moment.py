@@ -55,6 +55,11 @@ class Now:
         return None if self.came is None else max(monotonic() - self.came, 0.0)
 
     @property
+    def ruleset(self) -> Ruleset | None:
+        """That of the diagnosis."""
+        return self.diagnosis.ruleset if self.diagnosis else None
+
+    @property
     def judged(self) -> bool:
         """Whether anything was judged; otherwise the absence of findings means nothing."""
         return self.diagnosis is not None and self.diagnosis.judged > 0

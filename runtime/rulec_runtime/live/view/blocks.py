@@ -35,25 +35,27 @@ BAR_CELLS = 18
 def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
     """Status of the plant and of each module, and the connection."""
     letter, status = overall(now)[1], status_in_words(*overall(now))
-    yield _short(styled("[bold {}]{}[/]  {}", _colour(letter), status, now.title), width)
+    yield _short(width, "[bold {}]{}[/]  {}", _colour(letter), status, now.title)
     mark, words = link(now)
     style, row = "dim" if now.connected else "bold red", latest(now, age)
-    source = _short(styled("[{}]{} {}[/]", style, mark, words), max(width - len(row) - 2, 20))
+    source = _short(max(width - len(row) - 2, 20), "[{}]{} {}[/]", style, mark, words)
     yield Text.assemble(source, " " * (width - source.cell_len - len(row)), styled("{}", row))
     if now.remark:
-        yield _short(styled("  {}", now.remark), width)
+        yield _short(width, "  {}", now.remark)
     parts = [
         styled("{} [{}]{}[/]", name, _colour(one), f"{STATUS[one][0]} {one}")
         for name, _, one in modules(now)
     ]
     if parts:
-        yield _short(Text("  ").join([Text("modules"), *parts]), width)
+        line = Text("  ").join([Text("modules"), *parts])
+        line.truncate(width, overflow="ellipsis")
+        yield line
 
 
 def plant(now: Now, selected: int, width: int) -> Iterator[tuple[int, RenderableType]]:
     """Findings, residuals, blind spots and past events, each block with the index of its episode or
     -1."""
-    found = list(cards(now))
+    found = cards(now)
     if not found:
         yield -1, styled("[bold {}]{}[/]", _colour(overall(now)[1]), lead(now))
     for i, card in enumerate(found):
@@ -67,15 +69,14 @@ def plant(now: Now, selected: int, width: int) -> Iterator[tuple[int, Renderable
         if residuals.smaller:
             yield -1, styled("  and {} smaller ones", residuals.smaller)
         if residuals.missing:
-            names = ", ".join(residuals.missing)
-            yield -1, _indented(styled("not available: {}", names), 2, width)
+            yield -1, _remark(width, "not available", ", ".join(residuals.missing))
     remarks = unjudged(now)
     if remarks or unseen(now):
         yield -1, _title("Not judged")
         for text, spans in remarks[:SHOWN]:
-            yield -1, _indented(styled("{}: {}", spans, text), 2, width)
+            yield -1, _remark(width, spans, text)
         if unseen(now):
-            yield -1, _indented(styled("no reading shows: {}", ", ".join(unseen(now))), 2, width)
+            yield -1, _remark(width, "no reading shows", ", ".join(unseen(now)))
     if now.past:
         yield -1, _title("Past events")
         yield -1, _events(now)
@@ -83,7 +84,7 @@ def plant(now: Now, selected: int, width: int) -> Iterator[tuple[int, Renderable
 
 def explanation_of(now: Now, place: int) -> RenderableType:
     """The explanation of a finding; the details of any other episode."""
-    card = list(cards(now))[place]
+    card = cards(now)[place]
     if card.finding is not None and now.diagnosis is not None:
         return explanation(now.diagnosis, card.finding, card.since)
     parts = [styled("[bold]{}[/]", card.title), styled("{}", card.since)]
@@ -99,23 +100,24 @@ def explanation_of(now: Now, place: int) -> RenderableType:
 
 
 def _card(card: Card, selected: bool, width: int) -> RenderableType:
+    """A mark, and beside it some lines, of which the longest may wrap twice."""
     letter = card.episode.status
-    mark = styled(
-        "{} [bold {}]{} {}[/]", ">" if selected else " ", _colour(letter), card.symbol, letter
-    )
+    badge = f"[bold {_colour(letter)}]{STATUS[letter][0]} {letter}[/]"
+    mark = styled(f"{{}} {badge}", ">" if selected else " ")
     style = "bold reverse" if selected else "bold"
-    new = "" if card.acknowledged else "NEW "
-    rest = width - mark.cell_len - 1
-    lines = [_short(styled("{}[{}]{}[/]", new, style, card.title), 3 * rest)]
     size = f"{card.episode.subject} {card.size}, " if card.size else ""
-    lines.append(_short(styled("{}{}", size, card.since), 2 * rest))
+    rest = width - mark.cell_len - 1
+    lines = [
+        _short(3 * rest, f"{{}}[{style}]{{}}[/]", "" if card.acknowledged else "NEW ", card.title),
+        _short(2 * rest, "{}{}", size, card.since),
+    ]
     if card.episode.grows:
-        lines.append(_short(styled("{}", card.episode.grows), 3 * rest))
+        lines.append(_short(3 * rest, "{}", card.episode.grows))
     if card.probability:
         others = f"; or: {card.others}" if card.others else ""
-        lines.append(_short(styled("probability {}{}", card.probability, others), 3 * rest))
+        lines.append(_short(3 * rest, "probability {}{}", card.probability, others))
     if card.action:
-        lines.append(_short(styled("do: {}", card.action), 3 * rest))
+        lines.append(_short(3 * rest, "do: {}", card.action))
     table = Table.grid(padding=(0, 1, 0, 0))
     table.add_row(mark, Text("\n").join(lines))
     return table
@@ -126,14 +128,10 @@ def _bars(residuals: tuple[Bar, ...]) -> Table:
     for justify in ("left", "right", "right", "left", "left"):
         table.add_column(justify=justify, no_wrap=True)
     for bar in residuals:
-        style = "bold" if bar.beyond else "dim"
-        table.add_row(
-            styled("  [{}]{}[/]", style, bar.name),
-            styled("[{}]{}[/]", style, bar.value),
-            styled("[dim]{}[/]", bar.threshold),
-            styled("[{}]{}[/]", style, drawn(bar)),
-            styled("[{}]{}[/]", style, bar.words),
-        )
+        template = "[bold]{}[/]" if bar.beyond else "[dim]{}[/]"
+        row = [styled(template, part) for part in (bar.value, drawn(bar), bar.words)]
+        row.insert(1, styled("[dim]{}[/]", bar.threshold))
+        table.add_row(styled(f"  {template}", bar.name), *row)
     return table
 
 
@@ -172,12 +170,14 @@ def _title(text: str) -> Text:
     return styled("\n[bold]{}[/]", text)
 
 
-def _indented(text: Text, by: int, width: int) -> Padding:
-    return Padding(_short(Text(one_line(text.plain)), 3 * (width - by)), (0, 0, 0, by))
+def _remark(width: int, first: str, text: str) -> Padding:
+    line = one_line(styled("{}: {}", first, text).plain)
+    return Padding(_short(3 * (width - 2), "{}", line), (0, 0, 0, 2))
 
 
-def _short(text: Text, cells: int) -> Text:
+def _short(cells: int, template: str, *data: object) -> Text:
     """At most so many cells, so that a long name cannot push a finding off the screen."""
+    text = styled(template, *data)
     text.truncate(cells, overflow="ellipsis")
     return text
 

@@ -78,7 +78,7 @@ def main_of(now: Now, seal: str) -> str:
     """Everything that changes, except the connection."""
     symbol, letter, meaning = overall(now)
     status = badge(letter) if letter else f'<span class="badge is-none">{symbol}</span>'
-    found = list(cards(now))
+    found = cards(now)
     findings = [card for card in found if card.episode.kind != "blind"]
     blind = [card for card in found if card.episode.kind == "blind"]
     sections = "".join(_card(now, card, seal) for card in findings)

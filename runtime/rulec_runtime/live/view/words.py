@@ -3,9 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import worst
-from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.live.episode import QUIET, Episode, Event
 from rulec_runtime.live.moment import Now
@@ -40,7 +38,6 @@ class Card:
     """
 
     episode: Episode
-    symbol: str
     title: str
     size: str
     meaning: str
@@ -52,10 +49,9 @@ class Card:
     finding: Finding | None
 
 
-def cards(now: Now) -> Iterator[Card]:
+def cards(now: Now) -> list[Card]:
     """Cards of active episodes: findings first, then blind spots."""
-    for episode in listed(now):
-        yield _card(now, episode)
+    return [_card(now, episode) for episode in listed(now)]
 
 
 def listed(now: Now) -> tuple[Episode, ...]:
@@ -76,9 +72,8 @@ def finding_of(now: Now, episode: Episode) -> Finding | None:
 
 
 def _card(now: Now, episode: Episode) -> Card:
-    finding = finding_of(now, episode)
-    ruleset = _ruleset(now)
-    fault = ruleset.fault_by_id.get(episode.subject) if ruleset else None
+    finding, ruleset = finding_of(now, episode), now.ruleset
+    faults = ruleset.fault_by_id if ruleset else {}
     title, action = episode.text, episode.action
     if finding is not None and ruleset is not None:
         title, action = headline(ruleset, finding), actions(ruleset, finding)
@@ -86,34 +81,23 @@ def _card(now: Now, episode: Episode) -> Card:
         title = f"{UNKNOWN}: {episode.text}"
     measured = episode.kind == "fault"
     ends = bounds(episode.lower, episode.upper, episode.unit)
-    size = f"{degree(episode.degree, episode.unit)} ({ends})" if measured else ""
+    time = now.time if now.time is not None else episode.until
+    began = moment(now.calendar, episode.since, time)  # with the date if on another day
+    others = (
+        f"{titled(faults[name]) if name in faults else name} ({percent(p)})"
+        for name, p in episode.alternatives[:SHOWN]
+    )
     return Card(
         episode=episode,
-        symbol=STATUS[episode.status][0],
         title=title,
-        size=size,
-        meaning=fault.meaning if fault else "",
-        since=_since(now, episode),
+        size=f"{degree(episode.degree, episode.unit)} ({ends})" if measured else "",
+        meaning=faults[episode.subject].meaning if episode.subject in faults else "",
+        since=f"since {began} ({duration(max(time - episode.since, 0.0))})",
         probability=percent(episode.probability) if measured else "",
-        others=_others(ruleset, episode),
+        others="; ".join(others),
         action=action,
         acknowledged=episode.id in now.acknowledged,
         finding=finding,
-    )
-
-
-def _since(now: Now, episode: Episode) -> str:
-    """When an episode began and how long it has lasted; with the date if on another day."""
-    time = now.time if now.time is not None else episode.until
-    began = moment(now.calendar, episode.since, time)
-    return f"since {began} ({duration(max(time - episode.since, 0.0))})"
-
-
-def _others(ruleset: Ruleset | None, episode: Episode) -> str:
-    names = ruleset.fault_by_id if ruleset else {}
-    return "; ".join(
-        f"{titled(names[name]) if name in names else name} ({percent(p)})"
-        for name, p in episode.alternatives[:SHOWN]
     )
 
 
@@ -127,16 +111,13 @@ def overall(now: Now) -> tuple[str, str, str]:
 
 def lead(now: Now) -> str:
     """The most important thing in one line."""
-    first = next(cards(now), None)
-    if first is None:
+    if not now.active:
         what = overall(now)[2] if now.judged else NOTHING_YET[2]
         return what[:1].upper() + what[1:]
-    episode, ruleset = first.episode, _ruleset(now)
-    title = first.title
-    if episode.kind == "fault" and ruleset and episode.subject in ruleset.fault_by_id:
-        title = titled(ruleset.fault_by_id[episode.subject])
-    elif episode.kind == "unknown":
-        title = UNKNOWN
+    episode, faults = listed(now)[0], now.ruleset.fault_by_id if now.ruleset else {}
+    title = UNKNOWN if episode.kind == "unknown" else episode.text
+    if episode.kind == "fault" and episode.subject in faults:
+        title = titled(faults[episode.subject])
     more = len(now.active) - 1
     also = f", and {counted(more, 'other')}" if more else ""
     return title[:1].upper() + title[1:] + also
@@ -159,13 +140,10 @@ def latest(now: Now, age: float | None) -> str:
 
 def modules(now: Now) -> Iterator[tuple[str, str, str]]:
     """Name, title and letter of NE 107 of each module."""
-    ruleset = _ruleset(now)
-    titles = dict(ruleset.modules) if ruleset else {}
-    for episode in now.active:
-        if episode.module:
-            titles.setdefault(episode.module, "")
-    for name, title in titles.items():
-        yield name, title, worst({e.status for e in now.active if e.module == name})
+    titles = dict(now.ruleset.modules) if now.ruleset else {}
+    for name, title in (titles | {e.module: titles.get(e.module, "") for e in now.active}).items():
+        if name:
+            yield name, title, worst({e.status for e in now.active if e.module == name})
 
 
 def unjudged(now: Now) -> list[tuple[str, str]]:
@@ -179,8 +157,7 @@ def unjudged(now: Now) -> list[tuple[str, str]]:
 
 def unseen(now: Now) -> tuple[str, ...]:
     """Faults that no reading of this plant shows."""
-    ruleset = _ruleset(now)
-    return ruleset.unobserved if ruleset else ()
+    return now.ruleset.unobserved if now.ruleset else ()
 
 
 def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
@@ -188,10 +165,6 @@ def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
     letter = "ok" if event.what in QUIET else event.episode.status
     badge = f"{STATUS[letter][0]} {letter}"
     return moment(now.calendar, event.time), badge, event.what, event.text
-
-
-def _ruleset(now: Now) -> Ruleset | None:
-    return now.diagnosis.ruleset if now.diagnosis else None
 
 
 def news(now: Now) -> tuple[object, ...]:
@@ -242,11 +215,8 @@ def bars_of(now: Now) -> Bars | None:
     if now.diagnosis is None:
         return None
     ruleset, latest = now.diagnosis.ruleset, now.diagnosis.latest
-    found: dict[str, Evidence] = {}
-    for episode in listed(now):
-        finding = finding_of(now, episode)
-        for evidence in finding.evidence if finding else ():
-            found.setdefault(evidence.residual, evidence)
+    findings = [finding for e in listed(now) if (finding := finding_of(now, e))]
+    found = {e.residual: e for finding in reversed(findings) for e in reversed(finding.evidence)}
     title = "Residuals where the findings show most"
     if not found and latest is not None:
         found = {evidence.residual: evidence for evidence in latest.residuals}
@@ -254,19 +224,17 @@ def bars_of(now: Now) -> Bars | None:
         title = f"Residuals of the last {part}, until {moment(now.calendar, latest.until)}"
     if not found:
         return None
-    order = {r.id: i for i, r in enumerate(ruleset.residuals)}
-    ordered = sorted(found.values(), key=lambda e: order.get(e.residual, len(order)))
-    usable = [e for e in ordered if e.verdict != "invalid" and e.threshold > 0.0]
-    bars = [_bar(ruleset, evidence) for evidence in usable]
+    order, unit = [r.id for r in ruleset.residuals], flow_unit(ruleset)
+    order += [name for name in found if name not in order]
+    bars, missing = list[Bar](), list[str]()
+    for name in sorted(found, key=order.index):
+        evidence = found[name]
+        if evidence.verdict == "invalid" or evidence.threshold <= 0.0:
+            missing.append(name)
+            continue
+        flow = "" if name in ruleset.signal_by_id else f" {unit.name}"
+        value, threshold = (text + flow for text in told_residual(ruleset, evidence, unit))
+        bars.append(Bar(name, value, threshold, abs(evidence.value) / evidence.threshold))
     largest = sorted(bars, key=lambda b: -b.share)[:LISTED]
-    missing = tuple(e.residual for e in ordered if e not in usable)
     shown = tuple(bar for bar in bars if bar in largest)
-    return Bars(title, shown, len(bars) - len(shown), missing)
-
-
-def _bar(ruleset: Ruleset, evidence: Evidence) -> Bar:
-    unit = flow_unit(ruleset)
-    value, threshold = told_residual(ruleset, evidence, unit)
-    flow = "" if evidence.residual in ruleset.signal_by_id else f" {unit.name}"
-    share = abs(evidence.value) / evidence.threshold
-    return Bar(evidence.residual, value + flow, threshold + flow, share)
+    return Bars(title, shown, len(bars) - len(shown), tuple(missing))
