@@ -245,6 +245,9 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     later = replace(SIGHT, time=np.arange(150.0, 401.0))
     assert changes(rules, (told,), none, later, 2)[1] == ()
 
+    kept, events = changes(rules, (replace(told, active=True),), none, SIGHT, 1)
+    assert ([e.what for e in events], kept) == (["withdrawn"], ())
+
     pair = (replace(told, id="first", until=120.0), replace(told, id="second", since=160.0))
     assert "withdrawn" not in [e.what for e in changes(rules, pair, over, SIGHT, 2)[1]]
 

@@ -6,6 +6,7 @@ An episode is what an operator would call one and the same event.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -59,85 +60,70 @@ def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
     for finding in diagnosis.findings:
         yield _of_fault(diagnosis.ruleset, finding)
     for sensor in diagnosis.sensors:
-        span, condition = (sensor.since, sensor.until, sensor.active), sensor.condition
-        one = _lasting("sensor", sensor.id, span, condition.status, sensor.text, condition.action)
+        own, span = sensor.condition, (sensor.since, sensor.until, sensor.active)
+        one = _episode("sensor", sensor.id, span, own.status, sensor.text, action=own.action)
         yield replace(one, module=sensor.module, probability=sensor.probability)
     for found in diagnosis.regimes:
-        span, regime = (found.since, found.until, found.active), found.regime
-        one = _lasting("regime", regime.id, span, regime.status, regime.text, regime.action)
+        regime, span = found.regime, (found.since, found.until, found.active)
+        one = _episode("regime", regime.id, span, regime.status, regime.text, action=regime.action)
         yield replace(one, module=regime.module)
     for blind in diagnosis.blind:
         if blind.until - blind.since >= horizon.usual:
             # The readings identify it, whichever faults currently need them.
             readings, span = " ".join(blind.readings), (blind.since, blind.until, blind.active)
             text = f"{unseen(diagnosis.ruleset, blind)}: {blind.because}"
-            one = _lasting("blind", readings, span, "C", text, brought_back(blind))
-            yield replace(one, id=_id("blind", blind.since))
+            action = brought_back(blind)
+            yield _episode("blind", readings, span, "C", text, action=action, name="blind")
     others: tuple[tuple[Kind, str, Iterable[Period]], ...] = (
         ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", (p for p in told_else(diagnosis) if not p.partly)),
+        ("blind", "C", (period for period in told_else(diagnosis) if not period.partly)),
     )
     for kind, status, periods in others:
         for period in periods:
             active = period.until >= horizon.settled
             until = horizon.until if active else period.until
             if until - period.since >= horizon.usual:
-                subject = period.text if kind == "blind" else ""
-                one = _lasting(kind, subject, (period.since, until, active), status, period.text)
-                yield replace(one, id=_id(kind, period.since))
+                span, subject = (
+                    (period.since, until, active),
+                    period.text if kind == "blind" else "",
+                )
+                yield _episode(kind, subject, span, status, period.text, name=kind)
 
 
-def _lasting(
+def _episode(
     kind: Kind,
     subject: str,
     span: tuple[float, float, bool],
     status: str,
     text: str,
-    action: str = "",
+    *,
+    name: str = "",
+    **other: Any,
 ) -> Episode:
-    """An episode without a degree; `span` is when it began, its last time, and whether it lasts."""
-    since, until, active = span
-    return Episode(
-        id=_id(subject, since),
-        kind=kind,
-        subject=subject,
-        module="",
-        status=status,
-        since=since,
-        until=until,
-        active=active,
-        text=text,
-        action=action,
-    )
+    """An episode; `span` is when it began, its last time, and whether it lasts. `name` is what its
+    id begins with, if not with its subject."""
+    own = {"kind": kind, "subject": subject, "status": status, "text": text, "module": "", **other}
+    own |= zip(("since", "until", "active"), span, strict=True)
+    return Episode(id=f"{name or subject}@{span[0]:.3f}", **own)
 
 
 def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
     fault, growth = finding.fault, finding.growth
-    return Episode(
-        id=_id(fault.id, finding.since),
-        kind="fault",
-        subject=fault.id,
+    names = ("degree", "lower", "upper", "probability", "alternatives")
+    return _episode(
+        "fault",
+        fault.id,
+        (finding.since, finding.until, finding.active),
+        fault.status,
+        finding.text,
         module=fault.module,
-        status=fault.status,
-        since=finding.since,
-        until=finding.until,
-        active=finding.active,
-        text=finding.text,
         action=actions(ruleset, finding),
-        degree=finding.degree,
-        lower=finding.lower,
-        upper=finding.upper,
         unit=fault.unit,
-        probability=finding.probability,
-        alternatives=finding.alternatives,
         grows=grown(finding),
         rate=0.0 if growth is None or growth.rate is None else growth.rate[0],
         growth={} if growth is None else growth_form(fault, growth, None),
+        **{name: getattr(finding, name) for name in names},
     )
-
-
-def _id(subject: str, since: float) -> str:
-    return f"{subject}@{since:.3f}"
 
 
 def changes(
@@ -151,45 +137,39 @@ def changes(
     found = every = _merged(episodes_of(diagnosis, horizon), horizon)
     # Windows move with every row, so what a few rows of a plant that stores show may fluctuate.
     wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(horizon.time))
-    reported: list[tuple[What, str, Episode]] = []
-    kept: list[Episode] = []
+    events, kept = list[Event](), list[Episode]()
+
+    def report(what: What, old: Episode, now: Episode) -> None:
+        text, next_one = _words(ruleset, what, old, now), number + 1 + len(events)
+        events.append(Event(number=next_one, time=horizon.until, what=what, text=text, episode=now))
+
     for old in known:
-        if old.kind == "source":
-            kept.append(old)
-            continue
         mine = [one for one in found if _same(old, one, horizon)]
-        if not mine and _may_return(old, known, found, horizon, wait):
+        if old.kind == "source" or (not mine and _may_return(old, known, found, horizon, wait)):
             kept.append(old)
-            continue
-        if not wait and _was_false(old, every, horizon):
-            reported.append(("withdrawn", _words(ruleset, "withdrawn", old, old), old))
             continue
         found = [one for one in found if one not in mine]
-        now = replace(
-            mine[-1] if mine else old, id=old.id, since=min([old.since, *(e.since for e in mine)])
-        )
-        if not mine:
-            now = replace(now, active=False)
-        elif now.active and not old.active and horizon.rows_between(old.until, now.until) < wait:
+        now = replace(mine[-1] if mine else replace(old, active=False), id=old.id, told=old.told)
+        now = replace(now, since=min([old.since, *(e.since for e in mine)]))
+        if now.active and not old.active and horizon.rows_between(old.until, now.until) < wait:
             now = old
-        now = replace(now, told=old.told)
-        what = _what(old, now, bool(mine), horizon)
-        if not wait and _was_earlier(old, now, horizon):
+        refuted = not wait and not any(_same(old, one, horizon) for one in every)
+        what = _what(old, now, bool(mine), horizon, refuted)
+        if what is None and not wait and _was_earlier(old, now, horizon):
             what = "changed"
+        if what == "withdrawn":
+            report(what, old, now)
+            continue
         if what is not None:
             now = replace(now, told=(now.until, now.degree))
-            reported.append((what, _words(ruleset, what, old, now), now))
+            report(what, old, now)
         kept.append(now)
     for new in (replace(one, told=(one.until, one.degree)) for one in found):
         kept.append(new)
-        reported.append(("began", _words(ruleset, "began", new, new), new))
+        report("began", new, new)
         if not new.active:
-            reported.append(("ended", _words(ruleset, "ended", new, new), new))
+            report("ended", new, new)
     kept = [one for one in kept if one.active or one.until >= horizon.since]
-    events = (
-        Event(number=number + 1 + i, time=horizon.until, what=what, text=text, episode=episode)
-        for i, (what, text, episode) in enumerate(reported)
-    )
     return tuple(kept), tuple(events)
 
 
@@ -254,25 +234,20 @@ def _may_return(
     return horizon.rows_between(old.until, horizon.until) < wait
 
 
-def _was_false(old: Episode, found: Sequence[Episode], horizon: Horizon) -> bool:
-    """Whether later readings refute a fault that has ended: it is not found any more, although the
-    horizon still covers its rows."""
-    ended = old.kind == "fault" and not old.active and old.since >= horizon.since
-    return ended and not any(_same(old, one, horizon) for one in found)
-
-
 def _was_earlier(old: Episode, now: Episode, horizon: Horizon) -> bool:
     """Whether a fault that has ended began long before the reported time."""
     ended = old.kind == "fault" and not old.active and not now.active
     return ended and horizon.rows_between(now.since, old.since) > SETTLING
 
 
-def _what(old: Episode, now: Episode, found: bool, horizon: Horizon) -> What | None:
-    """What is new about an episode; None if an operator need not know."""
+def _what(old: Episode, now: Episode, found: bool, horizon: Horizon, refuted: bool) -> What | None:
+    """What is new about an episode; None if an operator need not know. A fault that is not found
+    any more, although the horizon still covers it, was none."""
     if old.active and not now.active:
-        # A fault beyond the horizon has ended; one within it that is not found was false.
         return "ended" if found or old.until < horizon.since or old.kind != "fault" else "withdrawn"
     if not old.active:
+        if old.kind == "fault" and refuted and old.since >= horizon.since:
+            return "withdrawn"
         return "began" if found and now.active else None
     renamed = now.subject != old.subject
     return "changed" if renamed or _has_grown(now) or _rivals(now) != _rivals(old) else None
