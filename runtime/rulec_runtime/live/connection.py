@@ -1,5 +1,6 @@
 """Notices of a source as events: a plant that is not read is an alarm."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,64 +18,41 @@ def is_away(episode: Episode) -> bool:
 
 
 def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
-    """Memory and events after a notice: lost readings begin an episode, their return ends it."""
-    if notice.signal:
-        return _unread(memory, notice)
-    away = [one for one in memory.episodes if is_away(one)]
-    others = tuple(one for one in memory.episodes if one not in away)
-    what: What = "noted"
-    one = Episode(
-        id=f"source@{notice.time:.3f}",
-        kind="source",
-        subject=notice.kind,
-        module="",
-        status="C" if notice.kind in AWAY else "ok",
-        since=notice.time,
-        until=notice.time,
-        active=False,
-        text=notice.text,
-        action=(
-            "check the logger, the network and the server; nothing is judged meanwhile"
-            if notice.kind in AWAY
-            else ""
-        ),
-    )
-    if notice.kind in AWAY:
-        if away:
-            return memory, ()
-        what, one = "began", replace(one, active=True)
-        others = (*others, one)
-    elif notice.kind == "connected" and away and not notice.still:
-        what = "ended"
-        one = replace(away[0], until=notice.time, active=False, text=notice.text)
-    elif away:
-        others = (*others, *away)
-    return _with(memory, others, what, one, notice.time)
+    """Memory and events after a notice: lost readings begin an episode, their return ends it.
 
-
-def _unread(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
-    """A signal without readings, while others have some, is an episode of its own."""
-    before = [
-        e for e in memory.episodes if e.kind == "source" and e.active and e.subject == notice.signal
+    A signal without readings, while others have some, is an episode of its own.
+    """
+    signal, time = notice.signal, notice.time
+    lasts = bool(signal) or notice.kind in AWAY
+    actions = [
+        "check the logger, the network and the server; nothing is judged meanwhile",
+        "look at the signal in its server and in the map; what needs it is not judged",
     ]
-    if before and before[0].text == notice.text:
-        return memory, ()
     one = Episode(
-        id=f"{notice.signal}.unread@{notice.time:.3f}",
+        id=f"{signal}.unread@{time:.3f}" if signal else f"source@{time:.3f}",
         kind="source",
-        subject=notice.signal,
-        module=notice.signal.partition(".")[0],
-        status="C",
-        since=notice.time,
-        until=notice.time,
-        active=True,
+        subject=signal or notice.kind,
+        module=signal.partition(".")[0],
+        status="C" if lasts else "ok",
+        since=time,
+        until=time,
+        active=lasts,
         text=notice.text,
-        action="look at the signal in its server and in the map; what needs it is not judged",
+        action=actions[bool(signal)] if lasts else "",
     )
-    if before:
-        one = replace(one, id=before[0].id, since=before[0].since)
-    others = tuple(e for e in memory.episodes if e not in before)
-    return _with(memory, (*others, one), "changed" if before else "began", one, notice.time)
+    sources = [e for e in memory.episodes if e.kind == "source" and e.active]
+    before = [e for e in sources if (e.subject == signal if signal else is_away(e))]
+    if not lasts:
+        if notice.kind != "connected" or notice.still or not before:
+            return _with(memory, (), "noted", one, time)
+        one = replace(before[0], until=time, active=False, text=notice.text)
+        return _with(memory, before, "ended", one, time)
+    if not before:
+        return _with(memory, (), "began", one, time)
+    if not signal or before[0].text == notice.text:
+        return memory, ()
+    one = replace(one, id=before[0].id, since=before[0].since)
+    return _with(memory, before, "changed", one, time)
 
 
 def read_again(memory: Memory, rows: Rows) -> tuple[Memory, tuple[Event, ...]]:
@@ -88,15 +66,15 @@ def read_again(memory: Memory, rows: Rows) -> tuple[Memory, tuple[Event, ...]]:
             continue
         text = f"{old.subject} is " + ("not asked for any more" if column is None else "read again")
         one = replace(old, until=time, active=False, text=text)
-        others = tuple(e for e in memory.episodes if e is not old)
-        memory, events = _with(memory, others, "ended", one, time)
+        memory, events = _with(memory, [old], "ended", one, time)
         ended += events
     return memory, tuple(ended)
 
 
 def _with(
-    memory: Memory, episodes: tuple[Episode, ...], what: What, one: Episode, time: float
+    memory: Memory, before: Sequence[Episode], what: What, one: Episode, time: float
 ) -> tuple[Memory, tuple[Event, ...]]:
-    number = memory.number + 1
-    event = Event(number=number, time=time, what=what, text=one.text, episode=one)
-    return replace(memory, episodes=episodes, number=number), (event,)
+    """Memory with an episode, if that lasts, instead of those `before`, and the event of it."""
+    episodes = [e for e in memory.episodes if e not in before] + [one] * one.active
+    event = Event(number=memory.number + 1, time=time, what=what, text=one.text, episode=one)
+    return replace(memory, episodes=tuple(episodes), number=event.number), (event,)
