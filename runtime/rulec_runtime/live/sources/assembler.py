@@ -7,15 +7,13 @@ check function if that lasts.
 """
 
 import time as clocks
-from collections import deque
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan
+from math import inf, isnan, nan
 from threading import Condition, RLock
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import SourceMap
@@ -29,71 +27,89 @@ class Handover:
     If nobody takes them in time, the oldest rows are dropped with a notice 'gap'.
     """
 
-    def __init__(self, signals: Sequence[str]) -> None:
-        self._signals = tuple(signals)
-        self._came: deque[Rows | Notice] = deque()
-        self._count = self._dropped = 0
+    def __init__(self) -> None:
+        self._came: list[Rows | Notice] = []
+        self._rows = self._dropped = 0
         self._since = 0.0
         self._changed = Condition()
 
-    def row(self, time: float, values: Array) -> None:
-        """Add a row: its time, s, and the readings of the signals in their order, SI."""
-        columns = dict(zip(self._signals, values.reshape(-1, 1).copy(), strict=True))
+    def row(self, time: float, values: Mapping[str, float]) -> None:
+        """Add a row: its time, s, and the readings of the signals, SI."""
+        columns = {name: np.array([value]) for name, value in values.items()}
         with self._changed:
             self._came.append(Rows(np.array([time]), columns))
-            self._count += 1
-            if self._count > limits.QUEUED_ROWS:
-                place, gone = next(
-                    (i, float(one.time[0]))
-                    for i, one in enumerate(self._came)
-                    if isinstance(one, Rows)
-                )
-                del self._came[place]
-                self._since = self._since if self._dropped else gone
-                self._count, self._dropped = self._count - 1, self._dropped + 1
+            self._rows += 1
+            if self._rows - self._dropped > limits.QUEUED_ROWS:
+                oldest = next(one for one in self._came if isinstance(one, Rows))
+                self._came.remove(oldest)
+                self._since = self._since if self._dropped else float(oldest.time[0])
+                self._dropped += 1
             self._changed.notify()
 
     def notices(self, found: Sequence[Notice]) -> None:
-        with self._changed:
-            self._came.extend(found)
-            self._changed.notify()
+        if found:
+            with self._changed:
+                self._came.extend(found)
+                self._changed.notify()
 
     def take(self, seconds: float) -> list[Rows | Notice]:
         """Everything in the queue, after waiting at most so many seconds for it."""
         with self._changed:
             if not self._came:
                 self._changed.wait(seconds)
-            came, self._came, self._count = self._came, deque(), 0
+            came, self._came, self._rows = self._came, [], 0
             dropped, self._dropped = self._dropped, 0
         if dropped:
             text = f"{plural(dropped, 'row was', 'rows were')} dropped: nobody took them in time"
-            came.appendleft(notice("gap", self._since, text))
-        return list(came)
+            came.insert(0, notice("gap", self._since, text))
+        return came
+
+
+def usable(reading: float, why: str, largest: float) -> tuple[float, str]:
+    """A reading and `why` it is unusable, also if it is beyond any sensor, or no number."""
+    if abs(reading) > largest:
+        return nan, "beyond any sensor"
+    return reading, why or ("no number" if isnan(reading) else "")
+
+
+@dataclass
+class _Missing:
+    """Why a signal has no reading, since when for this reason, and since when at all, s; `told` is
+    the reason last reported as check function."""
+
+    why: str
+    since: float
+    first: float
+    told: str = ""
 
 
 class Assembler:
-    """Rows from values; `place_of` names the place of each signal."""
+    """Rows from values; `place_of` names the place of each signal.
+
+    A source that is not read is reported as a whole, not by its signals.
+    """
 
     def __init__(
         self, source: SourceMap, place_of: Mapping[str, str], hand: Handover, remarks: Remarks
     ) -> None:
-        self._interval = source.interval
+        self._interval, self._stale = source.interval, source.stale
         self._hand, self._remarks = hand, remarks
-        self._index = {name: i for i, name in enumerate(place_of)}
         self._place_of = place_of
-        self._values = np.full(len(place_of), np.nan)
+        self._values = dict.fromkeys(place_of, nan)
         self._silence = {place: Silence(source.stale) for place in place_of.values()}
         self._heard = set(self._silence)
-        self._unread = Unread(place_of, source.stale)
+        self._missing: dict[str, _Missing] = {}
         self._pending: set[str] = set()
         self._first = self._first_time = 0.0
-        self._newest = self._last = -float("inf")
+        self._newest = self._last = -inf
         self._lock = RLock()
+        for place in self._silence:
+            self._take_away(place)
 
     @property
     def begun(self) -> bool:
         """Whether there was a row."""
-        return self._last > -float("inf")
+        return self._last > -inf
 
     @property
     def silent(self) -> bool:
@@ -112,15 +128,19 @@ class Assembler:
             for place in self._heard.intersection(places):
                 self._silence[place].heard()
 
-    def unusable(self, signal: str, why: str) -> None:
-        """A signal has no value, which is reported if it is new."""
+    def take(self, signal: str, reading: float, why: str) -> None:
+        """The reading of a signal, or `why` it has none, which is reported if it is new."""
         with self._lock:
-            self._take(signal, float("nan"), why)
-
-    def _take(self, signal: str, reading: float, why: str) -> None:
-        self._values[self._index[signal]] = reading
-        if notices := self._unread.take(signal, why):
-            self._hand.notices(notices)
+            self._values[signal] = reading
+            before, now = self._missing.pop(signal, None), clocks.monotonic()
+            if not why:
+                return
+            if before is None or before.why != why:
+                first, told = (before.first, before.told) if before else (now, "")
+                before = _Missing(why, now, first, told)
+                text = f"{signal} has no reading: {why}"
+                self._hand.notices([notice("refused", clocks.time(), text)])
+            self._missing[signal] = before
 
     def put(
         self, places: Iterable[str], values: Mapping[str, tuple[float, str]], time: float
@@ -134,7 +154,7 @@ class Assembler:
                 self._first, self._first_time = clocks.monotonic(), time
             again = [place for place in here if self._silence[place].heard()]
             for name, (reading, why) in values.items():
-                self._take(name, reading, why)
+                self.take(name, reading, why)
             self._heard |= here
             if again and not self.silent:
                 text = "all values come again"
@@ -149,15 +169,21 @@ class Assembler:
         with self._lock:
             self._heard.discard(place)
             self._pending.discard(place)
-            gone = [name for name, of in self._place_of.items() if of == place]
-            for name in gone:
-                self._values[self._index[name]] = np.nan
-            self._unread.begin(gone)
+            self._take_away(place)
+
+    def _take_away(self, place: str) -> None:
+        now = clocks.monotonic()
+        for name in (name for name, of in self._place_of.items() if of == place):
+            self._values[name] = nan
+            told = self._missing[name].told if name in self._missing else ""
+            self._missing[name] = _Missing("no value has come", now, now, told)
 
     def tick(self) -> None:
-        """Call this periodically: it ends rows that wait for a place, and reports silent places."""
+        """Call this periodically: it ends rows that wait for a place, and reports silent places,
+        and signals without a reading for too long, or for another reason."""
         with self._lock:
-            if self._pending and clocks.monotonic() - self._first >= self._interval:
+            now, found = clocks.monotonic(), []
+            if self._pending and now - self._first >= self._interval:
                 self._end_row()
             silent = [place for place, silence in self._silence.items() if silence.begins()]
             for place in silent:
@@ -166,14 +192,20 @@ class Assembler:
                 seconds = max(self._silence[place].lasts for place in silent)
                 names = f"{', '.join(silent)}: " if any(silent) else ""
                 text = f"{names}no value for {seconds:.0f} s"
-                self._hand.notices([notice("stale", clocks.time(), text)])
-            read = [name for name, of in self._place_of.items() if of in self._heard]
-            self._hand.notices(self._unread.lasting(read))
+                found.append(notice("stale", clocks.time(), text))
+            for signal, one in self._missing.items():
+                lasts = now - (one.since if one.told else one.first)
+                read = self._place_of[signal] in self._heard
+                if read and lasts >= self._stale and one.told != one.why:
+                    one.told = one.why
+                    text = f"{signal} has had no reading for {lasts:.0f} s: {one.why}"
+                    found.append(notice("stale", clocks.time(), text, signal=signal))
+            self._hand.notices(found)
 
     def _end_row(self) -> None:
         """Hand out the row if it is later than the last; otherwise the next row has its values."""
         self._pending = set()
-        time, self._newest = self._newest, -float("inf")
+        time, self._newest = self._newest, -inf
         if time > self._last:
             self._last = time
             self._hand.row(time, self._values)
@@ -182,62 +214,3 @@ class Assembler:
                 f"values are {self._last - time:.3g} s older than the last row; rows are left out"
             )
             self._hand.notices(self._remarks.tell("clock", "rows", clocks.time(), text))
-
-
-@dataclass(frozen=True)
-class _Bad:
-    """Why a signal has no reading, since when for this reason, and since when at all, s."""
-
-    why: str
-    since: float
-    first: float
-
-
-def usable(reading: float, why: str, largest: float) -> tuple[float, str]:
-    """A reading and `why` it is unusable, also if it is beyond any sensor, or no number."""
-    if abs(reading) > largest:
-        return float("nan"), "beyond any sensor"
-    return reading, why or ("no number" if isnan(reading) else "")
-
-
-class Unread:
-    """Signals without a usable reading, and why; after `seconds` that is check function.
-
-    A source that is not read is reported as a whole, not by its signals.
-    """
-
-    def __init__(self, signals: Iterable[str], seconds: float) -> None:
-        self._seconds = seconds
-        self._bad: dict[str, _Bad] = {}
-        self._reported: dict[str, str] = {}
-        self.begin(signals)
-
-    def begin(self, signals: Iterable[str]) -> None:
-        """These signals have no reading until a value comes."""
-        now = clocks.monotonic()
-        self._bad |= dict.fromkeys(signals, _Bad("no value has come", now, now))
-
-    def take(self, signal: str, why: str) -> list[Notice]:
-        """A usable value came, or `why` it is unusable, which is reported if it is new."""
-        if not why:
-            self._bad.pop(signal, None)
-            self._reported.pop(signal, None)
-            return []
-        now = clocks.monotonic()
-        before = self._bad.get(signal)
-        if before is not None and before.why == why:
-            return []
-        self._bad[signal] = _Bad(why, now, now if before is None else before.first)
-        return [notice("refused", clocks.time(), f"{signal} has no reading: {why}")]
-
-    def lasting(self, signals: Collection[str]) -> list[Notice]:
-        """New notices that signals have had no reading for too long, or for another reason."""
-        found = []
-        for signal, bad in self._bad.items():
-            reported = self._reported.get(signal)
-            lasts = clocks.monotonic() - (bad.first if reported is None else bad.since)
-            if signal in signals and lasts >= self._seconds and reported != bad.why:
-                self._reported[signal] = bad.why
-                text = f"{signal} has had no reading for {lasts:.0f} s: {bad.why}"
-                found.append(notice("stale", clocks.time(), text, signal=signal))
-        return found

@@ -41,7 +41,7 @@ class Mqtt:
         self._sparkplug = Sparkplug(source.channels)
         place_of = {c.signal.id: c.signal.id for c in source.channels}
         self._place_of = place_of | self._sparkplug.place_of
-        self._hand = Handover(tuple(self._place_of))
+        self._hand = Handover()
         self._rows = Assembler(source, self._place_of, self._hand, self._remarks)
         self._by_topic: dict[str, list[Channel]] = {}
         self._scales: dict[str, tuple[float, float, float]] = {}

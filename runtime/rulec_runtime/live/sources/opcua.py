@@ -127,7 +127,7 @@ class Link:
             if not self.answered.is_set():
                 raise self._channels[i].refused(why)
             self._lacking.add(i)
-            self._rows.unusable(self._channels[i].signal.id, why)
+            self._rows.take(self._channels[i].signal.id, float("nan"), why)
 
     async def _heard_for(self, seconds: float, most: float) -> bool:
         """Returns after so many s; False if the server was silent for `most` s, or has ended the
@@ -229,7 +229,7 @@ class OpcUa:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
         place_of = {c.signal.id: c.server for c in source.channels}
         self._source, self._remarks = source, Remarks()
-        self._hand = Handover(tuple(place_of))
+        self._hand = Handover()
         self._rows = Assembler(source, place_of, self._hand, self._remarks)
         shared = (self._rows, self._hand, self._remarks)
         self._links = [Link(source, server, ruleset, *shared) for server in source.servers]
