@@ -150,8 +150,7 @@ class Outbox:
         self._pending = Pending() if file is None else waiting(file, plant)
         self.written = 0
         """Number of the last event that is stored already, and not taken again."""
-        self._spilled = bool(self._pending)
-        self._kept = self._pending  # what is in the file, or need not be
+        self._filed = self._pending or None  # what is in the file
         self._trouble: float | None = None  # since when the sink fails, by the clock
         self._wait = limits.FIRST_RETRY
         self._due = self._spill_due = self._written = clock()
@@ -268,16 +267,23 @@ class Outbox:
                 self._sink.commit(self._plant, pending.events, pending.state, dated=pending.dated)
                 self._noting(pending.notes)
             except (JournalTrouble, OSError) as error:
-                self._failed(str(error), now)
-            except JournalRefused as error:
-                self._stopped(str(error))
+                if self._trouble is None:
+                    self._trouble, self._wait = now, limits.FIRST_RETRY
+                    self._say(f"{error}; events are kept and written when it works again")
+                self._due = self._clock() + self._wait
+                self._wait = min(2 * self._wait, limits.LAST_RETRY)
             except Exception as error:  # a bug of ours must neither end the diagnosis nor be silent
-                self._stopped(f"{self.place}: {type(error).__name__}: {error}")
+                of_ours = f"{self.place}: {type(error).__name__}: {error}"
+                self._refused = str(error) if isinstance(error, JournalRefused) else of_ours
+                self._spill_due = self._clock()
+                self._say(self._refused)
             else:
                 self._done(pending, now)
                 return 0.0 if self._pending else limits.RENEWED
+            with self._changed:
+                self._changed.notify_all()
             self._keep(pending)
-        due = self._due if self._kept is pending else min(self._due, self._spill_due)
+        due = min(self._due, self._spill_due) if self._unfiled(pending) else self._due
         return max(due - self._clock(), 0.0)
 
     def _run(self) -> None:
@@ -294,24 +300,6 @@ class Outbox:
         self._spill_due = self._clock()  # nothing comes after this: the file must have all
         self._keep(self._pending)
 
-    def _failed(self, reason: str, now: float) -> None:
-        if self._trouble is None:
-            self._trouble, self._wait = now, limits.FIRST_RETRY
-            self._say(f"{reason}; events are kept and written when it works again")
-        self._due = self._clock() + self._wait
-        self._wait = min(2 * self._wait, limits.LAST_RETRY)
-        self._notify()
-
-    def _stopped(self, reason: str) -> None:
-        self._refused = reason
-        self._spill_due = self._clock()
-        self._say(reason)
-        self._notify()
-
-    def _notify(self) -> None:
-        with self._changed:
-            self._changed.notify_all()
-
     def _done(self, pending: Pending, now: float) -> None:
         with self._changed:
             left = self._pending  # others may have come meanwhile
@@ -323,30 +311,32 @@ class Outbox:
             )
             self._changed.notify_all()
         self._written = now
-        if self._spilled and self.file is not None:
+        if self._filed is not None and self.file is not None:
             with suppress(OSError):  # its events would be written again, which changes nothing
                 self.file.unlink(missing_ok=True)
-                self._spilled = False
+                self._filed = None
         if self._trouble is not None:
             lasted = duration(now - self._trouble)
             self._trouble, count = None, len(pending.events)
             what = f", with {counted(count, 'event')} that waited" if count else ""
             self._say(f"{self.place}: written again after {lasted}{what}")
 
+    def _unfiled(self, pending: Pending) -> bool:
+        """Whether something waits that the file should have, and has not."""
+        waits = pending.events or pending.notes
+        return bool(waits) and self.file is not None and self._filed is not pending
+
     def _save(self, pending: Pending) -> None:
         if self.file is not None:
             spill(self.file, self._plant, pending)
-            self._spilled, self._kept = True, pending
+            self._filed = pending
 
     def _keep(self, pending: Pending) -> None:
         """Save what waits in the file as a whole, but only as often as that takes little time."""
         began = self._clock()
-        if self.file is None or not (pending.events or pending.notes) or self._kept is pending:
-            self._kept = pending
-            return
-        if began < self._spill_due:
-            return
-        with suppress(OSError):  # if this disk is full as well, memory still has everything
-            self._save(pending)
-        now = self._clock()
-        self._spill_due = now + max((now - began) / limits.SPILL_SHARE, limits.SPILL_PAUSE)
+        if self._unfiled(pending) and began >= self._spill_due:
+            with suppress(OSError):  # if this disk is full as well, memory still has everything
+                self._save(pending)
+            now = self._clock()
+            pause = max((now - began) / limits.SPILL_SHARE, limits.SPILL_PAUSE)
+            self._spill_due = now + pause
