@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event, form_of
@@ -84,7 +84,18 @@ TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 STATES = ("ok", "M", "S", "C", "F")
 """NE 107, the least urgent first."""
 
-Labels = Mapping[str, str]
+Samples = list[tuple[dict[str, str], float]]
+"""Samples of a metric: labels and value."""
+
+FINDING: dict[str, tuple[str, Callable[[Now, Episode], float]]] = {
+    "degree": ("Degree of an active finding", lambda _, e: e.degree),
+    "degree_lower": ("Lower 95 % bound of the degree", lambda _, e: e.lower),
+    "degree_upper": ("Upper 95 % bound of the degree", lambda _, e: e.upper),
+    "rate": ("Growth of the degree of an active finding per second", lambda _, e: e.rate),
+    "probability": ("Probability of an active finding", lambda _, e: e.probability),
+    "acknowledged": ("1 if somebody has taken note of it", lambda n, e: e.id in n.acknowledged),
+}
+"""Gauges of active findings: meaning and value."""
 
 
 def metrics(now: Now, age: float | None) -> str:
@@ -93,28 +104,7 @@ def metrics(now: Now, age: float | None) -> str:
     Source: OpenMetrics 1.0.0; a status is a StateSet, one of whose samples is 1.
     """
     plant = {"plant": now.plant}
-    lines = [
-        *_states("rulec_plant_status", "NE 107 status of the plant", [(plant, now.status)]),
-        *_states(
-            "rulec_module_status",
-            "NE 107 status of a module",
-            [({**plant, "module": name}, letter) for name, _, letter in modules(now)],
-        ),
-        *_findings(now, plant),
-        "# TYPE rulec_rows counter",
-        "# HELP rulec_rows Rows of readings that have come",
-        _sample("rulec_rows_total", plant, now.rows),
-        *_gauge("rulec_connected", "1 while rows come from the source", plant, now.connected),
-        *_gauge(
-            "rulec_last_row_age_seconds", "How long ago the last row came", plant, age, "seconds"
-        ),
-        "# EOF",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _findings(now: Now, plant: Labels) -> Iterator[str]:
-    series: dict[tuple[str, ...], tuple[Labels, Episode]] = {}
+    series: dict[tuple[str, ...], tuple[dict[str, str], Episode]] = {}
     for e in now.active:
         # Other subjects are texts, each of which would become a separate series.
         subject = e.subject if e.kind in ("fault", "sensor", "regime") else ""
@@ -122,47 +112,37 @@ def _findings(now: Now, plant: Labels) -> Iterator[str]:
         own |= {"status": e.status, "unit": e.unit}
         # Two episodes with the same labels would duplicate a series: the worst comes first.
         series.setdefault(tuple(own.values()), (own, e))
-    quantities: tuple[tuple[str, str, Callable[[Episode], float]], ...] = (
-        ("degree", "Degree of an active finding", lambda e: e.degree),
-        ("degree_lower", "Lower 95 % bound of the degree", lambda e: e.lower),
-        ("degree_upper", "Upper 95 % bound of the degree", lambda e: e.upper),
-        ("rate", "Growth of the degree of an active finding per second", lambda e: e.rate),
-        ("probability", "Probability of an active finding", lambda e: e.probability),
-        ("acknowledged", "1 if somebody has taken note of it", lambda e: e.id in now.acknowledged),
-    )
-    for name, text, value in quantities:
-        yield from _head(f"rulec_finding_{name}", "gauge", text)
-        for labels, episode in series.values():
-            yield _sample(f"rulec_finding_{name}", labels, value(episode))
+    of_modules = [({**plant, "module": name}, letter) for name, _, letter in modules(now)]
+    old: Samples = [] if age is None else [(plant, age)]
+    lines = [
+        *_states("rulec_plant_status", "NE 107 status of the plant", [(plant, now.status)]),
+        *_states("rulec_module_status", "NE 107 status of a module", of_modules),
+    ]
+    for name, (text, value) in FINDING.items():
+        samples = [(labels, value(now, e)) for labels, e in series.values()]
+        lines += _metric(f"rulec_finding_{name}", "gauge", text, samples)
+    text = "Rows of readings that have come"
+    lines += _metric("rulec_rows", "counter", text, [(plant, now.rows)], ending="_total")
+    text = "1 while rows come from the source"
+    lines += _metric("rulec_connected", "gauge", text, [(plant, now.connected)])
+    text = "How long ago the last row came"
+    lines += _metric("rulec_last_row_age_seconds", "gauge", text, old, unit="seconds")
+    return "\n".join([*lines, "# EOF"]) + "\n"
 
 
-def _states(name: str, text: str, states: list[tuple[Labels, str]]) -> Iterator[str]:
-    yield from _head(name, "stateset", text)
-    for labels, state in states:
-        for one in STATES:
-            yield _sample(name, {**labels, name: one}, one == state)
+def _states(name: str, text: str, states: list[tuple[dict[str, str], str]]) -> list[str]:
+    each = [({**labels, name: one}, float(one == own)) for labels, own in states for one in STATES]
+    return _metric(name, "stateset", text, each)
 
 
-def _gauge(
-    name: str, text: str, labels: Labels, value: float | None, unit: str = ""
-) -> Iterator[str]:
-    yield from _head(name, "gauge", text, unit)
-    if value is not None:
-        yield _sample(name, labels, value)
-
-
-def _head(name: str, kind: str, text: str, unit: str = "") -> Iterator[str]:
-    yield f"# TYPE {name} {kind}"
-    if unit:
-        yield f"# UNIT {name} {unit}"
-    yield f"# HELP {name} {text}"
-
-
-def _sample(name: str, labels: Labels, value: float) -> str:
-    pairs = ",".join(f'{key}="{_escaped(text)}"' for key, text in labels.items())
-    number = f"{float(value):.10g}".replace("nan", "NaN").replace("inf", "Inf")
-    return f"{name}{{{pairs}}} {number}"
-
-
-def _escaped(text: str) -> str:
-    return one_line(text).replace("\\", "\\\\").replace('"', '\\"')
+def _metric(
+    name: str, kind: str, text: str, samples: Samples, *, unit: str = "", ending: str = ""
+) -> list[str]:
+    lines = [f"# TYPE {name} {kind}", *([f"# UNIT {name} {unit}"] if unit else ())]
+    lines.append(f"# HELP {name} {text}")
+    for labels, value in samples:
+        texts = (one_line(v).replace("\\", "\\\\").replace('"', '\\"') for v in labels.values())
+        pairs = ",".join(f'{label}="{shown}"' for label, shown in zip(labels, texts, strict=True))
+        number = f"{float(value):.10g}".replace("nan", "NaN").replace("inf", "Inf")
+        lines.append(f"{name}{ending}{{{pairs}}} {number}")
+    return lines
