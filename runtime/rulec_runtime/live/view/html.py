@@ -3,6 +3,7 @@
 import base64
 import hashlib
 from pathlib import Path
+from string import Template
 
 from rulec_runtime.live.episode import QUIET, Event
 from rulec_runtime.live.moment import Now
@@ -26,6 +27,7 @@ from rulec_runtime.report.html_findings import REMARKS, badge, finding_card, gro
 from rulec_runtime.report.text import counted, safe
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
+PAGE = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
 LOOK = STYLE + Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 
 
@@ -42,19 +44,10 @@ POLICY = (
 
 def page_of(now: Now, age: float | None, main: str) -> str:
     """The whole page, in one file; it shows this moment even without scripts."""
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        '<link rel="icon" href="data:,"/>'
-        f'<noscript><meta http-equiv="refresh" content="{STATIC}"/></noscript>'
-        f"<title>{safe(title_of(now))}</title><style>{LOOK}</style></head>\n"
-        f'<body data-every="{1000 * TICK:.0f}" data-silent="{1000 * SILENT:.0f}">'
-        f'<header><h1>{safe(now.title)}</h1><span class="soft">{safe(now.plant)}</span></header>\n'
-        '<p id="lost" role="alert" hidden><strong>✗ Connection lost.</strong> This page is no '
-        "longer kept up to date; it is trying again.</p>\n"
-        f'<div id="link">{link_of(now, age)}</div>\n<main id="now">{main}</main>\n'
-        f"<script>{SCRIPT}</script></body></html>\n"
-    )
+    parts = {"look": LOOK, "script": SCRIPT, "link": link_of(now, age), "main": main}
+    names = {"title": safe(title_of(now)), "name": safe(now.title), "plant": safe(now.plant)}
+    times = {"static": STATIC, "every": f"{1000 * TICK:.0f}", "silent": f"{1000 * SILENT:.0f}"}
+    return PAGE.substitute(parts | names | times)
 
 
 def title_of(now: Now) -> str:
@@ -78,24 +71,21 @@ def main_of(now: Now, seal: str) -> str:
     """Everything that changes, except the connection."""
     symbol, letter, meaning = overall(now)
     status = badge(letter) if letter else f'<span class="badge is-none">{symbol}</span>'
-    found = cards(now)
-    findings = [card for card in found if card.episode.kind != "blind"]
-    blind = [card for card in found if card.episode.kind == "blind"]
-    sections = "".join(_card(now, card, seal) for card in findings)
+    found, meaning = cards(now), meaning[:1].upper() + meaning[1:]
+    findings = "".join(_card(now, card, seal) for card in found if card.episode.kind != "blind")
     chips = "".join(
         f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{badge(one, True)}</li>'
         for name, title, one in modules(now)
     )
-    below = "" if _sentence(meaning) == lead(now) else safe(_sentence(meaning))
     events = "".join(_event(now, event) for event in now.past[:LATEST_EVENTS])
     past = f'<ol class="events">{events}</ol>' if events else ""
+    blind = _blind(now, [card for card in found if card.episode.kind == "blind"], seal)
     return (
-        f'<div class="status">{status}<p role="status">'
-        f'<strong>{safe(lead(now))}</strong><span class="soft">{below}</span></p></div>'
-        f'<div class="sides"><div>{sections}{_residuals(now)}</div>'
+        f'<div class="status">{status}<p role="status"><strong>{safe(lead(now))}</strong>'
+        f'<span class="soft">{"" if meaning == lead(now) else safe(meaning)}</span></p></div>'
+        f'<div class="sides"><div>{findings}{_residuals(now)}</div>'
         f"<div>{_section('Modules', f'<ul class=modules>{chips}</ul>' if chips else '')}"
-        f"{_section('Cannot be judged', _blind(now, blind, seal))}"
-        f"{_section('Past events', past)}</div></div>"
+        f"{_section('Cannot be judged', blind)}{_section('Past events', past)}</div></div>"
     )
 
 
@@ -104,36 +94,31 @@ def key_of(episode: str) -> str:
     return hashlib.sha256(episode.encode("utf-8", "surrogatepass")).hexdigest()[:16]
 
 
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def _section(title: str, body: str) -> str:
     return f"<section><h2>{title}</h2>{body}</section>" if body else ""
 
 
 def _card(now: Now, card: Card, seal: str) -> str:
     episode = card.episode
-    rows = [("What to do", f'<span class="do">{safe(card.action)}</span>')] if card.action else []
-    if card.size:
-        degree, _, ends = card.size.partition(" (")
-        about = f", {card.meaning}" if card.meaning else ""
-        text = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}'
-        rows.append(("Degree", text))
-    if episode.grows:
-        rows.append(("Growth", safe(episode.grows)))
-    rows.append(("Seen", safe(card.since)))
-    if card.probability:
-        rows.append(("Probability", safe(card.probability)))
-    if card.others:
-        rows.append(("Could also be", safe(card.others)))
+    degree, _, ends = card.size.partition(" (")
+    about = f", {card.meaning}" if card.meaning else ""
+    size = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}' if degree else ""
+    rows = {
+        "What to do": f'<span class="do">{safe(card.action)}</span>' if card.action else "",
+        "Degree": size,
+        "Growth": safe(episode.grows),
+        "Seen": safe(card.since),
+        "Probability": safe(card.probability),
+        "Could also be": safe(card.others),
+    }
     why = ""
     if card.finding is not None and now.diagnosis is not None:
         why = (
             f'<details id="why-{key_of(episode.id)}"><summary>Why</summary><div class="evidence">'
             f"{ground_of(now.diagnosis.ruleset, card.finding)}</div></details>"
         )
-    return finding_card(episode.status, safe(card.title), rows, why + _note(card, seal))
+    told = [(term, text) for term, text in rows.items() if text]
+    return finding_card(episode.status, safe(card.title), told, why + _note(card, seal))
 
 
 def _note(card: Card, seal: str) -> str:

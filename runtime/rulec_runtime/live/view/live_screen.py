@@ -59,15 +59,14 @@ class Keys:
 
     def __enter__(self) -> Self:
         self._file = self._terminal()
-        if self._file is None:
-            return self
         try:
-            self._before = termios.tcgetattr(self._file)
-            atexit.register(self.restore)
-            tty.setcbreak(self._file, termios.TCSANOW)
-            now = termios.tcgetattr(self._file)
-            now[6][termios.VSUSP] = b"\x00"
-            termios.tcsetattr(self._file, termios.TCSANOW, now)
+            if self._file is not None:
+                self._before = termios.tcgetattr(self._file)
+                atexit.register(self.restore)
+                tty.setcbreak(self._file, termios.TCSANOW)
+                now = termios.tcgetattr(self._file)
+                now[6][termios.VSUSP] = b"\x00"
+                termios.tcsetattr(self._file, termios.TCSANOW, now)
         except (termios.error, OSError):
             self.restore()
         return self
@@ -85,15 +84,14 @@ class Keys:
         if self._file is None:
             time.sleep(seconds)
             return []
-        try:
-            ready = select.select([self._file], [], [], seconds)[0]
-            text = os.read(self._file, 256) if ready else None
-        except (OSError, ValueError):
-            text = b""
-        if text == b"":  # the terminal is gone
+        text = b""
+        with contextlib.suppress(OSError, ValueError):
+            if not select.select([self._file], [], [], seconds)[0]:
+                return []
+            text = os.read(self._file, 256)
+        if not text:  # the terminal is gone
             self.restore()
-            return []
-        found = _SEQUENCE.findall((text or b"").decode("ascii", "ignore"))
+        found = _SEQUENCE.findall(text.decode("ascii", "ignore"))
         return [NAMES[part] for part in found if part in NAMES]
 
     def restore(self) -> None:
@@ -115,13 +113,10 @@ class Keys:
         with contextlib.suppress(OSError, ValueError, AttributeError):
             if file is None and sys.stdin.isatty():
                 file = sys.stdin.fileno()
-        if file is None:
-            with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):
+            if file is None:
                 file = os.open("/dev/tty", os.O_RDONLY | os.O_CLOEXEC)
                 self._own = True
-        if file is None:
-            return None
-        with contextlib.suppress(OSError):
             if os.isatty(file) and (self._given is not None or os.tcgetpgrp(file) == os.getpgrp()):
                 return file
         return None
@@ -222,11 +217,9 @@ class LiveScreen:
                 pressed = self._keys.take(REDRAWN)
                 for key in pressed:
                     self._press(key)
-                due = self._changed.is_set() or time.monotonic() - drawn >= TICK
-                if pressed or due:
+                if pressed or self._changed.is_set() or time.monotonic() - drawn >= TICK:
                     self._changed.clear()
-                    picture = self._picture()
-                    if picture is not None and self._live is not None:
+                    if self._live is not None and (picture := self._picture()) is not None:
                         self._live.update(picture, refresh=True)
                     drawn = time.monotonic()
         except BaseException as error:  # raised by `show`, in the main thread
@@ -235,14 +228,11 @@ class LiveScreen:
     def _press(self, key: str) -> None:
         if key == "quit":
             self._quit.set()
-            return
-        picture = self._picture()
-        if picture is None:
-            return
-        now = picture.now
-        if key == "acknowledge" and now.active:
-            self._acknowledge(listed(now)[place_of(self._state, now)].id, who())
-        self._state = after(self._state, key, now, picture.room(self._console))
+        elif (picture := self._picture()) is not None:
+            now = picture.now
+            if key == "acknowledge" and now.active:
+                self._acknowledge(listed(now)[place_of(self._state, now)].id, who())
+            self._state = after(self._state, key, now, picture.room(self._console))
 
     def _picture(self) -> Screen | None:
         if self._now is None:
