@@ -16,7 +16,7 @@ from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.html import LOOK, POLICY, SCRIPT, key_of
 from rulec_runtime.live.view.machine_forms import TYPE, metrics
-from rulec_runtime.live.view.page import Board, Page, application, serve
+from rulec_runtime.live.view.page import Page, application, serve
 from rulec_runtime.live.view.page_access import Gate, PageRefused, is_loopback
 from starlette.testclient import TestClient
 
@@ -32,7 +32,7 @@ def asked(
 ) -> tuple[TestClient, Gate, list[tuple[str, str]]]:
     """A browser before a page that shows a moment, and what it acknowledged."""
     gate, noted = Gate(host, 80, token), list[tuple[str, str]]()
-    app = application(Board(lambda: now, gate.seal), gate, lambda *a: noted.append(a))
+    app = application(lambda: now, gate, lambda *a: noted.append(a))
     return TestClient(app, base_url=f"http://{name}", follow_redirects=False), gate, noted
 
 

@@ -26,41 +26,13 @@ from rulec_runtime.live.view.page_access import Door, Gate, Visitor
 Acknowledge = Callable[[str, str], None]
 
 
-class Board:
-    """The content of all pages, made once per moment for all viewers.
-
-    `state_of` returns the present moment at once, in any thread. `seal` is for the forms of the
-    page.
-    """
-
-    def __init__(self, state_of: Callable[[], Now], seal: str) -> None:
-        self._state_of = state_of
-        self._seal = seal
-        self._lock = threading.Lock()
-        self._made: tuple[Now, str] | None = None
-
-    def now(self) -> tuple[Now, float | None]:
-        """The present moment, and the age of its last row, s."""
-        now = self._state_of()
-        return now, now.age
-
-    def main(self, now: Now) -> str:
-        """HTML of everything that changes, except the connection."""
-        with self._lock:
-            if self._made is None or self._made[0] is not now:
-                self._made = (now, main_of(now, self._seal))
-            return self._made[1]
-
-
 class Page:
     """A page that is served in its own thread until it is closed."""
 
     def __init__(self, server: uvicorn.Server, bound: socket.socket, url: str) -> None:
         self.url = url
         self._server, self._bound = server, bound
-        self._thread = threading.Thread(
-            target=_serve, args=(server, bound), name="page", daemon=True
-        )
+        self._thread = threading.Thread(target=self._serve, name="page", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -69,9 +41,8 @@ class Page:
         self._thread.join()
         self._bound.close()
 
-
-def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
-    asyncio.run(server.serve(sockets=[bound]))
+    def _serve(self) -> None:
+        asyncio.run(self._server.serve(sockets=[self._bound]))
 
 
 def serve(
@@ -94,9 +65,8 @@ def serve(
     bound = socket.create_server((host, port), family=family)
     port = bound.getsockname()[1]
     gate = replace(gate, port=port)
-    board = Board(state_of, gate.seal)
     config = uvicorn.Config(
-        application(board, gate, acknowledge),
+        application(state_of, gate, acknowledge),
         log_config=None,
         log_level="critical",
         access_log=False,
@@ -113,23 +83,25 @@ def serve(
     return Page(uvicorn.Server(config), bound, f"http://{shown}:{port}/")
 
 
-def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
+def application(state_of: Callable[[], Now], gate: Gate, acknowledge: Acknowledge) -> Door:
     """All paths behind the gate."""
 
     async def page(_: Request) -> Response:
-        now, age = board.now()
-        return HTMLResponse(page_of(now, age, board.main(now)))
+        now = state_of()
+        return HTMLResponse(page_of(now, now.age, main_of(now, gate.seal)))
 
     async def changed(_: Request) -> Response:
-        now, age = board.now()
-        parts = {"title": title_of(now), "link": link_of(now, age), "main": board.main(now)}
-        return JSONResponse(parts)
+        now = state_of()
+        parts = {"title": title_of(now), "link": link_of(now, now.age)}
+        return JSONResponse({**parts, "main": main_of(now, gate.seal)})
 
     async def data(_: Request) -> Response:
-        return Response(now_text(*board.now()), media_type="application/json")
+        now = state_of()
+        return Response(now_text(now, now.age), media_type="application/json")
 
     async def measured(_: Request) -> Response:
-        return Response(metrics(*board.now()), headers={"content-type": TYPE})
+        now = state_of()
+        return Response(metrics(now, now.age), headers={"content-type": TYPE})
 
     async def noted(request: Request) -> Response:
         form = await _form(request)
@@ -138,9 +110,8 @@ def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
         bearer = "authorization" in request.headers and gate.token is not None
         if not gate.is_own_form(request.headers, form.get("seal", ""), bearer):
             return PlainTextResponse("this form was not sent by the page\n", 403)
-        now, _ = board.now()
         asked = form.get("episode", "")
-        episode = next((e.id for e in now.active if asked in (e.id, key_of(e.id))), None)
+        episode = next((e.id for e in state_of().active if asked in (e.id, key_of(e.id))), None)
         if episode is None:
             return PlainTextResponse("there is no such episode any more\n", 404)
         client = request.client.host if request.client else ""
