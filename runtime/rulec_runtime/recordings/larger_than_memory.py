@@ -10,7 +10,7 @@ import os
 import tempfile
 from collections.abc import Sequence
 from math import prod
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -62,35 +62,33 @@ class Growing:
     """Numbers that come in parts, until they are joined."""
 
     def __init__(self) -> None:
-        self._parts: list[np.ndarray] = []
-        self._waiting = self._written = 0
-        self._file: IO[bytes] | None = None
-        self._mapped: Array | None = None
+        spooled = tempfile.SpooledTemporaryFile(limits.IN_MEMORY, prefix="rulec-")  # noqa: SIM115
+        self._file = spooled
+        self._size = 0
+        self._joined: Array | None = None
 
     def append(self, part: np.ndarray) -> None:
         """Append numbers. Raises `Refusal` if the disk has no room for them."""
-        self._parts.append(np.asarray(part, dtype=float))
-        self._waiting += self._parts[-1].nbytes
-        if self._waiting > limits.IN_MEMORY:
-            self._write()
-
-    def _write(self) -> None:
+        data = np.asarray(part, dtype=float).tobytes()
+        self._size += len(data)
         try:
-            self._file = self._file or tempfile.TemporaryFile(prefix="rulec-")  # noqa: SIM115
-            for part in self._parts:
-                self._file.write(part.tobytes())
-            self._file.flush()
+            self._file.write(data)
         except OSError as error:
-            raise _no_room(self._written + self._waiting, error) from None
-        self._parts, self._written, self._waiting = [], self._written + self._waiting, 0
+            raise _no_room(self._size, error) from None
 
     def joined(self) -> Array:
         """All numbers, shape (n,)."""
-        if self._file is not None:
-            self._write()
-            with self._file as file:
-                self._mapped = np.frombuffer(mmap.mmap(file.fileno(), self._written), float)
-            self._file = None
-        if self._mapped is not None:
-            return self._mapped
-        return np.concatenate(self._parts) if self._parts else np.zeros(0)
+        if self._joined is None:
+            self._joined = np.frombuffer(self._content(), float)
+            self._file.close()
+        return self._joined
+
+    def _content(self) -> bytearray | mmap.mmap:
+        self._file.seek(0)
+        if self._size <= limits.IN_MEMORY:
+            return bytearray(self._file.read())
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise _no_room(self._size, error) from None
+        return mmap.mmap(self._file.fileno(), self._size)

@@ -13,8 +13,16 @@ from typing import BinaryIO
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 
-_ANY = "latin-1"
-"""An encoding that accepts every byte."""
+_AS_LATIN = "rulec-as-latin-1"
+
+
+def _as_latin(error: UnicodeError) -> tuple[str, int]:
+    """Bytes that are no text in the encoding of the file, as Latin-1, which accepts every byte."""
+    assert isinstance(error, UnicodeDecodeError)
+    return error.object[error.start : error.end].decode("latin-1"), error.end
+
+
+codecs.register_error(_AS_LATIN, _as_latin)
 
 
 class _Reader(io.RawIOBase):
@@ -37,74 +45,42 @@ class _Reader(io.RawIOBase):
 
 @dataclass(frozen=True)
 class TextFile:
-    """Text in an encoding."""
+    """Text in UTF-8 or in UTF-16 with a byte order mark, perhaps packed; `path` names it in
+    messages."""
 
     file: BinaryIO
-    packed: bool
-    encoding: str
+    path: Path
 
-    def opened(self) -> io.TextIOWrapper:
-        """The text from its beginning, with its line ends unchanged."""
-        stream = _unpacked(self.file, self.packed)
-        return io.TextIOWrapper(stream, self.encoding, "replace", newline="")
-
-
-def text_file(file: BinaryIO, path: Path) -> TextFile:
-    """Text in UTF-8 or in UTF-16 with a byte order mark, else in Latin-1, which accepts every byte.
-    Raises `RecordingRefused` if the file cannot be read or is binary."""
-    file.seek(0)
-    packed = file.read(2) == b"\x1f\x8b"
-    begin = next(_pieces(file, packed, path), b"")
-    wide = begin[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-    decoder = codecs.getincrementaldecoder("utf-16" if wide else "utf-8")()
-    encoding, holds_zero, zero_bytes = "utf-16" if wide else "utf-8-sig", False, False
-    open_line = 0
-    for piece in _pieces(file, packed, path):
-        zero_bytes = zero_bytes or b"\0" in piece
-        encoding, zero = _decoded(decoder, piece, encoding, wide)
-        holds_zero = holds_zero or zero
-        if holds_zero or (zero_bytes and not wide):
-            break  # a binary file may be long
-        end = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
-        open_line = open_line + len(piece) if end < 0 else len(piece) - end
-        if open_line > limits.LONGEST_LINE:
+    def lines(self) -> Iterator[str]:
+        """Its lines from the beginning, with their ends unchanged. Raises `RecordingRefused` where
+        the file cannot be read, is binary, or unpacks to an implausible size."""
+        size, total = self.file.seek(0, os.SEEK_END), 0
+        stream: io.BufferedReader = io.BufferedReader(_Reader(self.file), limits.PIECE)
+        packed = stream.peek(2)[:2] == b"\x1f\x8b"
+        unpacked = gzip.GzipFile(fileobj=stream) if packed else stream
+        try:
+            wide = unpacked.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+            encoding = "utf-16" if wide else "utf-8-sig"
+            text = io.TextIOWrapper(unpacked, encoding, _AS_LATIN, newline="")
+            while line := text.readline(limits.LONGEST_LINE + 1):
+                total += len(line)
+                if packed:
+                    refuse_bomb(self.path, total, size)
+                self._check(line)
+                yield line
+        except (OSError, EOFError, zlib.error) as error:
+            reason = getattr(error, "strerror", None) or error
             raise RecordingRefused(
-                f"{path}: a line of it has more than {limits.LONGEST_LINE >> 20} MB, as no "
+                f"{self.path}: cannot be read ({reason}); copy it again"
+            ) from None
+
+    def _check(self, line: str) -> None:
+        if "\0" in line:
+            raise RecordingRefused(
+                f"{self.path}: this is a binary file; export the recording as CSV"
+            )
+        if len(line) > limits.LONGEST_LINE:
+            raise RecordingRefused(
+                f"{self.path}: a line of it has more than {limits.LONGEST_LINE >> 20} MB, as no "
                 "recording has; export it again"
             )
-    encoding, zero = _decoded(decoder, b"", encoding, wide, final=True)
-    if zero_bytes if encoding == _ANY or not wide else holds_zero or zero:
-        raise RecordingRefused(f"{path}: this is a binary file; export the recording as CSV")
-    return TextFile(file, packed, encoding)
-
-
-def _decoded(
-    decoder: codecs.IncrementalDecoder, piece: bytes, encoding: str, wide: bool, final: bool = False
-) -> tuple[str, bool]:
-    """The encoding that is still possible, and whether a wide character is zero."""
-    if encoding == _ANY:
-        return encoding, False
-    try:
-        return encoding, "\0" in decoder.decode(piece, final) and wide
-    except UnicodeDecodeError:
-        return _ANY, False
-
-
-def _pieces(file: BinaryIO, packed: bool, path: Path) -> Iterator[bytes]:
-    """Bytes piece by piece, so that a small packed file cannot fill the memory."""
-    total, size = 0, file.seek(0, os.SEEK_END)
-    stream = _unpacked(file, packed)
-    try:
-        while piece := stream.read(limits.PIECE):
-            total += len(piece)
-            if packed:
-                refuse_bomb(path, total, size)
-            yield piece
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise RecordingRefused(f"{path}: cannot be read ({reason}); copy it again") from None
-
-
-def _unpacked(file: BinaryIO, packed: bool) -> io.BufferedReader | gzip.GzipFile:
-    stream: io.BufferedReader = io.BufferedReader(_Reader(file), limits.PIECE)
-    return gzip.GzipFile(fileobj=stream) if packed else stream

@@ -24,7 +24,7 @@ from rulec_runtime.recordings.csv_table import (
     rows_of,
 )
 from rulec_runtime.recordings.table import Sheet, Table
-from rulec_runtime.recordings.text_file import TextFile, text_file
+from rulec_runtime.recordings.text_file import TextFile
 from rulec_runtime.recordings.time_column import order_in
 from rulec_runtime.recordings.titles import (
     TitleLine,
@@ -193,14 +193,14 @@ def text_sheet(
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a CSV file (also .gz): comma, semicolon or tab; decimal point or comma."""
-    text = text_file(file, path)
+    text = TextFile(file, path)
     found = _titles_in(path, text, times)
     if found is None:
         raise RecordingRefused(f"{path}: the file is empty")
     start, separator = found.number, found.separator
 
     def lines_from() -> Iterator[str]:
-        return islice(text.opened(), start, None)
+        return islice(text.lines(), start, None)
 
     titles = next(rows_of(path, lines_from(), separator), None)
     if titles is None:
@@ -216,7 +216,7 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
 def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine | None:
     search = TitleSearch(times)
-    for line in text.opened():
+    for line in text.lines():
         refuse_columns(path, max(map(line.count, ",;\t")))
         if found := search.add(line):
             return found

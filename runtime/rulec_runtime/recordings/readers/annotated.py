@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from rulec_runtime.recordings.csv_table import RecordingRefused, rows_of
 from rulec_runtime.recordings.table import Sheet
-from rulec_runtime.recordings.text_file import TextFile, text_file
+from rulec_runtime.recordings.text_file import TextFile
 from rulec_runtime.recordings.text_table import text_sheet
 
 BEGINS = ("#group", "#datatype", "#default")
@@ -46,14 +46,14 @@ class _Head:
 
 def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
     """The readings of all tables, one per row."""
-    text = text_file(file, path)
-    series = {key for key, _, _ in _cells(text, path)}
+    text = TextFile(file, path)
+    series = {key for key, _, _ in _cells(text)}
     if not series:
         raise RecordingRefused(f"{path}: no table in it has a column '{TIME}' and readings")
     names = _names(series)
 
     def rows() -> Iterator[list[str]]:
-        return ([names[key], time, value] for key, time, value in _cells(text, path))
+        return ([names[key], time, value] for key, time, value in _cells(text))
 
     return [text_sheet(path, "", ["tag", "time", "value"], rows, ",")]
 
@@ -71,16 +71,15 @@ def _names(series: set[Series]) -> dict[Series, str]:
     return {key: ".".join(cell for title, cell in key if title in used) for key in series}
 
 
-def _cells(text: TextFile, path: Path) -> Iterator[tuple[Series, str, str]]:
+def _cells(text: TextFile) -> Iterator[tuple[Series, str, str]]:
     """Series, time and value of each reading."""
-    with text.opened() as lines:
-        for head, row in _tables(path, lines):
-            cells = {
-                title: cell or head.defaults.get(title, "")
-                for title, cell in zip(head.titles, row, strict=False)
-            }
-            for title in head.readings if TIME in cells else ():
-                yield _series(head, cells, title), cells[TIME], cells[title]
+    for head, row in _tables(text):
+        cells = {
+            title: cell or head.defaults.get(title, "")
+            for title, cell in zip(head.titles, row, strict=False)
+        }
+        for title in head.readings if TIME in cells else ():
+            yield _series(head, cells, title), cells[TIME], cells[title]
 
 
 def _series(head: _Head, cells: Mapping[str, str], title: str) -> Series:
@@ -93,11 +92,11 @@ def _series(head: _Head, cells: Mapping[str, str], title: str) -> Series:
     return ((MEASUREMENT, cells.get(MEASUREMENT, "")), *tags, (FIELD, field))
 
 
-def _tables(path: Path, lines: Iterator[str]) -> Iterator[tuple[_Head, Sequence[str]]]:
+def _tables(text: TextFile) -> Iterator[tuple[_Head, Sequence[str]]]:
     """Rows with the head of their table; annotations, or a row of titles, begin another table."""
     notes: dict[str, list[str]] = {}
     head: _Head | None = None
-    for row in rows_of(path, lines, ","):
+    for row in rows_of(text.path, text.lines(), ","):
         if row[0] in BEGINS:
             notes = {} if head is not None else notes
             notes[row[0]], head = row, None

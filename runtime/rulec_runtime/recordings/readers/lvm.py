@@ -12,7 +12,7 @@ from typing import BinaryIO
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.dates import date_of, time_of_day
 from rulec_runtime.recordings.table import Sheet
-from rulec_runtime.recordings.text_file import TextFile, text_file
+from rulec_runtime.recordings.text_file import TextFile
 from rulec_runtime.recordings.text_table import text_sheet
 from rulec_runtime.recordings.time_column import COUNTINGS
 
@@ -22,7 +22,7 @@ _LABVIEW = next(one for one in COUNTINGS if one.since.startswith("1904"))
 
 def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
     """The channels of all segments, which must be the same in each."""
-    text = text_file(file, path)
+    text = TextFile(file, path)
     head, titles, units = _begin(text, path)
 
     def rows() -> Iterator[list[str]]:
@@ -59,10 +59,10 @@ def _heads(lines: Iterator[str], known: Mapping[str, Sequence[str]]) -> dict[str
 
 def _begin(text: TextFile, path: Path) -> tuple[dict[str, list[str]], list[str], list[str]]:
     """The head of the file, and titles and units of its channels."""
-    with text.opened() as lines:
-        head = _heads(lines, {})
-        segment = _heads((line for line in lines if line.strip()), head)
-        titles = next(lines, "").rstrip("\r\n").split(_separator(head))
+    lines = text.lines()
+    head = _heads(lines, {})
+    segment = _heads((line for line in lines if line.strip()), head)
+    titles = next(lines, "").rstrip("\r\n").split(_separator(head))
     channels = int(_first(segment, "Channels") or 0)
     if not channels or len(titles) < channels:
         raise RecordingRefused(
@@ -86,7 +86,7 @@ def _rows(
     text: TextFile, path: Path, head: Mapping[str, Sequence[str]], titles: Sequence[str]
 ) -> Iterator[list[str]]:
     """Rows of all segments: a date, or seconds if no head has one, and the channels."""
-    lines = iter(text.opened())
+    lines = text.lines()
     _heads(lines, {})
     kind, separator = _first(head, "X_Columns"), _separator(head)
     for line in lines:
