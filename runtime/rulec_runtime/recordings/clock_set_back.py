@@ -29,14 +29,13 @@ class ClockSet:
 class Ordered:
     """Rows in order of time.
 
-    `order` are the rows, None if unchanged; `time` are their times, s, which never decrease; `sets`
-    are changes of the clock; `sorted`: the rows were out of order.
+    `order` are the rows if they were out of order, else None; `time` are their times, s, which
+    never decrease; `sets` are changes of the clock.
     """
 
     order: NDArray[np.intp] | None
     time: Array
     sets: tuple[ClockSet, ...]
-    sorted: bool
 
 
 def in_order(time: Array) -> Ordered:
@@ -45,19 +44,19 @@ def in_order(time: Array) -> Ordered:
     same, _ = runs_of_same(time, limits.CLOCK_STOOD)
     stood = tuple(ClockSet(float(time[a]), 0.0, b - a) for a, b in same)
     if not len(back):
-        return Ordered(None, time, stood, False)
+        return Ordered(None, time, stood)
     runs = list(pairwise([0, *back.tolist(), len(time)]))
     many = len(time) < limits.ROWS_PER_STEP_BACK * len(back)
     if many or not any(_set(time, a, b) for a, b in pairwise(runs)):
         order = np.argsort(time, kind="stable")
-        return Ordered(order, time[order], stood, True)
+        return Ordered(order, time[order], stood)
     usual = float(np.median(np.diff(time)))
     moved, sets = time.copy(), []
     for before, here in pairwise(runs):
         start, end = time[here[0]], time[before[1] - 1]
         moved[here[0] : here[1]] += moved[before[1] - 1] + usual - start
         sets.append(ClockSet(float(moved[here[0]]), float(end + usual - start)))
-    return Ordered(None, moved, (*stood, *sets), False)
+    return Ordered(None, moved, (*stood, *sets))
 
 
 def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:

@@ -20,7 +20,12 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import bytes_of, place_of
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.point_table import is_point_table
-from rulec_runtime.recordings.recording import Recording, read_recording, starts_behind
+from rulec_runtime.recordings.recording import (
+    Recording,
+    one_after_another,
+    read_recording,
+    starts_behind,
+)
 from rulec_runtime.recordings.recording_file import files_of
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
@@ -70,36 +75,22 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
     else:
         starts = starts_behind([part.time for part in parts])
     order = sorted(range(len(parts)), key=lambda i: starts[i])
+    joined = one_after_another([parts[i] for i in order], [starts[i] for i in order])
     counts = [len(parts[i]) for i in order]
-    behind = np.cumsum([0, *(int(p.segment.max(initial=0)) + 1 for p in parts)]).tolist()
-    signals = sorted({name for part in parts for name in part.values})
-    time = np.concatenate([parts[i].time + starts[i] for i in order])
     begin = [starts[i] + float(parts[i].time[0]) for i in order]
     notes = [_where(names, starts, parts), *(() if one_axis else (OWN_CLOCKS,))]
     if dated and not one_axis:
         notes.append("some recordings have dates, others none: the dates are not used")
-    calendar = _calendar(starts, dated) if one_axis else None
-    notes += [calendar.zero()] if calendar is not None else []
+    notes += [joined.calendar.zero()] if joined.calendar is not None else []
     for name, part in zip(names, parts, strict=True):
         own = part.calendar.zero() if part.calendar is not None else ""
         about = f"{name}: "
         notes += [about + note.removeprefix(about) for note in part.notes if note != own]
-    return Recording(
-        time=time,
-        values={
-            name: np.concatenate(
-                [parts[i].values.get(name, np.full(len(parts[i]), np.nan)) for i in order]
-            )
-            for name in signals
-        },
-        segment=np.concatenate([parts[i].segment + behind[i] for i in order]),
+    return replace(
+        joined,
         missing=parts[0].missing,
         notes=tuple(dict.fromkeys(notes)),
-        left_out=tuple(entry for part in parts for entry in part.left_out),
         one_clock=all(part.one_clock for part in parts),
-        clock=tuple(replace(c, time=c.time + starts[i]) for i in order for c in parts[i].clock),
-        scales={name: scale for part in parts for name, scale in part.scales.items()},
-        calendar=calendar,
         sources=names,
         source=np.repeat(np.array(order, dtype=np.intp), counts),
         origin=None if one_axis else np.repeat(begin, counts),
@@ -207,15 +198,6 @@ def _dated_starts(
                 "would count twice. Put columns of one time into one file"
             )
     return starts
-
-
-def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calendar:
-    offsets = [
-        (since + start, seconds)
-        for start, calendar in zip(starts, calendars, strict=True)
-        for since, seconds in calendar.offsets
-    ]
-    return Calendar(min(calendar.start for calendar in calendars), tuple(sorted(offsets)))
 
 
 def _where(names: Sequence[str], starts: Sequence[float], parts: Sequence[Recording]) -> str:

@@ -1,5 +1,6 @@
 """Times of a recording by the clock of the plant if it has dates, else in seconds; their words."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 
@@ -71,6 +72,16 @@ def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
     when, shown = time[known], offset[known]
     first = np.flatnonzero(np.diff(shown, prepend=np.nan) != 0.0)
     return Calendar(start, tuple(zip(when[first].tolist(), shown[first].tolist(), strict=True)))
+
+
+def together(calendars: Sequence[Calendar], starts: Sequence[float]) -> Calendar:
+    """The calendar of recordings in order of time, each at its start, s, on the common axis."""
+    offsets: list[tuple[float, float]] = []
+    for calendar, start in zip(calendars, starts, strict=True):
+        for since, seconds in calendar.offsets:
+            if not offsets or offsets[-1][1] != seconds:
+                offsets.append((since + start, seconds))
+    return Calendar(min(calendar.start for calendar in calendars), tuple(offsets))
 
 
 def duration(seconds: float) -> str:

@@ -19,8 +19,8 @@ from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
 from rulec_runtime.recordings.columns import interval_of
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign, parts_of
-from rulec_runtime.recordings.larger_than_memory import array, kept, one_behind_the_other
-from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
+from rulec_runtime.recordings.larger_than_memory import kept, one_behind_the_other
+from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of, together
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
@@ -84,17 +84,6 @@ class Recording:
         return {}
 
 
-@dataclass(frozen=True)
-class _Part:
-    """One file; `zones` are seconds ahead of UTC, if it has dates."""
-
-    name: str
-    time: Array
-    values: Mapping[str, Array]
-    zones: Array | None
-    clock: tuple[ClockSet, ...]
-
-
 def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     """Read a CSV file (also .gz) or a folder of them.
 
@@ -113,55 +102,59 @@ def recording_of(
 
     `path` is its name for the user, `notes` are remarks on the files. Raises `RecordingRefused`.
     """
-    strangers: dict[str, None] = {}
-    parts = []
-    lost: list[tuple[int, str]] = []
-    scales: dict[str, tuple[float, float]] = {}
+    strangers, names, parts = dict[str, None](), list[str](), list[Recording]()
     for file in files:
-        scales |= {t.signal: (t.factor, t.offset) for t in file.header.targets}
         strangers.update(dict.fromkeys(file.header.strangers))
-        if file.left_out:
-            lost.append((file.left_out, "another number of cells than the header"))
-        parts.append(_part(file, notes, lost))
+        names.append(file.path.name)
+        parts.append(_in_time(file, notes))
     used = ruleset.read
-    signals = sorted({name for part in parts for name in part.values})
-    if not used.intersection(signals):
+    found = {name for part in parts for name in part.values}
+    if not used & found:
         raise foreign(str(path), ruleset)
-    start = min(float(part.time[0]) for part in parts)
-    parts, one_clock = _one_behind_the_other(path, parts, notes)
-    calendar = _calendar(start, parts)
-    if calendar is not None:
-        notes.append(calendar.zero())
-    missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
-    notes += _strangers(list(strangers), ruleset, signals)
-    absent = [np.broadcast_to(np.full(1, np.nan), len(part.time)) for part in parts]
-    columns = {
-        name: [part.values.get(name, none) for part, none in zip(parts, absent, strict=True)]
-        for name in signals
-    }
+    joined, one_clock = _of_folder(path, names, parts, notes)
+    if joined.calendar is not None:
+        notes.append(joined.calendar.zero())
+    notes += _strangers(list(strangers), ruleset, found)
+    missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in found)
+    said = tuple(dict.fromkeys(notes))
+    return replace(joined, missing=missing, notes=said, one_clock=one_clock)
+
+
+def one_after_another(parts: Sequence[Recording], starts: Sequence[float]) -> Recording:
+    """Recordings as one, in the order given; `starts` are the times at which their time is 0, s.
+
+    Each file remains a segment. Only if all have dates, so has the whole.
+    """
+    times = [
+        kept(part.time + start) if start else part.time
+        for part, start in zip(parts, starts, strict=True)
+    ]
+    absent = [np.broadcast_to(np.full(1, np.nan), len(time)) for time in times]
+    segments, behind = list[NDArray[np.intp]](), 0
+    for part in parts:
+        segments.append(part.segment + behind if behind else part.segment)
+        behind += int(part.segment.max(initial=0)) + 1
+    calendars = [part.calendar for part in parts if part.calendar is not None]
     return Recording(
-        time=one_behind_the_other([part.time for part in parts]),
-        values={name: one_behind_the_other(column) for name, column in columns.items()},
-        segment=_segments([len(part.time) for part in parts]),
-        missing=missing,
-        notes=tuple(dict.fromkeys(notes)),
-        left_out=tuple(lost),
-        one_clock=one_clock,
-        clock=tuple(clock for part in parts for clock in part.clock),
-        scales=scales,
-        calendar=calendar,
+        time=one_behind_the_other(times),
+        values={
+            name: one_behind_the_other(
+                [part.values.get(name, none) for part, none in zip(parts, absent, strict=True)]
+            )
+            for name in sorted({name for part in parts for name in part.values})
+        },
+        segment=one_behind_the_other(segments),
+        missing=(),
+        notes=(),
+        left_out=tuple(entry for part in parts for entry in part.left_out),
+        clock=tuple(
+            replace(c, time=c.time + start)
+            for part, start in zip(parts, starts, strict=True)
+            for c in part.clock
+        ),
+        scales={name: scale for part in parts for name, scale in part.scales.items()},
+        calendar=together(calendars, starts) if len(calendars) == len(parts) else None,
     )
-
-
-def _segments(lengths: Sequence[int]) -> NDArray[np.intp]:
-    """The number of the file of each row; a single file takes no memory."""
-    if len(lengths) == 1:
-        return np.broadcast_to(np.zeros(1, dtype=int), lengths[0])
-    found, done = array(sum(lengths), int), 0
-    for number, length in enumerate(lengths):
-        found[done : done + length] = number
-        done += length
-    return found
 
 
 def _strangers(names: Sequence[str], ruleset: Ruleset, found: Collection[str]) -> Iterator[str]:
@@ -185,73 +178,76 @@ def _meant(title: str, missing: Sequence[str]) -> str:
     return f"did you mean '{near}'?" if near else "is this a recording of another plant?"
 
 
-def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
-    """A file in order of time, without unusable rows."""
-    has_time = np.isfinite(file.time) & (np.abs(file.time) < common.ABSURD)
-    if not has_time.any():
-        raise RecordingRefused(f"{file.path}: no row has a usable time")
+def _in_time(file: RecordingFile, notes: list[str]) -> Recording:
+    """A file in order of time, without unusable rows; with dates, its first time is 0."""
+    name, lost = file.path.name, list[tuple[int, str]]()
+    if file.left_out:
+        lost.append((file.left_out, "another number of cells than the header"))
     columns = {"": file.time, **file.values}
     if file.zones is not None:
         columns[_ZONES] = file.zones
-    reason = ("has", "have"), "no usable time"
-    columns = _without(columns, has_time, file.path, *reason, notes, lost)
+
+    def keep(stay: NDArray[np.bool_], has: str, have: str, what: str) -> None:
+        if count := int((~stay).sum()):
+            one, many = f"row {has} {what} and is", f"rows {have} {what} and are"
+            notes.append(f"{name}: {plural(count, one, many)} left out")
+            lost.append((count, f"they {have} {what}"))
+            columns.update((key, kept(values[stay])) for key, values in columns.items())
+
+    has_time = np.isfinite(file.time) & (np.abs(file.time) < common.ABSURD)
+    if not has_time.any():
+        raise RecordingRefused(f"{file.path}: no row has a usable time")
+    keep(has_time, "has", "have", "no usable time")
     ordered = in_order(columns[""])
-    if ordered.sorted:
-        notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
     if ordered.order is not None:
-        columns = {name: kept(v[ordered.order]) for name, v in columns.items()}
+        notes.append(f"{name}: the rows were not in order of time; they are now")
+        columns.update((key, kept(v[ordered.order])) for key, v in columns.items())
     columns[""] = ordered.time
-    reason = ("repeats", "repeat"), "the time of another row"
     later = np.concatenate([[True], ordered.time[1:] > ordered.time[:-1]])
-    columns = _without(columns, later, file.path, *reason, notes, lost)
-    time, zones = columns.pop(""), columns.pop(_ZONES, None)
-    return _Part(file.path.name, time, columns, zones, ordered.sets)
+    keep(later, "repeats", "repeat", "the time of another row")
+    time, zones, clock, calendar = columns.pop(""), columns.pop(_ZONES, None), ordered.sets, None
+    if zones is not None:
+        start = float(time[0])
+        time = kept(time - start)
+        clock = tuple(replace(c, time=c.time - start) for c in clock)
+        calendar = calendar_of(time, start, zones)
+    return Recording(
+        time=time,
+        values=columns,
+        segment=np.broadcast_to(np.zeros(1, dtype=int), len(time)),
+        missing=(),
+        notes=(),
+        left_out=tuple(lost),
+        clock=clock,
+        scales={t.signal: (t.factor, t.offset) for t in file.header.targets},
+        calendar=calendar,
+    )
 
 
-def _without(
-    columns: dict[str, Array],
-    stay: NDArray[np.bool_],
-    path: Path,
-    verb: tuple[str, str],
-    what: str,
-    notes: list[str],
-    lost: list[tuple[int, str]],
-) -> dict[str, Array]:
-    """Columns with the rows `stay` alone; the others are noted and counted."""
-    count = int(stay.sum())
-    if count == len(stay):
-        return columns
-    one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
-    notes.append(f"{path.name}: {plural(len(stay) - count, one, many)} left out")
-    lost.append((len(stay) - count, f"they {verb[1]} {what}"))
-    return {name: kept(values[stay]) for name, values in columns.items()}
-
-
-def _one_behind_the_other(
-    path: Path, parts: list[_Part], notes: list[str]
-) -> tuple[list[_Part], bool]:
+def _of_folder(
+    path: Path, names: Sequence[str], parts: Sequence[Recording], notes: list[str]
+) -> tuple[Recording, bool]:
     """Files in order of time, and whether they are on one clock.
 
     Files whose times overlap are appended in order of name.
     """
-    if len({part.zones is None for part in parts}) > 1:
+    dated = [part.calendar.start for part in parts if part.calendar is not None]
+    if dated and len(dated) < len(parts):
         raise RecordingRefused(
             f"{path}: some files of this folder have dates, others plain seconds; "
             "diagnose them apart"
         )
-    ordered = sorted(parts, key=lambda p: float(p.time[0]))
-    if parts[0].zones is not None:
-        start = float(ordered[0].time[0])
-        ordered = [_moved(part, -start) for part in ordered]
-        parts = [_moved(part, -start) for part in parts]
-    if all(a.time[-1] < b.time[0] for a, b in pairwise(ordered)):
-        return ordered, True
-    starts = starts_behind([part.time for part in parts])
-    result = [_moved(part, start) for part, start in zip(parts, starts, strict=True)]
-    names = [f"{part.name} from {part.time[0]:g} s" for part in result]
-    shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
+    starts = [start - min(dated) for start in dated] or [0.0] * len(parts)
+    times = [part.time[[0, -1]] + start for part, start in zip(parts, starts, strict=True)]
+    order = sorted(range(len(parts)), key=lambda i: float(times[i][0]))
+    if all(times[i][1] < times[j][0] for i, j in pairwise(order)):
+        return one_after_another([parts[i] for i in order], [starts[i] for i in order]), True
+    whole = [part.time + start for part, start in zip(parts, starts, strict=True)]
+    starts = [start + more for start, more in zip(starts, starts_behind(whole), strict=True)]
+    begins = [f"{n} from {p.time[0] + s:g} s" for n, p, s in zip(names, parts, starts, strict=True)]
+    shown = ", ".join(begins[:SHOWN]) + (" ..." if len(begins) > SHOWN else "")
     notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
-    return result, False
+    return one_after_another(parts, starts), False
 
 
 def starts_behind(times: Sequence[Array]) -> list[float]:
@@ -263,20 +259,6 @@ def starts_behind(times: Sequence[Array]) -> list[float]:
         starts.append(begin - float(time[0]))
         end = starts[-1] + float(time[-1])
     return starts
-
-
-def _moved(part: _Part, seconds: float) -> _Part:
-    clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
-    return replace(part, time=kept(part.time + seconds), clock=clock)
-
-
-def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
-    """Dates of a recording that begins at `start`, if its files have any."""
-    zones = [part.zones for part in parts if part.zones is not None]
-    if len(zones) < len(parts):
-        return None
-    time = one_behind_the_other([p.time for p in parts])
-    return calendar_of(time, start, one_behind_the_other(zones))
 
 
 Found = TypeVar("Found")
