@@ -222,7 +222,7 @@ def over_time(drawn: ReadingCourses, calendar: Calendar | None) -> Figure:
         name="time",
         title=title,
         key="; ".join(key),
-        body="".join(time_plot(svg, i == 1, across, calendar) for i, svg in enumerate(plots)),
+        body="".join(time_plot(svg, i == 1, across) for i, svg in enumerate(plots)),
         caption=_say_time(drawn),
     )
 
@@ -297,7 +297,7 @@ def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
         name="hidden",
         title="Course of what is not recorded",
         key="",
-        body=time_plot(svg, True, across, calendar),
+        body=time_plot(svg, True, across),
         caption=f"{text[:1].upper()}{text[1:]}; it spans {spans}.",
     )
 

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -211,6 +211,8 @@ def _seconds(date: datetime) -> tuple[float, float]:
 _STEP = 900.0
 """Zones change at whole quarters of an hour."""
 
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
 _ANOTHER_HOUR = 2 * 3600.0
 """Seconds after which a repeated hour is that of another year."""
 
@@ -251,21 +253,17 @@ class ZoneClock:
     def resume(self, utc: float) -> None:
         """Continue after a date that was read before, s since 1970."""
         with suppress(OverflowError):  # beyond the end of the calendar
-            ahead = offset_of(self._clock, utc)
-            first, second = (_offset(self._clock, utc + ahead, fold) for fold in (0, 1))
+            (ahead,) = ahead_of_utc(self._clock, np.array([utc]))
+            wall = np.array([utc + ahead])
+            first, second = (ahead_of_utc(self._clock, wall, fold)[0] for fold in (0, 1))
             if first > second:
-                self._wall, self._second = utc + ahead, ahead == second
+                self._wall, self._second = float(wall[0]), bool(ahead == second)
 
     def read(self, dates: Array, zones: Array) -> tuple[Array, Array]:
         """As `in_zone`, for further dates."""
         bare = np.isnan(zones) & np.isfinite(dates)
         wall = np.where(bare, dates, 0.0)
-        quarters, which = np.unique(np.floor(wall / _STEP), return_inverse=True)
-        first, second = (
-            np.array([_offset(self._clock, quarter * _STEP, f) for quarter in quarters.tolist()])
-            for f in (0, 1)
-        )
-        first, second = first[which], second[which]
+        first, second = (ahead_of_utc(self._clock, wall, fold) for fold in (0, 1))
         self.never += int((bare & (first < second)).sum())
         twice = np.flatnonzero(bare & (first > second))
         again = twice[self._behind_a_step_back(wall[twice])]
@@ -299,16 +297,18 @@ def _clock(path: Path, zone: str) -> ZoneInfo:
         ) from None
 
 
-def offset_of(clock: ZoneInfo, utc: float) -> float:
-    """Seconds that a zone is ahead of UTC at a time, s since 1970."""
-    date = datetime.fromtimestamp(0, UTC) + timedelta(seconds=utc)
-    return _ahead(date.astimezone(clock).utcoffset())
+def ahead_of_utc(zone: tzinfo, seconds: Array, fold: int | None = None) -> Array:
+    """Seconds that a zone is ahead of UTC at times, shape (n,), s since 1970; NaN for NaN.
 
-
-def _offset(clock: ZoneInfo, wall: float, fold: int) -> float:
-    date = datetime(1970, 1, 1) + timedelta(seconds=wall)
-    return _ahead(date.replace(tzinfo=clock, fold=fold).utcoffset())
-
-
-def _ahead(offset: timedelta | None) -> float:
-    return 0.0 if offset is None else offset.total_seconds()
+    With a `fold` the times are those that the zone's clocks show, in the first (0) or the second
+    (1) pass of a repeated hour.
+    """
+    quarters, which = np.unique(np.floor(seconds / _STEP), return_inverse=True)
+    found = []
+    for start in (quarters * _STEP).tolist():
+        date = None if math.isnan(start) else _EPOCH + timedelta(seconds=start)
+        if date is not None and fold is not None:
+            date = date.replace(tzinfo=zone, fold=fold)
+        offset = None if date is None else date.astimezone(zone).utcoffset()
+        found.append(math.nan if offset is None else offset.total_seconds())
+    return np.array(found, dtype=float)[which]

@@ -1,7 +1,7 @@
 """Decide which qualities are good, in the words and codes of historians, OPC DA and OPC UA."""
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,10 +24,10 @@ def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> d
 
     Raises `Unclear` if the meaning of codes depends on the standard.
     """
-    if form.good and {*form.good} - {OPC_UA, OPC_DA}:
+    if form.good and not {*form.good} <= {OPC_UA, OPC_DA}:
         wanted = {_plain(text) for text in form.good}
         return {text: _plain(text) in wanted for text in found}
-    standard = form.good[0] if form.good else _standard(path, title, map(_code, found))
+    standard = form.good[0] if form.good else standard_of(path, title, found)
     return {text: _is_good(text, standard) for text in found}
 
 
@@ -52,29 +52,14 @@ def _is_good(text: str, standard: str) -> bool:
 
 def standard_of(path: Path, title: str, found: Collection[str]) -> str:
     """The standard of the codes in a column: 1 if that means good, empty if it has no codes. Raises
-    `Unclear`."""
-    codes = [code for code in map(_code, found) if code is not None]
-    return (_standard(path, title, codes) or "1") if codes else ""
-
-
-def codes_remark(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
-    """The remark on codes whose standard the column map does not name."""
-    standard = "" if form.good else standard_of(path, title, found)
-    what = {
-        OPC_UA: "codes of OPC UA",
-        OPC_DA: "codes of OPC DA, good from 192 on",
-        "1": "1 for good",
-    }
-    return (f"'{title.strip()}' holds {what[standard]}",) if standard else ()
-
-
-def _standard(path: Path, title: str, found: Iterable[int | None]) -> str:
-    """The standard of codes; empty if 1 means good."""
-    codes = {code for code in found if code is not None}
-    if not codes or max(codes) > 255 or min(codes) < 0:
+    `Unclear` if 0 could be good or bad."""
+    codes = {code for code in map(_code, found) if code is not None}
+    if not codes:
+        return ""
+    if max(codes) > 255 or min(codes) < 0:
         return OPC_UA
     if codes <= {0, 1} and title.strip().lower() in ONE_IS_GOOD:
-        return ""
+        return "1"
     if max(codes) >= limits.GOOD_QUALITY:
         return OPC_DA
     shown = ", ".join(map(str, sorted(codes)[:4]))
@@ -85,6 +70,19 @@ def _standard(path: Path, title: str, found: Iterable[int | None]) -> str:
         [{"good": (OPC_UA,)}, {"good": (OPC_DA,)}, {"good": ("1",)}],
         likely=False,
     )
+
+
+MEANINGS = {
+    OPC_UA: "codes of OPC UA",
+    OPC_DA: "codes of OPC DA, good from 192 on",
+    "1": "1 for good",
+}
+
+
+def codes_remark(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
+    """The remark on codes whose standard the column map does not name."""
+    standard = "" if form.good else standard_of(path, title, found)
+    return (f"'{title.strip()}' holds {MEANINGS[standard]}",) if standard else ()
 
 
 def _code(text: str) -> int | None:

@@ -35,11 +35,15 @@ DECIMALS = 4
 
 @dataclass(frozen=True)
 class Axis:
-    """A linear scale with its ticks."""
+    """A linear scale with its ticks; `texts` are their labels if these are not the ticks as
+    numbers, `below` second lines of labels, `title` is that of the axis."""
 
     low: float
     high: float
     ticks: tuple[float, ...]
+    texts: tuple[str, ...] = ()
+    below: tuple[str, ...] = ()
+    title: str = ""
 
     def share(self, values: Array | float) -> Array:
         """Position of values: 0 at the low end, 1 at the high end."""
@@ -47,15 +51,13 @@ class Axis:
 
     def labels(self) -> list[str]:
         """Labels of the ticks, with as many digits as their distance needs."""
+        if self.texts:
+            return list(self.texts)
         step = self.ticks[1] - self.ticks[0] if len(self.ticks) > 1 else abs(self.ticks[0]) or 1.0
         decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
         if decimals > DECIMALS:
             return [_powered(t, step) for t in self.ticks]
         return [number(round(t, decimals), 15) for t in self.ticks]
-
-    def second_lines(self) -> list[str]:
-        """Text below each label; may be empty."""
-        return []
 
 
 def _powered(tick: float, step: float) -> str:
@@ -206,7 +208,7 @@ class Panel:
             zero = " zero" if value == 0 else ""
             yield f'<line class="grid{zero}" x2="100%" y1="{y:.1f}" y2="{y:.1f}"/>'
             yield f'<text class="tick y" x="-8" y="{y:.1f}">{label}</text>'
-        below, many = self.x.second_lines(), len(self.x.ticks) > FEW
+        below, many = self.x.below, len(self.x.ticks) > FEW
         for i, (value, label) in enumerate(zip(self.x.ticks, self.x.labels(), strict=True)):
             x = 100 * float(self.x.share(value))
             yield f'<line class="grid" x1="{x:.2f}%" x2="{x:.2f}%" y2="{self.height}"/>'

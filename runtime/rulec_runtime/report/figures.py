@@ -57,7 +57,7 @@ def draw_estimates(whole: Curves) -> Figure:
     module = curves.sides[0].module
     drawn = [_unjudged(panel, curves.time, curves.judged), *bands, *lines]
     svg = panel.drawn(f"flow estimates of {module}", "flow [l/h]", drawn, [names], True)
-    body = time_plot(svg, True, across, curves.calendar)
+    body = time_plot(svg, True, across)
     key = ["band: 95 % uncertainty"]
     key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.is_sum]
     if len(curves.time) < len(whole.time):
@@ -120,7 +120,7 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
         fixed.append(panel.marks(curves.time[index], value[index], symbol, "fired"))
     name = curves.residuals[row].id
     svg = panel.drawn(name, f"{name} [l/h]", drawn, fixed, last)
-    return time_plot(svg, last, across, curves.calendar)
+    return time_plot(svg, last, across)
 
 
 def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure | None:
@@ -179,7 +179,7 @@ def _degree_panel(
         label = degree_text(f.degree, f.fault.unit)
         fixed.append(panel.text((f.since + f.until) / 2, f.upper, label, "value", -5))
     svg = panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last)
-    return time_plot(svg, last, across, diagnosis.calendar)
+    return time_plot(svg, last, across)
 
 
 def _with_degree(trace: Trace) -> np.ndarray:

@@ -187,27 +187,20 @@ def _folded(
 
 
 def _back(count: int, pipes: Pipes) -> Pipes:
-    """Pipes that close a loop, by depth-first search."""
-    after = {i: sorted(b for a, b in pipes if a == i) for i in range(count)}
-    entered = {b for _, b in pipes}
-    found: Pipes = set()
-    done: set[int] = set()
-    for root in sorted(range(count), key=lambda i: i in entered):
-        path: list[tuple[int, list[int]]] = [] if root in done else [(root, list(after[root]))]
-        on = {root}
-        while path:
-            box, left = path[-1]
-            if not left:
-                path.pop()
-                on.discard(box)
-                done.add(box)
-                continue
-            target = left.pop(0)
-            if target in on:
+    """Pipes that close a loop, by depth-first search from the sources."""
+    entered, done, found = {b for _, b in pipes}, set[int](), Pipes()
+
+    def follow(box: int, way: frozenset[int]) -> None:
+        for target in sorted(b for a, b in pipes if a == box):
+            if target in way:
                 found.add((box, target))
             elif target not in done:
-                on.add(target)
-                path.append((target, list(after[target])))
+                follow(target, way | {target})
+        done.add(box)
+
+    for root in sorted(range(count), key=lambda i: i in entered):
+        if root not in done:
+            follow(root, frozenset((root,)))
     return found
 
 

@@ -1,7 +1,7 @@
 """Axes of time: dates if the recording has them, else seconds, minutes or hours."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,55 +25,25 @@ STEPS = (
 """Distances of dates, s."""
 
 
-@dataclass(frozen=True)
-class Scaled(Axis):
-    """Times in s, labelled in another unit."""
-
-    unit: float
-
-    def labels(self) -> list[str]:
-        ticks = tuple(tick / self.unit for tick in self.ticks)
-        return Axis(self.low / self.unit, self.high / self.unit, ticks).labels()
-
-
-@dataclass(frozen=True)
-class Dated(Axis):
-    """Times in s, labelled by the clock of the plant, with the date below where it changes."""
-
-    calendar: Calendar
-    form: str
-
-    def labels(self) -> list[str]:
-        return self._texts(self.form)
-
-    def second_lines(self) -> list[str]:
-        if self.form.startswith("%Y"):
-            return []
-        days = self._texts("%Y-%m-%d")
-        return [
-            day if day != before else "" for before, day in zip(["", *days], days, strict=False)
-        ]
-
-    def _texts(self, form: str) -> list[str]:
-        return [format(self.calendar.at(round(tick, 3)), form) for tick in self.ticks]
-
-
 def time_axis(low: float, high: float, calendar: Calendar | None) -> Axis:
     """An axis over times, s, that ends with the data.
 
     >>> time_axis(0.0, 7200.0, Calendar(1731628800.0)).labels()
     ['00:00', '00:30', '01:00', '01:30', '02:00']
-    >>> time_axis(0.0, 3600.0, None).labels()
-    ['0', '10', '20', '30', '40', '50', '60']
+    >>> time_axis(0.0, 3600.0, None).labels(), time_axis(0.0, 3600.0, None).title
+    (['0', '10', '20', '30', '40', '50', '60'], 'time [min]')
     """
     if not high > low:
         low, high = low - 1.0, high + 1.0
-    dated = None if calendar is None else _dated(low, high, calendar)
-    if dated is not None:
-        return dated
-    unit = _unit(low, high)[0]
+    if calendar is not None:
+        step = min(STEPS[::-1], key=lambda s: abs((high - low) / s - WANTED_DATES))
+        ticks = tuple(_round_dates(low, high, calendar, step))
+        if len(ticks) > 1:
+            return _dated(Axis(low, high, ticks), calendar, step)
+    unit, name = next((unit, name) for least, unit, name in UNITS if high - low >= least)
     made = axis(low / unit, high / unit, WANTED, tight=True)
-    return Scaled(low, high, tuple(tick * unit for tick in made.ticks), unit)
+    ticks = tuple(tick * unit for tick in made.ticks)
+    return Axis(low, high, ticks, tuple(made.labels()), title=f"time [{name}]")
 
 
 def over(time: Array, calendar: Calendar | None) -> Axis:
@@ -81,52 +51,35 @@ def over(time: Array, calendar: Calendar | None) -> Axis:
     return time_axis(float(np.min(time)), float(np.max(time)), calendar)
 
 
-def named(shown: Axis, calendar: Calendar | None) -> str:
-    """Title of an axis of time.
-
-    >>> named(time_axis(0.0, 3600.0, None), None)
-    'time [min]'
-    """
-    if isinstance(shown, Dated) and calendar is not None:
-        return f"time ({calendar.zone()})" if calendar.offsets else "time"
-    return f"time [{_unit(shown.low, shown.high)[1]}]"
-
-
-def time_plot(svg: str, foot: bool, across: Axis, calendar: Calendar | None) -> str:
+def time_plot(svg: str, foot: bool, across: Axis) -> str:
     """A panel over time with room for its axes."""
-    return plot(svg, foot, named(across, calendar), bool(across.second_lines()))
+    return plot(svg, foot, across.title, bool(across.below))
 
 
-def _unit(low: float, high: float) -> tuple[float, str]:
-    return next((unit, name) for least, unit, name in UNITS if high - low >= least)
+def _dated(bare: Axis, calendar: Calendar, step: float) -> Axis:
+    """An axis labelled by the clock of the plant, with the date below where it changes."""
+    dates = [calendar.at(round(tick, 3)) for tick in bare.ticks]
+    days = [f"{date:%Y-%m-%d}" for date in dates]
+    form = "%H:%M" if step >= MINUTE else "%H:%M:%S"
+    texts = days if step >= DAY else [format(date, form) for date in dates]
+    changes = [day if day != last else "" for last, day in zip(["", *days], days, strict=False)]
+    below = () if step >= DAY else tuple(changes)
+    title = f"time ({calendar.zone()})" if calendar.offsets else "time"
+    return replace(bare, texts=tuple(texts), below=below, title=title)
 
 
-def _dated(low: float, high: float, calendar: Calendar) -> Dated | None:
-    """Ticks at round times of the plant's clock; None if fewer than two fit."""
-    step = min(STEPS[::-1], key=lambda s: abs((high - low) / s - WANTED_DATES))
-    ticks = tuple(_rounds(low, high, calendar, step))
-    form = "%Y-%m-%d" if step >= DAY else "%H:%M" if step >= MINUTE else "%H:%M:%S"
-    return Dated(low, high, ticks, calendar, form) if len(ticks) > 1 else None
-
-
-def _rounds(low: float, high: float, calendar: Calendar, step: float) -> Iterator[float]:
+def _round_dates(low: float, high: float, calendar: Calendar, step: float) -> Iterator[float]:
     """Multiples of a step on the local clock, whose offset from UTC may change."""
-    local = calendar.start + low + _offset(low, calendar)
-    first = np.ceil((local - 1e-6) / step)
+
+    def ahead(time: float) -> float:
+        offset = calendar.at(time).utcoffset()
+        return 0.0 if offset is None else offset.total_seconds()
+
+    first = np.ceil((calendar.start + low + ahead(low) - 1e-6) / step)
     for i in range(int(2 * (high - low) / step) + 4):
-        tick = _time(float((first + i) * step), low, calendar)
+        local = float((first + i) * step) - calendar.start
+        tick = local - ahead(local - ahead(low))
         if tick > high:
             return
         if tick >= low - 1e-6:
             yield tick
-
-
-def _time(local: float, near: float, calendar: Calendar) -> float:
-    """The time, s, at which the plant's clock shows `local`, s since 1970."""
-    time = local - calendar.start - _offset(near, calendar)
-    return local - calendar.start - _offset(time, calendar)
-
-
-def _offset(time: float, calendar: Calendar) -> float:
-    ahead = calendar.at(time).utcoffset()
-    return 0.0 if ahead is None else ahead.total_seconds()

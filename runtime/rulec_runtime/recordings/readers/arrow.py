@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 from zoneinfo import ZoneInfo
@@ -13,7 +14,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.arrays import array_sheet, seconds_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
-from rulec_runtime.recordings.dates import offset_of
+from rulec_runtime.recordings.dates import ahead_of_utc
 from rulec_runtime.recordings.table import Dates, Sheet
 from rulec_runtime.recordings.titles import is_time
 
@@ -28,8 +29,6 @@ UNITS = (b"unit", b"units", b"Unit", b"Units")
 
 _INDEX = "__index_level_0__"
 """Name that pandas gives to an index without a name."""
-
-_QUARTER = 900.0
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
@@ -144,12 +143,5 @@ def _zones(seconds: Array, zone: str | None) -> Array:
     if zone is None:
         return np.full(len(seconds), np.nan)
     if zone[:1] in "+-":
-        hours, minutes = zone[1:].split(":")
-        ahead = 3600.0 * int(hours) + 60.0 * int(minutes)
-        return np.full(len(seconds), -ahead if zone[0] == "-" else ahead)
-    quarters, which = np.unique(np.floor(seconds / _QUARTER), return_inverse=True)
-    clock = ZoneInfo(zone)
-    offsets = [
-        offset_of(clock, q * _QUARTER) if np.isfinite(q) else np.nan for q in quarters.tolist()
-    ]
-    return np.array(offsets)[which]
+        return ahead_of_utc(datetime.strptime(zone, "%z").tzinfo or UTC, seconds)
+    return ahead_of_utc(ZoneInfo(zone), seconds)

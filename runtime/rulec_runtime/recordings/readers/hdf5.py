@@ -5,7 +5,7 @@ Links and data outside the file are not followed.
 
 import os
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,35 +22,6 @@ UNITS = ("units", "unit", "Units", "Unit", "unit_string")
 
 MATLAB = "MATLAB_class"
 OPAQUE = "MATLAB_object_decode"
-
-
-@dataclass(frozen=True)
-class _Series:
-    """An array of the file, or one field of its records."""
-
-    path: Path
-    size: int
-    data: Any
-    column: str = ""
-
-    @property
-    def rows(self) -> int:
-        return int(self.data.size)
-
-    @property
-    def unit(self) -> str:
-        attributes = self.data.attrs
-        keys = (f"{self.column}_{UNITS[0]}", f"{self.column}_{UNITS[1]}") if self.column else UNITS
-        found = next((attributes[key] for key in keys if key in attributes), "")
-        return found.decode("utf-8", "replace") if isinstance(found, bytes) else str(found)
-
-    def load(self) -> Any:
-        refuse_bomb(self.path, self.data.size * self.data.dtype.itemsize, self.size)
-        values = self.data.fields(self.column)[()] if self.column else self.data[()]
-        values = np.asarray(values).reshape(-1)
-        if h5py.check_string_dtype(values.dtype) is not None:
-            return np.array([v.decode("utf-8", "replace") for v in values.tolist()], dtype=object)
-        return values
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
@@ -116,12 +87,27 @@ class _Walk:
                 kind = item.dtype
                 if kind.names:
                     fields = [n for n in kind.names if not kind[n].names and not kind[n].shape]
-                    yield Group(full, {n: _Series(self._path, self._size, item, n) for n in fields})
+                    yield Group(full, {n: self._leaf(item, n) for n in fields})
                 elif _is_series(item):
-                    leaves[key] = _Series(self._path, self._size, item)
+                    leaves[key] = self._leaf(item)
         yield Group(name, leaves)
         for full, item in inner:
             yield from self.groups(full, item, depth + 1)
+
+    def _leaf(self, data: Any, column: str = "") -> Leaf:
+        """An array of the file, or one field of its records."""
+        keys = (f"{column}_{UNITS[0]}", f"{column}_{UNITS[1]}") if column else UNITS
+        unit = next((data.attrs[key] for key in keys if key in data.attrs), "")
+        unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+
+        def load() -> Any:
+            refuse_bomb(self._path, data.size * data.dtype.itemsize, self._size)
+            values = np.asarray(data.fields(column)[()] if column else data[()]).reshape(-1)
+            if h5py.check_string_dtype(values.dtype) is None:
+                return values
+            return np.array([v.decode("utf-8", "replace") for v in values.tolist()], dtype=object)
+
+        return Leaf(int(data.size), load, unit)
 
     def _is_here(self, name: str, data: Any) -> bool:
         """Whether the values of an array are in this file."""

@@ -4,7 +4,7 @@ import os
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,7 +14,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
-from rulec_runtime.recordings.readers.tree import Group, tables
+from rulec_runtime.recordings.readers.tree import Group, Leaf, tables
 from rulec_runtime.recordings.table import Sheet
 
 PIECE = 1 << 20
@@ -25,21 +25,6 @@ REMEDY = (
     "a timetable T is kept readable by S = table2struct(timetable2table(T), 'ToScalar', true); "
     "S.Time = seconds(S.Time - S.Time(1)); save('x.mat', '-struct', 'S', '-v7')"
 )
-
-
-@dataclass(frozen=True)
-class _Values:
-    """An array in memory."""
-
-    values: Any
-    unit: str = ""
-
-    @property
-    def rows(self) -> int:
-        return int(np.size(self.values)) if _is_series(self.values) else 0
-
-    def load(self) -> Any:
-        return np.asarray(self.values).reshape(-1)
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
@@ -63,7 +48,8 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
 def _groups(name: str, content: Mapping[str, Any], depth: int) -> Iterator[Group]:
     """Variables or fields side by side, then those of structures among them."""
-    yield Group(name, {k: _Values(v) for k, v in content.items() if _is_series(v)})
+    series = {k: v.reshape(-1) for k, v in content.items() if _is_series(v)}
+    yield Group(name, {k: Leaf(v.size, partial(np.asarray, v)) for k, v in series.items()})
     if depth >= limits.MOST_IN_TREE:
         return
     for key, value in content.items():

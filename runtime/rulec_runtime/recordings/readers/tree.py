@@ -1,22 +1,22 @@
 """Find tables in a tree of named arrays: arrays of one length in one group, one of them a time."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from rulec_runtime.recordings.arrays import array_sheet
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.titles import is_time
 
 
-class Leaf(Protocol):
-    """An array of a file: its length, its unit if the file gives it, and its values."""
+@dataclass(frozen=True)
+class Leaf:
+    """An array of a file: its number of rows, a function that reads its values, and its unit if the
+    file gives it."""
 
-    @property
-    def rows(self) -> int: ...
-    @property
-    def unit(self) -> str: ...
-    def load(self) -> Any: ...
+    rows: int
+    load: Callable[[], Any]
+    unit: str = ""
 
 
 @dataclass(frozen=True)
