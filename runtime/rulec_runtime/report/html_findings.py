@@ -23,7 +23,6 @@ from rulec_runtime.report.wording import (
     L_PER_H,
     LISTED,
     STATUS,
-    Row,
     actions,
     advice,
     agreement,
@@ -57,25 +56,41 @@ def badge(letter: str, small: bool = False) -> str:
 
 def told(diagnosis: Diagnosis) -> str:
     """Each fault with what to do about it."""
-    parts = [_sensor(diagnosis, found) for found in diagnosis.sensors]
-    parts += [_regime(diagnosis, found) for found in diagnosis.regimes]
+    calendar, parts = diagnosis.calendar, list[str]()
+
+    def when(found: SensorFinding | RegimeFinding) -> tuple[str, str]:
+        return "When", safe(course(calendar, found.since, found.until, found.behind))
+
+    for sensor in diagnosis.sensors:
+        condition = sensor.condition
+        rows = [("What to do", safe(condition.action)), ("Note", safe(kept_of(sensor)))]
+        parts.append(finding_card(condition.status, safe(sensor.text), [when(sensor), *rows]))
+    for found in diagnosis.regimes:
+        regime = found.regime
+        rows = [("Because", safe(conditions(found))), ("What to do", safe(regime.action))]
+        parts.append(finding_card(regime.status, safe(regime.text), [when(found), *rows]))
     parts += [_fault(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
     if diagnosis.blind:
-        parts.append(_blind(diagnosis))
-    left = told_else(diagnosis)
-    if left and not diagnosis.findings:
-        parts.append(_remarked("C", UNSEEN, left, diagnosis.calendar))
+        rows = []
+        for b in diagnosis.blind[:LISTED]:
+            text = f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}"
+            rows.append((since_when(b, calendar), safe(text)))
+        if (more := len(diagnosis.blind) - LISTED) > 0:
+            rows.append(("", f"and {counted(more, 'other period')}"))
+        parts.append(finding_card("C", f"{PARTLY}: {hidden(diagnosis)}", rows))
+    remarked = []
+    if (left := told_else(diagnosis)) and not diagnosis.findings:
+        remarked.append(("C", UNSEEN, left))
     if diagnosis.unknown:
         sheet = all(p.from_sheet for p in diagnosis.unknown)
         title = "Deviations from the sheet" if sheet else "Deviations that nothing known explains"
-        parts.append(_remarked("S", title, diagnosis.unknown, diagnosis.calendar))
+        remarked.append(("S", title, diagnosis.unknown))
+    for letter, title, periods in remarked:
+        head = f'<div class="finding is-{letter}"><h3>{title}</h3>'
+        parts.append(f"{head}{remarks(periods, calendar)}</div>")
     return "".join(parts)
-
-
-def _remarked(letter: str, title: str, periods: Sequence[Period], calendar: Calendar | None) -> str:
-    return f'<div class="finding is-{letter}"><h3>{title}</h3>{remarks(periods, calendar)}</div>'
 
 
 def finding_card(letter: str, title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
@@ -88,37 +103,20 @@ def finding_card(letter: str, title: str, rows: Iterable[tuple[str, str]], below
     )
 
 
-def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
-    rows = [
-        ("When", safe(course(diagnosis.calendar, found.since, found.until, found.behind))),
-        ("What to do", safe(found.condition.action)),
-        ("Note", safe(kept_of(found))),
-    ]
-    return finding_card(found.condition.status, safe(found.text), rows)
-
-
-def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
-    regime = found.regime
-    rows = [
-        ("When", safe(course(diagnosis.calendar, found.since, found.until, found.behind))),
-        ("Because", safe(conditions(found))),
-        ("What to do", safe(regime.action)),
-    ]
-    return finding_card(regime.status, safe(regime.text), rows)
-
-
-def _blind(diagnosis: Diagnosis) -> str:
-    rows = []
-    for b in diagnosis.blind[:LISTED]:
-        text = f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}"
-        rows.append((since_when(b, diagnosis.calendar), safe(text)))
-    if (more := len(diagnosis.blind) - LISTED) > 0:
-        rows.append(("", f"and {counted(more, 'other period')}"))
-    return finding_card("C", f"{PARTLY}: {hidden(diagnosis)}", rows)
-
-
 def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
-    fault, ruleset = finding.fault, diagnosis.ruleset
+    fault, ruleset, calendar = finding.fault, diagnosis.ruleset, diagnosis.calendar
+    when = course(calendar, finding.since, finding.until, finding.behind)
+    same = [f for f in diagnosis.findings if f.fault.id == fault.id]
+    if len(same) > 1:
+        last = max(same, key=lambda f: f.until)
+        whole = course(calendar, same[0].since, last.until, last.behind)
+        when += f", the largest of {len(same)} findings {whole}"
+    probability = f"{percent(finding.probability)} among the known faults"
+    if diagnosis.mode == "paper":
+        probability = "not said: paper mode names the fault with the largest degree and weighs no "
+        probability += "other"
+    elif not (finding.alternatives or finding.remote):
+        probability += "; no other one fits"
     rows = [
         (
             "Degree",
@@ -126,8 +124,8 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
             f"({safe(bounds(finding.lower, finding.upper, fault.unit))}), {safe(fault.meaning)}",
         ),
         *([("Growth", safe(words))] if (words := grown(finding)) else []),
-        ("When", safe(_when(diagnosis, finding))),
-        ("Probability", safe(_probability(diagnosis, finding))),
+        ("When", safe(when)),
+        ("Probability", safe(probability)),
         ("What to do", safe(actions(ruleset, finding))),
     ]
     if finding.alternatives:
@@ -145,41 +143,21 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
     return finding_card(fault.status, safe(headline(ruleset, finding)), rows)
 
 
-def _when(diagnosis: Diagnosis, finding: Finding) -> str:
-    """Period of a finding, and its place among others of the same fault."""
-    same = [f for f in diagnosis.findings if f.fault.id == finding.fault.id]
-    text = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
-    if len(same) == 1:
-        return text
-    last = max(same, key=lambda f: f.until)
-    whole = course(diagnosis.calendar, same[0].since, last.until, last.behind)
-    return f"{text}, the largest of {len(same)} findings {whole}"
-
-
-def _probability(diagnosis: Diagnosis, finding: Finding) -> str:
-    if diagnosis.mode == "paper":
-        return "not said: paper mode names the fault with the largest degree and weighs no other"
-    text = f"{percent(finding.probability)} among the known faults"
-    return text if finding.alternatives or finding.remote else f"{text}; no other one fits"
-
-
 def _summary(diagnosis: Diagnosis) -> str:
-    rows = rows_of(diagnosis.findings, diagnosis.calendar)
-    others = any(row.others for row in rows)
+    found = rows_of(diagnosis.findings, diagnosis.calendar)
+    others = any(row.others for row in found)
     of = columns("fault", ".degree", ".95 % bounds", ".when", ".probability")
     of += [Column("could also be")] if others else []
-    weighed = diagnosis.mode != "paper"
-    return table("all findings", of, (_summary_row(row, weighed, others) for row in rows))
-
-
-def _summary_row(row: Row, weighed: bool, others: bool) -> list[Cell | str]:
-    unit, low = row.fault.unit, row.degrees[0]
-    found = degree(low, unit) if row.alike else _between(unit, *row.degrees)
-    probability = percent(row.probability) if weighed else "–"
-    cells = (found, _between(unit, *row.bounds), row.when, probability)
-    more = [listed(row.others)] if others else []
-    name = f"{badge(row.fault.status, True)} {safe(row.fault.id)}"
-    return [name, *map(safe, (*cells, *more))]
+    rows = []
+    for row in found:
+        unit, low = row.fault.unit, row.degrees[0]
+        size = degree(low, unit) if row.alike else _between(unit, *row.degrees)
+        probability = percent(row.probability) if diagnosis.mode != "paper" else "–"
+        cells = [size, _between(unit, *row.bounds), row.when, probability]
+        cells += [listed(row.others)] if others else []
+        name = f"{badge(row.fault.status, True)} {safe(row.fault.id)}"
+        rows.append([name, *map(safe, cells)])
+    return table("all findings", of, rows)
 
 
 def _between(unit: str, low: float, high: float) -> str:
@@ -197,13 +175,6 @@ def evidence(diagnosis: Diagnosis) -> Iterator[str]:
 
 def ground_of(ruleset: Ruleset, finding: Finding) -> str:
     """Residuals of a finding, and the estimates or readings behind them."""
-    if finding.flows:
-        return _residuals(ruleset, finding) + _estimates(ruleset, finding)
-    read = safe(readings_of(ruleset, finding))
-    return f'{_residuals(ruleset, finding)}<p class="soft">typical readings there: {read}</p>'
-
-
-def _residuals(ruleset: Ruleset, finding: Finding) -> str:
     ordered = evidence_first(finding)
     left = len(ordered) - LISTED
     more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
@@ -221,11 +192,11 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
         value, fired, expected = (s.replace("-", "−") for s in (value, e.verdict, e.expected))
         first = map(safe, (e.residual, value, threshold, fired, expected))
         rows.append([*first, Cell(safe(words), kind)])
-    return table(what, of, rows) + more
-
-
-def _estimates(ruleset: Ruleset, finding: Finding) -> str:
-    rows = (
+    residuals = table(what, of, rows) + more
+    if not finding.flows:
+        read = safe(readings_of(ruleset, finding))
+        return f'{residuals}<p class="soft">typical readings there: {read}</p>'
+    flows = (
         (
             safe(e.equation),
             f"{L_PER_H.factor * e.flow:.1f} ± {L_PER_H.factor * e.half:.1f}",
@@ -234,7 +205,7 @@ def _estimates(ruleset: Ruleset, finding: Finding) -> str:
         for e in estimates(ruleset, finding)
     )
     of = columns("estimate", ".flow [l/h]", "from these readings")
-    return table("estimates of flows", of, rows)
+    return residuals + table("estimates of flows", of, flows)
 
 
 def remarks(periods: Sequence[Period], calendar: Calendar | None) -> str:

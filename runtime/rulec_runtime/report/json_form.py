@@ -14,40 +14,55 @@ from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.report.wording import actions, why_first
 
+Timed = Finding | SensorFinding | RegimeFinding
+
 EVIDENCE = ("residual", "value", "u", "u_systematic", "threshold", "verdict", "expected")
 """Keys of each residual of a finding."""
 
 
 def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as JSON data; flows in m3/s, times in s."""
+    calendar = diagnosis.calendar
     return {
         "plant": diagnosis.ruleset.plant,
         "ruleset": diagnosis.ruleset.sources,
-        "mode": diagnosis.mode,
-        "samples": diagnosis.samples,
-        "judged": diagnosis.judged,
-        "status": diagnosis.status,
+        **_taken(diagnosis, "mode", "samples", "judged", "status"),
         "findings": [
-            *(_sensor(f, diagnosis.calendar) for f in diagnosis.sensors),
-            *(_finding(diagnosis.ruleset, f, diagnosis.calendar) for f in diagnosis.findings),
+            *(_sensor(f, calendar) for f in diagnosis.sensors),
+            *(_finding(diagnosis.ruleset, f, calendar) for f in diagnosis.findings),
         ],
-        "regimes": [_regime(r, diagnosis.calendar) for r in diagnosis.regimes],
-        "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
-        "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
-        "blind": [_blind(b, diagnosis.calendar) for b in diagnosis.blind],
+        "regimes": [_regime(r, calendar) for r in diagnosis.regimes],
+        "unknown": [_period(p, "text", calendar) for p in diagnosis.unknown],
+        "not_judged": [_period(p, "because", calendar) for p in diagnosis.not_judged],
+        "blind": [
+            {
+                "faults": list(b.faults),
+                **_span(b, calendar),
+                "because": b.because,
+                "readings": list(b.readings),
+            }
+            for b in diagnosis.blind
+        ],
         "notes": list(diagnosis.notes),
     }
 
 
-def _blind(blind: Blind, calendar: Calendar | None) -> dict[str, Any]:
-    return {
-        "faults": list(blind.faults),
-        "since": blind.since,
-        "until": blind.until,
-        **_dates(blind.since, blind.until, calendar),
-        "because": blind.because,
-        "readings": list(blind.readings),
-    }
+def _taken(source: object, *keys: str) -> dict[str, Any]:
+    """Attributes under their own names."""
+    return {key: getattr(source, key) for key in keys}
+
+
+def _span(found: Blind | Period | Timed, calendar: Calendar | None) -> dict[str, Any]:
+    """Times in s, and as dates if the recording has them."""
+    ends = {"since": found.since, "until": found.until}
+    dates = {} if calendar is None else {f"{k}_time": calendar.iso(t) for k, t in ends.items()}
+    return ends | dates
+
+
+def _times(found: Timed, calendar: Calendar | None) -> dict[str, Any]:
+    """Times of a finding, s, with dates if the recording has them."""
+    own = {"duration": found.until - found.since, **_taken(found, "active", "behind")}
+    return {**_taken(found, "since", "until"), **own, **_span(found, calendar)}
 
 
 def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
@@ -57,15 +72,10 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
         "fault": found.id,
         "module": found.module,
         "status": found.condition.status,
-        "degree": 1.0,
-        "lower": 1.0,
-        "upper": 1.0,
+        **dict.fromkeys(("degree", "lower", "upper"), 1.0),
         "probability": found.probability,
         **_times(found, calendar),
-        "alternatives": [],
-        "remote": [],
-        "together": [],
-        "evidence": [],
+        **{key: [] for key in ("alternatives", "remote", "together", "evidence")},
         **({"mended": found.mended} if found.mended else {}),
         "text": found.text,
         "action": found.condition.action,
@@ -74,50 +84,24 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
 
 def _regime(found: RegimeFinding, calendar: Calendar | None) -> dict[str, Any]:
     """`sigma` is the largest margin of a condition, in standard uncertainties."""
-    regime = found.regime
     return {
-        "regime": regime.id,
-        "module": regime.module,
-        "status": regime.status,
+        "regime": found.regime.id,
+        **_taken(found.regime, "module", "status"),
         **_times(found, calendar),
         "evidence": [{"condition": text, "sigma": sure} for text, sure in found.margins],
-        "title": regime.title,
-        "text": regime.text,
-        "action": regime.action,
+        **_taken(found.regime, "title", "text", "action"),
     }
-
-
-def _times(
-    found: Finding | SensorFinding | RegimeFinding, calendar: Calendar | None
-) -> dict[str, Any]:
-    """Times of a finding, s, with dates if the recording has them."""
-    return {
-        "since": found.since,
-        "until": found.until,
-        "duration": found.until - found.since,
-        "active": found.active,
-        "behind": found.behind,
-        **_dates(found.since, found.until, calendar),
-    }
-
-
-def _dates(since: float, until: float, calendar: Calendar | None) -> dict[str, str]:
-    if calendar is None:
-        return {}
-    return {"since_time": calendar.iso(since), "until_time": calendar.iso(until)}
 
 
 def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
+    fault = finding.fault
     return {
         "kind": "fault",
-        "fault": finding.fault.id,
-        "module": finding.fault.module,
-        "status": finding.fault.status,
-        "degree": finding.degree,
-        "lower": finding.lower,
-        "upper": finding.upper,
-        **({"unit": finding.fault.unit} if finding.fault.unit else {}),
-        **({} if finding.growth is None else growth_form(finding.fault, finding.growth, calendar)),
+        "fault": fault.id,
+        **_taken(fault, "module", "status"),
+        **_taken(finding, "degree", "lower", "upper"),
+        **({"unit": fault.unit} if fault.unit else {}),
+        **({} if finding.growth is None else growth_form(fault, finding.growth, calendar)),
         "probability": finding.probability,
         **_times(finding, calendar),
         "alternatives": [
@@ -128,7 +112,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
         "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
         "together": list(finding.together),
         **({"step": _step(finding.step)} if finding.step is not None else {}),
-        "evidence": [{key: getattr(e, key) for key in EVIDENCE} for e in finding.evidence],
+        "evidence": [_taken(e, *EVIDENCE) for e in finding.evidence],
         **({"from_sheet": True} if finding.from_sheet else {}),
         **({"events": _events(finding.events)} if finding.events is not None else {}),
         "text": finding.text,
@@ -157,9 +141,7 @@ def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> 
 def _events(events: Events) -> dict[str, Any]:
     """Times in s, set points in SI: smallest and largest value of each input."""
     return {
-        "count": events.count,
-        "duration": events.duration,
-        "share": events.share,
+        **_taken(events, "count", "duration", "share"),
         "set_point": {name: [low, high] for name, (low, high) in events.settings.items()},
     }
 
@@ -179,9 +161,7 @@ def _step(step: Step) -> dict[str, Any]:
 def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, Any]:
     off = [{"residual": r, "share": size, "threshold": t} for r, size, t in period.off]
     return {
-        "since": period.since,
-        "until": period.until,
-        **_dates(period.since, period.until, calendar),
+        **_span(period, calendar),
         key: period.text,
         **({"disagree": off} if off else {}),
         **({"from_sheet": True} if period.from_sheet else {}),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from string import ascii_lowercase
@@ -58,8 +58,12 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
     faults, residuals, part = _chosen(ruleset, named, whole)
     ids = {f.id for f in faults}
     groups = [(m, g) for m, g in marked(ruleset) if ids & set(g.faults)]
-    alike = '<th scope="col">alike</th>' if groups else ""
-    head = alike + "".join(f'<th scope="col">{_broken(r.id)}</th>' for r in residuals)
+    head = '<th scope="col">alike</th>' if groups else ""
+    for residual in residuals:
+        # A residual's name takes several lines, since columns are narrow.
+        module, _, rest = residual.id.partition(".")
+        parts = (module, *rest.replace("-", "-\n").split("\n"))
+        head += f'<th scope="col">{"<br/>".join(safe(part) for part in parts)}</th>'
     body = "".join(_row(ruleset, fault, residuals, named, groups) for fault in faults)
     modules = {fault.module for fault in faults}
     for signal in ruleset.moved_by_reading:
@@ -79,17 +83,12 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
         f'<table class="matrix"><thead><tr><th scope="col">fault</th>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table>",
     )
-    return f'<p class="key">{key}</p>{note}{shown}{_below(groups, named, whole)}'
-
-
-def _below(groups: Groups, named: Named, whole: bool) -> str:
-    """Groups below the matrix: those of named faults, and the others folded away."""
     both = named.found | named.possible
     near = [(m, g) for m, g in groups if whole or both & set(g.faults)]
     far = [pair for pair in groups if pair not in near]
     title = "Other faults that are alike" if near else "Faults that are alike"
     folded = f"<details><summary>{title}</summary>{told_alike(far)}</details>" if far else ""
-    return told_alike(near) + folded
+    return f'<p class="key">{key}</p>{note}{shown}{told_alike(near)}{folded}'
 
 
 def marked(ruleset: Ruleset) -> Groups:
@@ -148,13 +147,16 @@ def _row(
     named: Named,
     groups: Groups,
 ) -> str:
-    cells: Mapping[str, Cell] = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
+    known: Mapping[str, Cell] = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
     own = " ".join(f'<b class="alike">{safe(m)}</b>' for m, g in groups if fault.id in g.faults)
-    alike = f'<td class="kin">{own}</td>' if groups else ""
-    body = alike + "".join(_cell(fault, cells.get(r.id)) for r in residuals)
-    style, note = next(_status(fault, named), ("", ""))
-    small = f"<small>{note}</small>" if note else ""
-    return f'<tr{style}><th scope="row">{safe(fault.id)}{small}</th>{body}</tr>'
+    cells = f'<td class="kin">{own}</td>' if groups else ""
+    for residual in residuals:
+        if (cell := known.get(residual.id)) is None:
+            cells += '<td class="soft">·</td>'
+        else:
+            degree = safe(smallest_degree(fault, cell.detectable, "over "))
+            cells += f"<td><b>{'+' if cell.sign > 0 else '−'}</b><small>{degree}</small></td>"
+    return _as_row(fault.id, cells, (fault,), named)
 
 
 def _error_row(
@@ -162,33 +164,21 @@ def _error_row(
 ) -> str:
     """The row of a reading, for all its unlisted errors."""
     moved = ruleset.moved_by_reading[signal]
-    kin = '<td class="kin"></td>' if alike else ""
-    cells = "".join(
+    cells = '<td class="kin"></td>' if alike else ""
+    cells += "".join(
         "<td><b>±</b></td>" if r.id in moved else '<td class="soft">·</td>' for r in residuals
     )
-    own = [f for f in ruleset.unlisted if signal in f.scales]
-    style, note = next((pair for f in own for pair in _status(f, named)), ("", ""))
-    small = f"<small>{note}</small>" if note else ""
-    return f'<tr{style}><th scope="row">{safe(signal)}{small}</th>{kin}{cells}</tr>'
+    return _as_row(signal, cells, [f for f in ruleset.unlisted if signal in f.scales], named)
 
 
-def _status(fault: FaultSpec, named: Named) -> Iterator[tuple[str, str]]:
-    """Style and note of the row of a fault that a diagnosis names."""
-    letter = fault.status
-    if fault.id in named.found:
-        yield f' class="found is-{letter}"', f"{STATUS[letter][0]} diagnosed"
-    if fault.id in named.possible:
-        yield f' class="possible is-{letter}"', "could also be"
-
-
-def _cell(fault: FaultSpec, cell: Cell | None) -> str:
-    if cell is None:
-        return '<td class="soft">·</td>'
-    degree = safe(smallest_degree(fault, cell.detectable, "over "))
-    return f"<td><b>{'+' if cell.sign > 0 else '−'}</b><small>{degree}</small></td>"
-
-
-def _broken(name: str) -> str:
-    """A residual's name over several lines, since columns are narrow."""
-    module, _, rest = name.partition(".")
-    return "<br/>".join(safe(part) for part in (module, *rest.replace("-", "-\n").split("\n")))
+def _as_row(title: str, cells: str, faults: Iterable[FaultSpec], named: Named) -> str:
+    """A row with the style and note of the first of its faults that a diagnosis names."""
+    style = note = ""
+    for fault in faults:
+        if fault.id in named.found or fault.id in named.possible:
+            found = fault.id in named.found
+            style = f' class="{"found" if found else "possible"} is-{fault.status}"'
+            words = f"{STATUS[fault.status][0]} diagnosed" if found else "could also be"
+            note = f"<small>{words}</small>"
+            break
+    return f'<tr{style}><th scope="row">{safe(title)}{note}</th>{cells}</tr>'

@@ -133,7 +133,9 @@ def topology_of(
     """
     names = list(modules)
     pairs = [(o, i) for j in junctions for o in j.outlets for i in j.inlets]
-    boxes = _members(names, pairs, [m for m in names if m in set(marked)])
+    boxes = [(name,) for name in names]
+    if len(names) > MOST:
+        boxes = _folded(names, pairs, [m for m in names if m in set(marked)])
     of = {name: i for i, members in enumerate(boxes) for name in members}
     pipes = {(of[a], of[b]) for a, b in pairs if a in of and b in of and of[a] != of[b]}
     back = _back(len(boxes), pipes)
@@ -141,49 +143,35 @@ def topology_of(
     return Topology(tuple(boxes), layers, tuple(sorted(pipes - back)), tuple(sorted(back)))
 
 
-def _members(
+def _folded(
     names: Sequence[str], pairs: Sequence[tuple[str, str]], marked: Sequence[str]
 ) -> list[tuple[str, ...]]:
-    if len(names) <= MOST:
-        return [(name,) for name in names]
+    """Boxes of a large plant: marked modules and those around them alone, the others in groups of
+    connected ones and of those with the same neighbours."""
+    order = {name: i for i, name in enumerate(names)}
     beside: dict[str, dict[str, None]] = {name: {} for name in names}
     for a, b in pairs:
         beside[a][b] = beside[b][a] = None
-    shown: dict[str, None] = dict.fromkeys([*marked, *names[: not marked]][:MOST])
-    for name in (queue := list(shown)):
-        new = [n for n in beside[name] if n not in shown][: MOST - len(shown)]
-        shown.update(dict.fromkeys(new))
-        queue += new
-    for name in names:
-        if len(shown) < MOST:
-            shown[name] = None
-    groups = _folded([n for n in names if n not in shown], beside, shown)
-    order = {name: i for i, name in enumerate(names)}
-    return sorted([*((n,) for n in shown), *groups], key=lambda members: order[members[0]])
-
-
-def _folded(
-    rest: Sequence[str], beside: Mapping[str, Iterable[str]], shown: Mapping[str, None]
-) -> list[tuple[str, ...]]:
-    """Group modules that are not drawn: the connected ones, and those with the same neighbours."""
+    shown = [*marked, *names[: not marked]][:MOST]
+    for name in shown:  # grows meanwhile
+        shown += [n for n in beside[name] if n not in shown][: MOST - len(shown)]
+    shown += [name for name in names if name not in shown][: MOST - len(shown)]
     groups: dict[frozenset[str], list[str]] = {}
-    visited: set[str] = set()
-    for start in rest:
-        if start in visited:
-            continue
-        visited.add(start)
-        part, ends = [start], set[str]()
-        for name in part:
-            for other in beside[name]:
-                if other in shown:
-                    ends.add(other)
-                elif other not in visited:
-                    visited.add(other)
-                    part.append(other)
+    rest = dict.fromkeys(name for name in names if name not in shown)
+    while rest:
+        part, ends = [next(iter(rest))], set[str]()
+        del rest[part[0]]
+        for name in part:  # grows meanwhile
+            ends.update(other for other in beside[name] if other in shown)
+            new = [other for other in beside[name] if other in rest]
+            part += new
+            for other in new:
+                del rest[other]
         groups.setdefault(frozenset(ends), []).extend(part)
-    order = {name: i for i, name in enumerate(rest)}
     folded = [tuple(sorted(part, key=order.__getitem__)) for part in groups.values()]
-    return folded if len(folded) <= FOLDS else [tuple(rest)]
+    if len(folded) > FOLDS:
+        folded = [tuple(name for name in names if name not in shown)]
+    return sorted([*((n,) for n in shown), *folded], key=lambda members: order[members[0]])
 
 
 def _back(count: int, pipes: Pipes) -> Pipes:
@@ -217,20 +205,17 @@ def _layers(count: int, pipes: Pipes) -> tuple[tuple[int, ...], ...]:
             level[i] = min(fed) - 1
     depths = range(max(level, default=0) + 1)
     layers = [[i for i in range(count) if level[i] == depth] for depth in depths]
-    at = {i: place for layer in layers for i, place in _centred(layer)}
-    for sweep in range(SWEEPS):
-        for layer in layers if sweep % 2 == 0 else reversed(layers):
-            wanted = {i: _wanted(i, pipes, at) for i in layer}
-            layer.sort(key=wanted.__getitem__)
-            at.update(_centred(layer))
+    at = [0.0] * count
+    for sweep in range(SWEEPS + 1):
+        for layer in layers if sweep % 2 else reversed(layers):
+            if sweep:
+                layer.sort(key=lambda i: _height(i, pipes, at))
+            for place, box in enumerate(layer):
+                at[box] = place - (len(layer) - 1) / 2
     return tuple(map(tuple, layers))
 
 
-def _centred(layer: Sequence[int]) -> list[tuple[int, float]]:
-    return [(box, place - (len(layer) - 1) / 2) for place, box in enumerate(layer)]
-
-
-def _wanted(box: int, pipes: Pipes, at: Mapping[int, float]) -> float:
+def _height(box: int, pipes: Pipes, at: Sequence[float]) -> float:
     """The mean height of the neighbours of a box."""
     beside = [at[a if b == box else b] for a, b in pipes if box in (a, b)]
     return sum(beside) / len(beside) if beside else at[box]

@@ -9,9 +9,7 @@ from rich.tree import Tree
 from rulec_runtime.contract.degree import degree_in_figures
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
-from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.plant_calendar import course
@@ -63,28 +61,44 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     mode = "" if diagnosis.mode == "default" else f", mode {diagnosis.mode}"
     out.print(styled("[dim]{}{}[/]", judged, mode))
     for sensor in diagnosis.sensors:
-        _sensor(out, diagnosis, sensor)
-    for regime in diagnosis.regimes[:SHOWN]:
-        _regime(out, diagnosis, regime)
-    if left := len(diagnosis.regimes[SHOWN:]):
-        more = plural(left, "other regime", "other regimes")
-        out.print(styled("[dim]and {} (--json has all)[/]", more))
-    _summary(out, diagnosis)
+        when = course(diagnosis.calendar, sensor.since, sensor.until, sensor.behind)
+        tree = _titled(sensor.condition.status, sensor.id, sensor.text)
+        tree.add(f"do: {sensor.condition.action}")
+        tree.add(f"{when}; {kept_of(sensor)}")
+        out.print(tree)
+    for found in diagnosis.regimes[:SHOWN]:
+        regime = found.regime
+        tree = _titled(regime.status, regime.id, regime.text)
+        tree.add(f"do: {regime.action}")
+        tree.add(f"because {conditions(found)}")
+        tree.add(course(diagnosis.calendar, found.since, found.until, found.behind))
+        tree.add(styled("[dim]{}[/]", regime.origin))
+        out.print(tree)
+    _more(out, len(diagnosis.regimes[SHOWN:]), "other regime")
+    if diagnosis.findings:
+        out.print(_summary(diagnosis))
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
-    _blind(out, diagnosis)
+    if diagnosis.blind:
+        tree = _titled("C", PARTLY, hidden(diagnosis))
+        for blind in diagnosis.blind[:LISTED]:
+            tree.add(blindness(diagnosis.ruleset, blind, diagnosis.calendar))
+        if (more := len(diagnosis.blind) - LISTED) > 0:
+            tree.add(styled("[dim]and {} other periods (--json has all)[/]", more))
+        out.print(tree)
     _periods(out, diagnosis, "Unknown", "yellow", diagnosis.unknown)
     _periods(out, diagnosis, "Not judged", "dim", told_else(diagnosis))
     for note in diagnosis.notes[:SHOWN]:
         out.print(styled("[dim]note: {}[/]", note))
-    if left := len(diagnosis.notes[SHOWN:]):
-        more = plural(left, "other note", "other notes")
-        out.print(styled("[dim]and {} (--json has all)[/]", more))
+    _more(out, len(diagnosis.notes[SHOWN:]), "other note")
 
 
-def _summary(out: Console, diagnosis: Diagnosis) -> None:
-    if not diagnosis.findings:
-        return
+def _more(out: Console, count: int, what: str) -> None:
+    if count:
+        out.print(styled("[dim]and {} (--json has all)[/]", plural(count, what, f"{what}s")))
+
+
+def _summary(diagnosis: Diagnosis) -> Table:
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("", "fault", "degree", "95 % bounds", "when", "probability"):
         justify: Literal["left", "right"] = "right" if title == "probability" else "left"
@@ -101,25 +115,7 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
             row.when,
             percent(row.probability),
         )
-    out.print(table)
-
-
-def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
-    tree = _titled(found.condition.status, found.id, found.text)
-    tree.add(f"do: {found.condition.action}")
-    when = course(diagnosis.calendar, found.since, found.until, found.behind)
-    tree.add(f"{when}; {kept_of(found)}")
-    out.print(tree)
-
-
-def _regime(out: Console, diagnosis: Diagnosis, found: RegimeFinding) -> None:
-    regime = found.regime
-    tree = _titled(regime.status, regime.id, regime.text)
-    tree.add(f"do: {regime.action}")
-    tree.add(f"because {conditions(found)}")
-    tree.add(course(diagnosis.calendar, found.since, found.until, found.behind))
-    tree.add(styled("[dim]{}[/]", regime.origin))
-    out.print(tree)
+    return table
 
 
 def _titled(letter: str, name: str, text: str) -> Tree:
@@ -209,17 +205,6 @@ def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
         tree.add(f"no other known fault fits; {probability}")
     if finding.remote:
         tree.add(f"fits less well: {causes(finding.remote)}")
-
-
-def _blind(out: Console, diagnosis: Diagnosis) -> None:
-    if not diagnosis.blind:
-        return
-    tree = _titled("C", PARTLY, hidden(diagnosis))
-    for blind in diagnosis.blind[:LISTED]:
-        tree.add(blindness(diagnosis.ruleset, blind, diagnosis.calendar))
-    if (more := len(diagnosis.blind) - LISTED) > 0:
-        tree.add(styled("[dim]and {} other periods (--json has all)[/]", more))
-    out.print(tree)
 
 
 def _periods(
