@@ -43,7 +43,12 @@ class Calendar:
         """Zone of the dates, in words."""
         if not self.offsets:
             return "the recording names no zone"
-        return " and ".join(dict.fromkeys(_offset(seconds) for _, seconds in self.offsets))
+        found = dict[str, None]()
+        for _, seconds in self.offsets:
+            hours, minutes = divmod(round(abs(seconds) / MINUTE), 60)
+            sign = "+" if seconds > 0 else "-"
+            found[f"UTC{sign}{hours:02d}:{minutes:02d}" if seconds else "UTC"] = None
+        return " and ".join(found)
 
     def zero(self) -> str:
         """The date of time 0, in words."""
@@ -56,14 +61,6 @@ class Calendar:
         day = "" if same_day else f"{date:%Y-%m-%d} "
         fine = f".{date.microsecond // 100_000}" if date.microsecond >= 100_000 else ""
         return f"{day}{date:%H:%M:%S}{fine}"
-
-
-def _offset(seconds: float) -> str:
-    if seconds == 0:
-        return "UTC"
-    sign = "+" if seconds > 0 else "-"
-    minutes = round(abs(seconds) / MINUTE)
-    return f"UTC{sign}{minutes // 60:02d}:{minutes % 60:02d}"
 
 
 def calendar_of(time: Array, start: float, offset: Array) -> Calendar:

@@ -11,8 +11,7 @@ standard uncertainties of the sensor, in tables of pump curves 4 to 90.
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.columns import median_of
 from rulec_runtime.recordings.recording import Recording
@@ -39,30 +38,28 @@ def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
     A run is continuous. A bench restarts each sweep, or takes its points in any order: its column
     of time merely numbers the rows.
     """
-    return all(_leap(recording.values[name]) <= limits.LEAP for name in _moving(recording, ruleset))
+    for name in _moving(recording, ruleset):
+        values = recording.values[name]
+        changes = np.abs(np.diff(values[np.isfinite(values)]))
+        spread = float(np.nanstd(values))
+        if np.quantile(changes, limits.USUAL_CHANGES) > limits.LEAP * spread:
+            return False
+    return True
 
 
 def _moving(recording: Recording, ruleset: Ruleset) -> list[str]:
-    """Readings used by observers that usually change from row to row."""
-    used = (s for s in ruleset.signals if s.id in ruleset.observed and s.id in recording.values)
-    return [s.id for s in used if _moves(s, recording)]
-
-
-def _leap(values: Array) -> float:
-    """The largest usual change from row to row, in standard deviations of all rows."""
-    changes = np.abs(np.diff(values[np.isfinite(values)]))
-    spread = float(np.nanstd(values))
-    return float(np.quantile(changes, limits.USUAL_CHANGES)) / spread if spread else 0.0
-
-
-def _moves(signal: SignalSpec, recording: Recording) -> bool:
-    """Whether a reading usually changes from row to row while its module works."""
-    values = recording.values[signal.id]
-    at_work = values[working(signal, values)]
-    if len(at_work) < limits.FEWEST_POINTS:
-        return False
-    usual, change = median_of(np.abs(at_work)), median_of(np.abs(np.diff(at_work)))
-    return change > limits.MOVING_ROWS * float(systematic_u(signal, usual))
+    """Readings used by observers that usually change from row to row while their module works."""
+    found = []
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None or signal.id not in ruleset.observed:
+            continue
+        at_work = values[working(signal, values)]
+        if len(at_work) >= limits.FEWEST_POINTS:
+            usual, change = median_of(np.abs(at_work)), median_of(np.abs(np.diff(at_work)))
+            if change > limits.MOVING_ROWS * float(systematic_u(signal, usual)):
+                found.append(signal.id)
+    return found
 
 
 def each_row(recording: Recording) -> Stretches:

@@ -1,7 +1,5 @@
 """Find readings that stay constant to the last digit although the sensor should show noise."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from rulec_runtime import limits as common
@@ -22,11 +20,13 @@ def standing_still(
     its range a reading repeats for another reason.
     """
     long, chance = runs_of_same(values, limits.STILL_RUN)
-    if not long or not _restless(_beside(values, long), u):
+    beside = np.isfinite(values)
+    for first, behind in long:
+        beside[first:behind] = False
+    if not long or not _restless(values[beside], u):
         return []
-    least = limits.STILL_TIMES * chance
-    long = [run for run in long if run[1] - run[0] >= least and _moves_beside(values, *run)]
-    return [run for run in long if not _clipped(values, *run, ends)]
+    long = [run for run in long if run[1] - run[0] >= limits.STILL_TIMES * chance]
+    return [run for run in long if _moves_beside(values, *run) and not _clipped(values, *run, ends)]
 
 
 def _moves_beside(values: Array, first: int, behind: int) -> bool:
@@ -36,25 +36,14 @@ def _moves_beside(values: Array, first: int, behind: int) -> bool:
     works.
     """
     long = behind - first
-    for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
-        count, same = _steps(beside[np.isfinite(beside)])
-        if count >= limits.STILL_RUN and same / count > limits.REPEATED:
-            return False
-    return True
+    parts = values[max(first - long, 0) : first], values[behind : behind + long]
+    known = [part[np.isfinite(part)] for part in parts]
+    return not any(len(k) > limits.STILL_RUN and _repeated(k) > limits.REPEATED for k in known)
 
 
-def _steps(readings: Array) -> tuple[int, int]:
-    """Number of steps from number to number, and number of zero steps."""
-    steps = np.diff(readings)
-    return len(steps), int((steps == 0).sum())
-
-
-def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Array:
-    """Readings outside the runs `long`."""
-    there = np.isfinite(values)
-    for first, behind in long:
-        there[first:behind] = False
-    return values[there]
+def _repeated(readings: Array) -> float:
+    """Share of readings that repeat the one before."""
+    return float(np.mean(np.diff(readings) == 0))
 
 
 def _clipped(
@@ -71,11 +60,12 @@ def _clipped(
 
 def _restless(rest: Array, u: float) -> bool:
     """Whether the other readings show white noise, and not more than their class."""
-    count, same = _steps(rest)
-    if count + 1 < 2 * limits.STILL_RUN or same / count > limits.REPEATED:
+    if len(rest) < 2 * limits.STILL_RUN or _repeated(rest) > limits.REPEATED:
         return False
+    steps = np.diff(np.unique(rest))
+    least = float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else np.inf
     noise, finer = (white_noise(np.diff(rest, order), order) for order in (3, 4))
-    white = noise >= limits.RESTLESS * _least_step(rest) and finer >= limits.RESTLESS * noise
+    white = noise >= limits.RESTLESS * least and finer >= limits.RESTLESS * noise
     return bool(white and noise <= limits.INSTRUMENT_NOISE * u)
 
 
@@ -96,8 +86,3 @@ def last_digit(value: float) -> float:
         if round(steps) and abs(steps - round(steps)) < limits.WRITTEN_DIGIT:
             return float(f"1e{power}")
     return 1.0
-
-
-def _least_step(readings: Array) -> float:
-    steps = np.diff(np.unique(readings))
-    return float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else np.inf

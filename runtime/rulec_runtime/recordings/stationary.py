@@ -167,16 +167,19 @@ def find_stretches(
 
     With `ramps` readings may move evenly: a stretch ends only where a rate changes abruptly.
     """
-    n = len(recording)
-    breaks, jumps = np.zeros((2, n), dtype=bool)
-    _break_at_pauses(recording, breaks)
+    time, segment = recording.time, recording.segment
+    breaks, jumps = np.zeros((2, len(recording)), dtype=bool)
+    breaks[0] = True
+    breaks[1:] = np.diff(time) > common.PAUSE * (recording.interval or np.inf)
+    breaks[1:] |= segment[1:] != segment[:-1]
     used = {s for o in observers or ruleset.observers for s in o.signals}
     levels: list[tuple[Array, float]] = []
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or signal.id not in used:
             continue
-        floor = float(systematic_u(signal, _level(signal, values)))
+        level = median_of(np.abs(values[working(signal, values)]))
+        floor = float(systematic_u(signal, 0.0 if np.isnan(level) else level))
         limit = max(common.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
         still = max(limits.SETTLED * noise[signal.id], floor * common.NO_CHANGE)
         levels.append((values, max(still, limits.LEAST_NOISE)))
@@ -187,29 +190,11 @@ def find_stretches(
         with np.errstate(invalid="ignore"):
             jumps[order:] |= np.abs(np.diff(filled, order)) > far
         jumps |= _shifts(filled, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
-        _break_at_gaps(values, breaks)
+        # Short runs without a reading end no stretch.
+        for first, behind in runs_where(~np.isfinite(values), common.SHORTEST_STRETCH):
+            breaks[first] = True
+            breaks[behind : behind + 1] = True
     return _cut(breaks, jumps, levels, longest)
-
-
-def _level(signal: SignalSpec, values: Array) -> float:
-    """The median size of a reading while its module works; 0 without any."""
-    median = median_of(np.abs(values[working(signal, values)]))
-    return 0.0 if np.isnan(median) else median
-
-
-def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
-    """Mark the first sample, and those after a pause or at the start of a file."""
-    breaks[0] = True
-    time, segment = recording.time, recording.segment
-    breaks[1:] |= np.diff(time) > common.PAUSE * (recording.interval or np.inf)
-    breaks[1:] |= segment[1:] != segment[:-1]
-
-
-def _break_at_gaps(values: Array, breaks: np.ndarray) -> None:
-    """Mark the first samples of, and after, runs without reading; short ones end no stretch."""
-    for first, behind in runs_where(~np.isfinite(values), common.SHORTEST_STRETCH):
-        breaks[first] = True
-        breaks[behind : behind + 1] = True
 
 
 def _shifts(filled: Array, limit: float) -> np.ndarray:

@@ -131,21 +131,15 @@ class TitleLine:
     above: int
 
 
-@dataclass(frozen=True)
-class _Line:
-    number: int
-    separator: str
-    cells: list[str]
-    likely: bool
-
-
 class TitleSearch:
     """Searches for the first line that looks like titles and has a row at least as wide below it.
     If no line looks like titles, the first line holds them."""
 
     def __init__(self, times: Collection[str]) -> None:
         self._times = times
-        self._found: list[_Line] = []
+        self._found: list[TitleLine] = []
+        self._likely: list[TitleLine] = []
+        self._cells: list[str] = []
         self._number, self._stated = 0, ""
         self.in_sight = False
         """Whether a line so far looks like titles, or like a row of numbers."""
@@ -158,27 +152,22 @@ class TitleSearch:
         if not is_header:
             return None
         separator = self._stated or separator_of(line)
-        cells = cells_of(line, separator)
-        likely, values = are_titles(cells, self._times), are_values(cells)
-        above = self._found[-1] if self._found else None
-        self.in_sight = self.in_sight or likely or values
-        self._found.append(_Line(number, separator, cells, likely))
-        if above and len(cells) >= len(above.cells) and self._holds_titles(above, values):
-            return self._as_titles(len(self._found) - 2)
+        above, cells = self._cells, cells_of(line, separator)
+        values = are_values(cells)
+        # Titles may be numbers, such as channels of a logger, if only numbers are below them.
+        timed = values and len(above) > 1 and any(is_time(cell, self._times) for cell in above)
+        last = self._found[-1] if self._found else None
+        if last and len(cells) >= len(above) and (timed or last in self._likely):
+            return last
+        self._found.append(TitleLine(number, separator, len(self._found)))
+        self._cells = cells
+        if are_titles(cells, self._times):
+            self._likely.append(self._found[-1])
+        self.in_sight = self.in_sight or values or self._found[-1] in self._likely
         return self.so_far() if len(self._found) > limits.LINES_ABOVE_TITLES else None
 
     def so_far(self) -> TitleLine | None:
         """The titles if no further line comes; None without a line that may hold them."""
-        if not self._found:
-            return None
-        likely = [k for k, line in enumerate(self._found) if line.likely]
-        last = len(self._found) - 1
-        return self._as_titles(last if last in likely else next(iter(likely), 0))
-
-    def _holds_titles(self, line: _Line, before_values: bool) -> bool:
-        """Titles may be numbers, such as channels of a logger, if only numbers are below them."""
-        timed = len(line.cells) > 1 and any(is_time(cell, self._times) for cell in line.cells)
-        return line.likely or (before_values and timed)
-
-    def _as_titles(self, k: int) -> TitleLine:
-        return TitleLine(self._found[k].number, self._found[k].separator, k)
+        last = self._found[-1:]
+        sure = [line for line in last if line in self._likely]
+        return next(iter(sure or self._likely or self._found), None)

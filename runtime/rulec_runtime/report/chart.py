@@ -85,15 +85,12 @@ def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
         low, high = (low if low == 0 else low - room), high + room
     power = 10.0 ** np.floor(np.log10((high - low) / max(wanted, 1)))
     steps = [float(m * power) for m in (10, 5, 2, 1, 0.5)]
-    scales = [_ticks(low, high, step) for step in steps]
+    scales = []
+    for step in steps:
+        first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+        ticks = tuple(float(round(i * step, 12)) for i in range(first, last + 1))
+        scales.append(ticks or ((low + high) / 2,))
     return Axis(low, high, min(scales, key=lambda ticks: abs(len(ticks) - wanted)))
-
-
-def _ticks(low: float, high: float, step: float) -> tuple[float, ...]:
-    """Multiples of a step within a range; its middle if there are none."""
-    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
-    ticks = tuple(float(round(i * step, 12)) for i in range(first, last + 1))
-    return ticks or ((low + high) / 2,)
 
 
 @dataclass(frozen=True)
@@ -115,10 +112,8 @@ class Panel:
         """A curve that breaks at NaN; a single value between breaks becomes a dot."""
         parts = []
         for run in runs_of(np.isfinite(x) & np.isfinite(y)):
-            points = [
-                f"{a:.1f} {b:.1f}" for a, b in zip(self._x(x[run]), self._y(y[run]), strict=True)
-            ]
-            parts.append("M" + "L".join(points) + ("h0" if len(points) == 1 else ""))
+            points = _joined(self._x(x[run]), self._y(y[run]))
+            parts.append(f"M{points}" if "L" in points else f"M{points}h0")
         return f'<path class="curve {style}" d="{"".join(parts)}"/>' if parts else ""
 
     def band(self, x: Array, low: Array, high: Array, style: str) -> str:
@@ -128,11 +123,9 @@ class Panel:
             across = self._x(x[run])
             if len(across) == 1:
                 across = across + np.array([-2.0, 2.0])
-            upper = np.broadcast_to(self._y(high[run]), across.shape)
-            lower = np.broadcast_to(self._y(low[run]), across.shape)
-            there = [f"{a:.1f} {b:.1f}" for a, b in zip(across, upper, strict=True)]
-            back = [f"{a:.1f} {b:.1f}" for a, b in zip(across[::-1], lower[::-1], strict=True)]
-            parts.append("M" + "L".join([*there, *back]) + "Z")
+            upper, lower = (np.broadcast_to(self._y(v[run]), across.shape) for v in (high, low))
+            there = np.append(across, across[::-1]), np.append(upper, lower[::-1])
+            parts.append(f"M{_joined(*there)}Z")
         return f'<path class="band {style}" d="{"".join(parts)}"/>' if parts else ""
 
     def spans(self, x: Array, flags: np.ndarray, style: str, top: float = 1.0) -> str:
@@ -226,22 +219,24 @@ def labels_apart(panel: Panel, ends: Sequence[float | None], words: Sequence[str
     curve.
     """
     room = 15.0
-    wanted = {
+    placed = {
         i: panel.height * (1 - float(panel.y.share(v))) for i, v in enumerate(ends) if v is not None
     }
-    order = sorted(wanted, key=lambda i: wanted[i])
-    placed: dict[int, float] = {}
-    above = -np.inf
+    order = sorted(placed, key=placed.__getitem__)
+    above, below = 6.0 - room, panel.height + room
     for i in order:
-        above = placed[i] = max(wanted[i], 6.0, above + room)
-    below = float(panel.height)
+        above = placed[i] = max(placed[i], above + room)
     for i in reversed(order):
-        below = placed[i] = min(placed[i], below)
-        below -= room
+        below = placed[i] = min(placed[i], below - room)
     return "".join(
         f'<text class="name s{i % 6}" x="100%" dx="8" y="{placed[i]:.1f}">{safe(words[i])}</text>'
         for i in order
     )
+
+
+def _joined(x: Array, y: Array) -> str:
+    """Points as a path, without its beginning."""
+    return "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
 
 
 def runs_of(sound: np.ndarray) -> Iterator[slice]:

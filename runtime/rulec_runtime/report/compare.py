@@ -20,29 +20,24 @@ def draw_cases(cases: Cases) -> Figure:
     drawn = [panel.curve(ends, ends, "truth")]
     marks = []
     for named, symbol, style in ((True, "disc", "s0"), (False, "cross", "fired")):
-        index = _one_a_cell(cases, cases.named == named, scale.high)
+        index = np.flatnonzero(cases.named == named)
+        # One case per cell of the plot: the others would lie on top of it.
+        cells = np.stack([cases.true[index], cases.degree[index]]) * (POINTS / scale.high)
+        index = index[np.sort(np.unique(np.floor(cells), axis=1, return_index=True)[1])]
         true, degree = cases.true[index], cases.degree[index]
         if named:
             drawn.append(panel.bars(true, cases.lower[index], cases.upper[index], "s0"))
         marks.append(panel.marks(true, degree, symbol, style))
     svg = panel.drawn("diagnosed against true degree", "diagnosed degree [1]", drawn, marks, True)
-    key = "● rightly named, with 95 % bounds; × another fault, none or a false alarm; dashed: truth"
     return Figure(
         name="cases",
         title="Diagnosed against true degree",
-        key=key,
+        key="● rightly named, with 95 % bounds; × another fault, none or a false alarm; "
+        "dashed: truth",
         body=plot(svg, True, "true degree [1]"),
         caption=_named_right(cases),
         narrow=True,
     )
-
-
-def _one_a_cell(cases: Cases, chosen: np.ndarray, top: float) -> np.ndarray:
-    """One of the chosen cases per cell of the plot; the others would lie on top of it."""
-    index = np.flatnonzero(chosen)
-    cells = np.stack([cases.true[index], cases.degree[index]]) * (POINTS / top)
-    _, first = np.unique(np.floor(cells), axis=1, return_index=True)
-    return index[np.sort(first)]
 
 
 def _named_right(cases: Cases) -> str:
@@ -57,7 +52,7 @@ def _named_right(cases: Cases) -> str:
             "with a fault"
         )
         if hit.any():
-            off = np.abs(cases.discrepancy[hit])
+            off = np.abs(cases.degree - cases.true)[hit]
             covered = (cases.lower <= cases.true) & (cases.true <= cases.upper)
             parts[-1] += (
                 f"; there its degree is off by {number(off.mean(), 2)} on average and "

@@ -57,20 +57,18 @@ def draw_estimates(whole: Curves) -> Figure:
     module = curves.sides[0].module
     drawn = [_unjudged(panel, curves.time, curves.judged), *bands, *lines]
     svg = panel.drawn(f"flow estimates of {module}", "flow [l/h]", drawn, [names], True)
-    body = time_plot(svg, True, across)
     key = ["band: 95 % uncertainty"]
-    key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.is_sum]
+    key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.observers[1:]]
     if len(curves.time) < len(whole.time):
         where = "around the largest finding" if curves.focus else "at the beginning"
         samples = counted(len(curves.time), "sample")
         key.append(f"{samples} {where}, the whole recording is below")
     key += _grey(curves.time, curves.judged)
-    title = f"Flow estimates of {module}"
     return Figure(
         name="estimates",
-        title=title,
+        title=f"Flow estimates of {module}",
         key="; ".join(key),
-        body=body,
+        body=time_plot(svg, True, across),
         caption=f"Estimates of the flow through {module}, which should agree.",
     )
 
@@ -78,10 +76,8 @@ def draw_estimates(whole: Curves) -> Figure:
 def draw_residuals(curves: Curves) -> Figure:
     """Residuals over time, one panel each, with the zero band and marks where they fire."""
     beyond = excess(curves)
-    drawable = np.flatnonzero(np.isfinite(curves.values).any(axis=1))
-    parts = []
-    for i in map(int, drawable):
-        parts.append(_residual_panel(curves, i, beyond.get(i, 0.0), i == drawable[-1]))
+    drawable = np.flatnonzero(np.isfinite(curves.values).any(axis=1)).tolist()
+    parts = [_residual_panel(curves, i, beyond.get(i, 0.0), i == drawable[-1]) for i in drawable]
     key = ["shaded: within the threshold", "▲ fired upwards, ▼ downwards"]
     key += ["zero: what was taken for fault-free"] if curves.learned else []
     key += ["only judged samples are drawn"] if _is_long(curves.time) else []

@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     residuals_at,
     usable_at,
 )
-from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
@@ -49,17 +49,11 @@ class Side:
     observers: tuple[str, ...]
 
     @property
-    def is_sum(self) -> bool:
-        """Whether it sums several observers."""
-        return len(self.observers) > 1
-
-    @property
     def short(self) -> str:
         """Name on a curve; the common name of several observers follows a sum sign."""
+        if len(self.observers) == 1:
+            return self.observers[0].removeprefix(f"{self.module}.")
         names = {o.partition(".")[2] or o for o in self.observers}
-        if not self.is_sum:
-            own = self.observers[0].partition(".")
-            return own[2] if own[0] == self.module else self.observers[0]
         return f"Σ {names.pop()}" if len(names) == 1 else " + ".join(self.observers)
 
 
@@ -74,7 +68,7 @@ class Curves:
     flows, flows_u : shape (sides, n), l/h, not corrected; NaN where an estimate is unusable.
     values, thresholds : shape (residuals, n), l/h, relative to the baseline; a residual fires
         beyond its threshold.
-    focus : period of the largest finding, s.
+    focus : period of the largest finding, else of the first unknown deviation, s.
     learned : whether there is a baseline.
     calendar : dates of the times, if the recording has them.
     """
@@ -93,15 +87,8 @@ class Curves:
 
     def at(self, chosen: slice) -> Curves:
         """A run of the samples."""
-        return replace(
-            self,
-            time=self.time[chosen],
-            judged=self.judged[chosen],
-            flows=self.flows[:, chosen],
-            flows_u=self.flows_u[:, chosen],
-            values=self.values[:, chosen],
-            thresholds=self.thresholds[:, chosen],
-        )
+        names = ("time", "judged", "flows", "flows_u", "values", "thresholds")
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in names})
 
     def formed(self) -> np.ndarray:
         """Residuals that exist on some judged sample, shape (residuals,)."""
@@ -130,9 +117,8 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         dict.fromkeys(s for r in ruleset.residuals if r.module == module for s in sides_of(r))
     )
     n = len(recording)
-    flows, flows_u = np.full((len(sides), n), np.nan), np.full((len(sides), n), np.nan)
-    values = np.full((len(residuals), n), np.nan)
-    thresholds = values.copy()
+    flows, flows_u = np.full((2, len(sides), n), np.nan)
+    values, thresholds = np.full((2, len(residuals), n), np.nan)
     index = ruleset.observer_index
     rows = [ruleset.residuals.index(r) for r in residuals]
     learned = False
@@ -141,33 +127,30 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         observed, valid = observe(ruleset, points[0].points), usable_at(ruleset, points)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
-            flows[i, here], flows_u[i, here] = _sum(observed, valid, members)
+            sound = valid[members].all(axis=0)
+            variance = observed.covariance[:, members][:, :, members].sum(axis=(1, 2))
+            flows[i, here] = np.where(sound, observed.flows[members].sum(axis=0), np.nan)
+            flows_u[i, here] = np.where(sound, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         found, u = residuals_at(ruleset, points)
         for i, residual in enumerate(residuals):
             sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
             values[i, here] = np.where(sound, found[rows[i]], np.nan)
             thresholds[i, here] = np.where(sound, threshold_of(u[rows[i]]), np.nan)
-    factor = L_PER_H.factor
-    return Curves(
-        recording.time,
-        judged,
-        sides,
-        factor * flows,
-        factor * flows_u,
-        residuals,
-        factor * values,
-        factor * thresholds,
-        _focus(diagnosis),
-        learned,
-        diagnosis.calendar,
-    )
-
-
-def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
-    """Period of the largest finding, else of the first unknown deviation."""
     spans = [(f.since, f.until) for f in worst_first(diagnosis.findings)]
     spans += [(p.since, p.until) for p in diagnosis.unknown]
-    return spans[0] if spans else None
+    return Curves(
+        time=recording.time,
+        judged=judged,
+        sides=sides,
+        flows=L_PER_H.factor * flows,
+        flows_u=L_PER_H.factor * flows_u,
+        residuals=residuals,
+        values=L_PER_H.factor * values,
+        thresholds=L_PER_H.factor * thresholds,
+        focus=spans[0] if spans else None,
+        learned=learned,
+        calendar=diagnosis.calendar,
+    )
 
 
 def _batches(
@@ -180,15 +163,6 @@ def _batches(
         known = evaluate_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
         samples = np.arange(len(recording))
         yield from evaluate_samples(recording, ruleset, noise, stretches, known, samples)
-
-
-def _sum(observed: Observed, valid: np.ndarray, members: list[int]) -> tuple[Array, Array]:
-    """Sum of observers with its standard uncertainty, covariances included."""
-    sound = valid[members].all(axis=0)
-    own = observed.covariance[:, members][:, :, members]
-    spread = np.sqrt(np.maximum(own.sum(axis=(1, 2)), 0.0))
-    total = observed.flows[members].sum(axis=0)
-    return np.where(sound, total, np.nan), np.where(sound, spread, np.nan)
 
 
 def _shown(diagnosis: Diagnosis) -> tuple[ResidualSpec, ...]:

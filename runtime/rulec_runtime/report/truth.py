@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.columns import nearest
@@ -34,13 +34,12 @@ class Cases:
 
     Attributes
     ----------
-    fault : shape (n,), the true fault as index into `names`; -1 if there is none.
+    fault : shape (n,), the true fault as index into those of the truth; -1 if there is none.
     true, degree, lower, upper : shape (n,): true degree, and the diagnosed degree of the true
         fault, 0 if it was not named; without a true fault, that of the named fault.
     named : shape (n,), whether the verdict was right: the true fault, or none.
     """
 
-    names: tuple[str, ...]
     fault: np.ndarray
     true: Array
     degree: Array
@@ -50,11 +49,6 @@ class Cases:
 
     def __len__(self) -> int:
         return len(self.true)
-
-    @property
-    def discrepancy(self) -> Array:
-        """Diagnosed minus true degree, shape (n,)."""
-        return self.degree - self.true
 
 
 def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
@@ -74,7 +68,13 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
     degree = np.array([column.numbers() for column in table.columns])
     if (degree < 0).any():
         raise RecordingRefused(f"{path}: a true degree is negative; degrees are shares from 0 on")
-    matched = _at(time, degree, recording.time)
+    sound = np.flatnonzero(np.isfinite(time))
+    order = sound[np.argsort(time[sound], kind="stable")]
+    time, degree = time[order], degree[:, order]
+    steps = [float(np.median(np.diff(t))) for t in (time, recording.time) if len(t) > 1]
+    reach = 0.5 * max(steps, default=1.0) * (1 + 1e-9)  # half a sampling interval
+    near = nearest(time, recording.time)
+    matched = np.where(np.abs(time[near] - recording.time) <= reach, degree[:, near], np.nan)
     unknown = int(np.isnan(matched).all(axis=0).sum())
     if unknown == len(recording):
         raise RecordingRefused(
@@ -98,7 +98,11 @@ def _columns(
         if time is None and name.lower() in NAMES:
             time = i, title, unit
         elif name in ruleset.fault_by_id:
-            _check_unit(path, title, ruleset.fault_by_id[name], unit)
+            wanted = ruleset.fault_by_id[name].unit
+            if unit not in ("", wanted or "1"):
+                what = f"its degree is in {wanted}" if wanted else "degrees are shares"
+                text = f"column '{title}': {what}; write '{name} [{wanted or 1}]'"
+                raise RecordingRefused(f"{path}: {text}")
             if name in chosen:
                 raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
             chosen[name] = i
@@ -116,24 +120,6 @@ def _columns(
             f"'{known} [1]'"
         )
     return time, chosen
-
-
-def _check_unit(path: Path, title: str, fault: FaultSpec, unit: str) -> None:
-    wanted = fault.unit or "1"
-    if unit not in ("", wanted):
-        what = f"its degree is in {wanted}" if fault.unit else "degrees are shares"
-        raise RecordingRefused(f"{path}: column '{title}': {what}; write '{fault.id} [{wanted}]'")
-
-
-def _at(time: Array, degree: Array, wanted: Array) -> Array:
-    """Values at the nearest time, NaN beyond half a sampling interval; shape (faults, wanted)."""
-    sound = np.flatnonzero(np.isfinite(time))
-    order = sound[np.argsort(time[sound], kind="stable")]
-    time, degree = time[order], degree[:, order]
-    steps = [float(np.median(np.diff(t))) for t in (time, wanted) if len(t) > 1]
-    reach = 0.5 * max(steps, default=1.0) * (1 + 1e-9)
-    near = nearest(time, wanted)
-    return np.where(np.abs(time[near] - wanted) <= reach, degree[:, near], np.nan)
 
 
 def names_at(trace: Trace) -> list[list[str]]:
@@ -164,15 +150,6 @@ def cases_of(truth: Truth, trace: Trace) -> Cases:
         named[case] = truth.faults[fault[case]] in words_here and there.issuperset(words_here)
     rows = np.where(fault < 0, first, meant)
     counts = (rows >= 0) & (named | (fault < 0))
-    degree, lower, upper = (
-        np.where(counts, t[rows, index], 0.0) for t in (trace.degree, trace.lower, trace.upper)
-    )
-    return Cases(
-        names=truth.faults,
-        fault=fault,
-        true=true,
-        degree=degree,
-        lower=lower,
-        upper=upper,
-        named=named,
-    )
+    of_trace = (trace.degree, trace.lower, trace.upper)
+    degree, lower, upper = (np.where(counts, t[rows, index], 0.0) for t in of_trace)
+    return Cases(fault=fault, true=true, degree=degree, lower=lower, upper=upper, named=named)

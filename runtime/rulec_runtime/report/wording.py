@@ -133,25 +133,24 @@ class Row:
 
 def rows_of(findings: Sequence[Finding], calendar: Calendar | None) -> list[Row]:
     """Findings for a table; one row per fault if there are many."""
-    groups: dict[str, list[Finding]] = {}
-    for finding in findings:
-        groups.setdefault(finding.fault.id, []).append(finding)
-    listed = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
-    return [_row(members, calendar) for members in listed]
-
-
-def _row(members: Sequence[Finding], calendar: Calendar | None) -> Row:
-    first, last = members[0], max(members, key=lambda f: f.until)
-    when = course(calendar, first.since, last.until, last.behind, short=True)
-    return Row(
-        fault=first.fault,
-        times=len(members),
-        degrees=(min(f.degree for f in members), max(f.degree for f in members)),
-        bounds=(min(f.lower for f in members), max(f.upper for f in members)),
-        when=f"{len(members)} times, {when}" if len(members) > 1 else when,
-        probability=sum(f.probability for f in members) / len(members),
-        others=tuple(dict.fromkeys(name for f in members for name, _ in f.alternatives)),
-    )
+    groups: dict[object, list[Finding]] = {}
+    for i, finding in enumerate(findings):
+        groups.setdefault(i if len(findings) <= LISTED else finding.fault.id, []).append(finding)
+    rows = []
+    for members in groups.values():
+        last = max(members, key=lambda f: f.until)
+        when = course(calendar, members[0].since, last.until, last.behind, short=True)
+        row = Row(
+            fault=last.fault,
+            times=len(members),
+            degrees=(min(f.degree for f in members), max(f.degree for f in members)),
+            bounds=(min(f.lower for f in members), max(f.upper for f in members)),
+            when=f"{len(members)} times, {when}" if len(members) > 1 else when,
+            probability=sum(f.probability for f in members) / len(members),
+            others=tuple(dict.fromkeys(name for f in members for name, _ in f.alternatives)),
+        )
+        rows.append(row)
+    return rows
 
 
 def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tuple[str, str]]:
@@ -287,22 +286,18 @@ def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
         if name not in near:
             continue
         spec = ruleset.observer_by_id[name]
-        parts = []
-        for signal_id in spec.signals:
-            signal = ruleset.signal_by_id[signal_id]
-            if signal_id in readings:
-                shown = signal.shown(readings[signal_id])
-                parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
-        yield Estimate(spec.equation, flow, limits.COVERAGE * u, tuple(parts))
+        parts = tuple(_in_unit(ruleset, s, readings[s]) for s in spec.signals if s in readings)
+        yield Estimate(spec.equation, flow, limits.COVERAGE * u, parts)
 
 
 def readings_of(ruleset: Ruleset, finding: Finding) -> str:
     """Readings that a finding rests on, each in its unit."""
-    parts = []
-    for name, value in finding.readings:
-        signal = ruleset.signal_by_id[name]
-        parts.append(f"{name} {signal.shown(value):.4g} {signal.unit}")
-    return ", ".join(parts)
+    return ", ".join(_in_unit(ruleset, name, value) for name, value in finding.readings)
+
+
+def _in_unit(ruleset: Ruleset, name: str, value: float) -> str:
+    signal = ruleset.signal_by_id[name]
+    return f"{name} {signal.shown(value):.4g} {signal.unit}"
 
 
 def context(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
