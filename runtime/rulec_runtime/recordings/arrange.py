@@ -10,7 +10,6 @@ import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import Pair, Places, places_of
-from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.long_table import LongTable, Readings, held, long_sheet, rows_written
 from rulec_runtime.recordings.quality import codes_remark, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
@@ -83,21 +82,30 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
     cells = dict(zip(asked, table.kept, strict=True))
     notes = list[str]()
     times = [comparable(path, cells[p.time], form, notes) for p in pairs]
-    readings, decimals, low = [], set(), 0
     qualities = {p: texts_of(cells[p.quality]) for p in pairs if p.quality >= 0}
     found = set().union(*qualities.values())
     if found:
         notes += codes_remark(path, sheet.titles[next(iter(qualities)).quality], found, form)
+    readings, decimals, low, words = list[Readings](), set[str](), 0, dict[int, str]()
     for pair, column, own in zip(pairs, table.columns, times, strict=True):
         if pair.quality >= 0:
             title = sheet.titles[pair.quality]
             column = judged(path, column, title, qualities[pair], found, form)
-        readings.append(_readings(column, own, form, low))
+        seconds, numbers = seconds_in(own, form), column.numbers()
+        rows = rows_written(numbers, column, seconds)
+        readings.append(Readings(rows + low, seconds[rows], numbers[rows]))
+        words |= {row + low: word for row, word in (column.placed or {}).items()}
         decimals |= column.decimals
         low += len(own)
+    dates = [one for one in times if isinstance(one, Dates)]
+    if len(dates) == len(times):
+        parts = [d.seconds for d in dates], [d.zones for d in dates]
+        joined: Cells = Dates(*map(np.concatenate, parts))
+    else:
+        joined = np.concatenate([np.asarray(texts, dtype=float) for texts in times])
     left_out = table.left_out, table.first_left_out
     titles = tuple(p.title for p in pairs)
-    long = LongTable(path, titles, tuple(readings), _joined(times), form, 0, left_out, decimals)
+    long = LongTable(path, titles, tuple(readings), joined, words, form, 0, left_out, decimals)
     count = f"columns in pairs of time and reading; {plural(len(pairs), 'pair', 'pairs')}"
     time = "time" if isinstance(long.times, Dates) else sheet.titles[pairs[0].time]
     return replace(
@@ -109,19 +117,3 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
         rows=None,
         remarks=(*sheet.remarks, *table.remarks, count, *dict.fromkeys(notes)),
     )
-
-
-def _readings(column: Column, times: Cells, form: FileForm, low: int) -> Readings:
-    """Readings of a column whose times begin at row `low` of all times."""
-    seconds, numbers = seconds_in(times, form), column.numbers()
-    words, rows = column.placed or {}, rows_written(numbers, column, seconds)
-    own = {k: words[row] for k, row in enumerate(rows.tolist()) if row in words}
-    return Readings(rows + low, seconds[rows], numbers[rows], own)
-
-
-def _joined(times: Sequence[Cells]) -> Cells:
-    dates = [one for one in times if isinstance(one, Dates)]
-    if len(dates) == len(times):
-        seconds, zones = [d.seconds for d in dates], [d.zones for d in dates]
-        return Dates(np.concatenate(seconds), np.concatenate(zones))
-    return np.concatenate([np.asarray(texts, dtype=float) for texts in times])

@@ -11,7 +11,7 @@ import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.csv_table import Column, Convention, read_cells
+from rulec_runtime.recordings.csv_table import Convention, columns_of, read_cells
 from rulec_runtime.recordings.dates import dates_of
 from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
@@ -98,29 +98,30 @@ class ArrayTable:
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         wanted = list(dict.fromkeys([*kept, *numbers]))
         place = {index: k for k, index in enumerate(wanted)}
-        written = Convention(form.decimal, form.thousands)
-        columns = tuple(
-            Column(
-                self.titles[i].strip(),
-                written=written,
-                placed={} if form.words_are_placed else None,
-            )
-            for i in numbers
-        )
-        parts = [GrowingCells() for _ in kept]
+        written = [Convention(form.decimal, form.thousands)] * len(numbers)
+        columns = columns_of(self.titles, numbers, written, form)
+        aside = [GrowingCells() for _ in kept]
         rows = 0
         for piece in self.pieces(wanted):
-            cells = [cells_of(part) for part in piece]
+            cells = [cells_of(one) for one in piece]
             for column, index in zip(columns, numbers, strict=True):
-                _add(column, cells[place[index]], rows)
-            for part, index in zip(parts, kept, strict=True):
-                part.add(cells[place[index]])
+                part = cells[place[index]]
+                if isinstance(part, Dates):  # a date is not a number
+                    column.parts.append(np.full(len(part), np.nan))
+                    column.states += Counter({"a date": int(np.isfinite(part.seconds).sum())})
+                    column.first = column.first or (rows + 1, "a date")
+                elif isinstance(part, np.ndarray):
+                    column.parts.append(part)
+                else:
+                    read_cells(column, list(part), rows, comma=True)
+            for growing, index in zip(aside, kept, strict=True):
+                growing.add(cells[place[index]])
             rows += len(cells[0]) if cells else 0
-        return Table(kept=tuple(part.joined() for part in parts), columns=columns)
+        return Table(kept=tuple(one.joined() for one in aside), columns=columns)
 
     def lines(self) -> Iterator[list[str]]:
         for piece in self.pieces(range(len(self.titles))):
-            columns = [texts_of(cells_of(part)) for part in piece]
+            columns = [texts_of(cells_of(one)) for one in piece]
             yield from (list(row) for row in zip(*columns, strict=True))
 
 
@@ -158,7 +159,12 @@ def cells_of(part: Any) -> Cells:
         return seconds_of(values)
     if kind in "biuf":
         return values.astype(float)
-    return [_text(value) for value in values.tolist()]
+    return [
+        value.decode("utf-8", "replace").rstrip("\0")
+        if isinstance(value, bytes)
+        else ("" if value is None else str(value))
+        for value in values.tolist()
+    ]
 
 
 def seconds_of(values: np.ndarray) -> Array:
@@ -166,21 +172,3 @@ def seconds_of(values: np.ndarray) -> Array:
     so that a date gives the same number whatever program wrote it."""
     whole = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
     return np.where(np.isnat(values), np.nan, (whole + 500) // 1000 / 1e6)
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace").rstrip("\0")
-    return "" if value is None else str(value)
-
-
-def _add(column: Column, cells: Cells, before: int) -> None:
-    """Append cells to a column of numbers; a date is not a number."""
-    if isinstance(cells, np.ndarray):
-        column.parts.append(cells)
-    elif isinstance(cells, Dates):
-        column.parts.append(np.full(len(cells), np.nan))
-        column.states += Counter({"a date": int(np.isfinite(cells.seconds).sum())})
-        column.first = column.first or (before + 1, "a date")
-    else:
-        read_cells(column, list(cells), before, comma=True)

@@ -60,70 +60,54 @@ class Places:
 def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
     """Roles of the columns of a table. Raises `RecordingRefused` if a column of the column map is
     missing."""
-    names = [parts_of(title.strip())[0].lower() for title in titles]
+    plain = [title.strip() for title in titles]
+    bare = [parts_of(title)[0] for title in plain]
     times = names_of_times(form)
-    time = _time(path, titles, names, form, times)
-    tag = _stated(path, titles, form.tag, "tag", names, TAGS)
-    value = _stated(path, titles, form.value, "value", names, VALUES)
+
+    def usual(names: Collection[str]) -> int:
+        return next((i for i, name in enumerate(bare) if name.lower() in names), -1)
+
+    def stated(title: str, what: str, names: Collection[str] = ()) -> int:
+        """The column that the column map names, else one with a usual name."""
+        if not title:
+            return usual(names)
+        found = [i for i in range(len(plain)) if title in (plain[i], bare[i])]
+        if not found:
+            raise RecordingRefused(
+                f"{path}: there is no column '{title[:40]}', which the column map names as {what}"
+            )
+        return found[0]
+
+    day, clock, part = (usual(names) for names in (DAYS, CLOCKS, PARTS))
+    if len(form.time) > 1:
+        time = tuple(stated(part, "time") for part in form.time)
+    elif form.time and form.time[0] in plain:
+        time = (plain.index(form.time[0]),)
+    elif min(day, clock) >= 0:
+        time = tuple(i for i in (day, clock, part) if i >= 0)
+    else:
+        time = tuple(i for i, title in enumerate(titles) if is_time(title, times))[:1]
+    tag, value = stated(form.tag, "tag", TAGS), stated(form.value, "value", VALUES)
     pairs = _pairs(titles, times, form)
     is_long = bool(time) and min(tag, value) >= 0
     few = len(titles) <= limits.COLUMNS_OF_LONG
-    inferred = "pairs" if pairs else "long" if is_long and few else "wide"
-    match form.layout or inferred:
-        case "pairs" if pairs:
-            return Places("pairs", pairs=pairs)
-        case "pairs":
+    layout = form.layout or ("pairs" if pairs else "long" if is_long and few else "wide")
+    if layout == "pairs":
+        if not pairs:
             raise RecordingRefused(
                 f"{path}: the column map says that columns stand in pairs of time and value, and "
                 "the titles do not: each column of readings needs one of times before it"
             )
-        case "long" if is_long:
-            quality = _stated(path, titles, form.quality, "quality", names, QUALITIES)
-            return Places("long", time, tag, value, quality, _first(names, UNITS))
-        case "long":
+        return Places("pairs", pairs=pairs)
+    if layout == "long":
+        if not is_long:
             raise RecordingRefused(
                 f"{path}: a long table needs a column of tags, one of times and one of values; "
                 "name them in the column map, as in 'file: {layout: long, tag: Name, value: Wert}'"
             )
+        quality = stated(form.quality, "quality", QUALITIES)
+        return Places("long", time, tag, value, quality, usual(UNITS))
     return Places("wide", time, quality_of=_qualities(titles, times, form))
-
-
-def _first(names: Sequence[str], wanted: Collection[str]) -> int:
-    return next((i for i, name in enumerate(names) if name in wanted), -1)
-
-
-def _stated(
-    path: Path,
-    titles: Sequence[str],
-    title: str,
-    what: str,
-    names: Sequence[str],
-    usual: Collection[str],
-) -> int:
-    """The column that the column map names, else one with a usual name."""
-    if not title:
-        return _first(names, usual)
-    found = [i for i, t in enumerate(titles) if title in (t.strip(), parts_of(t.strip())[0])]
-    if not found:
-        raise RecordingRefused(
-            f"{path}: there is no column '{title[:40]}', which the column map names as {what}"
-        )
-    return found[0]
-
-
-def _time(
-    path: Path, titles: Sequence[str], names: Sequence[str], form: FileForm, times: Collection[str]
-) -> tuple[int, ...]:
-    """Columns that together make the time; empty if there is no time."""
-    if len(form.time) > 1:
-        return tuple(_stated(path, titles, part, "time", (), ()) for part in form.time)
-    plain = [title.strip() for title in titles]
-    if form.time and form.time[0] in plain:
-        return (plain.index(form.time[0]),)
-    parts = [_first(names, wanted) for wanted in (DAYS, CLOCKS, PARTS)]
-    if min(parts[:2]) >= 0:
-        return tuple(part for part in parts if part >= 0)
-    return tuple(i for i, title in enumerate(titles) if is_time(title, times))[:1]
 
 
 def _stem(title: str, words: Collection[str]) -> str:
@@ -143,7 +127,11 @@ def _stem(title: str, words: Collection[str]) -> str:
 def _pairs(titles: Sequence[str], times: Collection[str], form: FileForm) -> tuple[Pair, ...]:
     """Columns of times, each followed by one of readings and perhaps one of qualities; empty if
     not all titles follow this pattern."""
-    timed = [i for i, title in enumerate(titles) if _is_timed(title, times)]
+    timed = [
+        i
+        for i, title in enumerate(titles)
+        if is_time(title, times) or _stem(title, OF_TIMES) or _NUMBERED.fullmatch(title.strip())
+    ]
     count = len(titles)
     while count and timed and not titles[count - 1].strip():
         count -= 1
@@ -160,11 +148,6 @@ def _pairs(titles: Sequence[str], times: Collection[str], form: FileForm) -> tup
         title = _stem(titles[at], OF_TIMES) if generic else _stem(value, OF_VALUES)
         found.append(Pair(title or value, at + 1, at, quality))
     return tuple(found)
-
-
-def _is_timed(title: str, times: Collection[str]) -> bool:
-    text = title.strip()
-    return is_time(title, times) or bool(_stem(text, OF_TIMES) or _NUMBERED.fullmatch(text))
 
 
 def _judges(title: str, other: str, form: FileForm) -> bool:

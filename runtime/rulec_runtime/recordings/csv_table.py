@@ -190,6 +190,16 @@ class Column:
         return self.parts.joined()
 
 
+def columns_of(
+    titles: Sequence[str], indexes: Sequence[int], written: Sequence[Convention], form: FileForm
+) -> tuple[Column, ...]:
+    """Columns to be read, each with the convention of its numbers."""
+    return tuple(
+        Column(titles[i].strip(), written=one, placed={} if form.words_are_placed else None)
+        for i, one in zip(indexes, written, strict=True)
+    )
+
+
 def before_header(line: str) -> tuple[str | None, bool]:
     """The separator that a line states (Excel's ``sep=``), and whether it is the header.
 

@@ -81,24 +81,24 @@ def written_on_change(times: Array, rows: int) -> bool:
 @dataclass(frozen=True)
 class Readings:
     """Readings of one tag in order of time: `rows` of the file, times `at`, s, and the `numbers`,
-    NaN for a word or a bad quality; `words` are these by position."""
+    NaN for a word or a bad quality."""
 
     rows: NDArray[np.intp]
     at: Array
     numbers: Array
-    words: Mapping[int, str]
 
 
 @dataclass(frozen=True)
 class LongTable:
-    """Readings of all tags; `times` are those of all rows in the form of the file. `untimed` counts
-    readings without a time; `left_out` are the number of rows with a wrong number of cells, and the
-    first of them."""
+    """Readings of all tags; `times` are those of all rows in the form of the file, `words` stand in
+    place of a number by row. `untimed` counts readings without a time; `left_out` are the number of
+    rows with a wrong number of cells, and the first of them."""
 
     path: Path
     tags: tuple[str, ...]
     readings: tuple[Readings, ...]
     times: Cells
+    words: Mapping[int, str]
     form: FileForm
     untimed: int
     left_out: tuple[int, int]
@@ -106,26 +106,22 @@ class LongTable:
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
         form = self.form
-        wanted = {index - 1 for index in (*numbers, *kept) if index}
-        found = {k: self.readings[k] for k in wanted}
+        found = {index - 1: self.readings[index - 1] for index in (*numbers, *kept) if index}
         most = max(found, key=lambda k: len(found[k].at), default=0)
         base = self._rows(found, most)
-        at = seconds_in(_taken(self.times, base), form)
+        times = _taken(self.times, base)
+        at = seconds_in(times, form)
         if form.hold == "last":
             placed = {k: last_before(r.at, at, form.hold_for) for k, r in found.items()}
         else:
             placed = {k: _nearest(at, r.at) for k, r in found.items()}
-        columns = tuple(
-            self._column(index - 1, found[index - 1], placed[index - 1]) for index in numbers
-        )
-        texts = {k: _texts(found[k], placed[k]) for k in {i - 1 for i in kept if i}}
-        remarks = self._moved(most, at, found, placed)
+        columns = {k: self._column(k, placed[k]) for k in found}
         return Table(
-            kept=tuple(texts[i - 1] if i else _taken(self.times, base) for i in kept),
-            columns=columns,
+            kept=tuple(self._texts(columns[i - 1]) if i else times for i in kept),
+            columns=tuple(columns[index - 1] for index in numbers),
             left_out=self.left_out[0],
             first_left_out=self.left_out[1],
-            remarks=tuple(remarks),
+            remarks=tuple(self._moved(most, at, found, placed)),
         )
 
     def _rows(self, found: Mapping[int, Readings], most: int) -> NDArray[np.intp]:
@@ -156,17 +152,23 @@ class LongTable:
                 )
         return base.rows
 
-    def _column(self, k: int, own: Readings, places: NDArray[np.intp]) -> Column:
-        there = places >= 0
+    def _column(self, k: int, places: NDArray[np.intp]) -> Column:
+        """The reading of a tag at each place, NaN for -1."""
+        own, column = self.readings[k], Column(self.tags[k], decimals=self.decimals, placed={})
         numbers = np.full(len(places), np.nan)
+        there = np.flatnonzero(places >= 0)
         numbers[there] = own.numbers[places[there]]
-        column = Column(self.tags[k], decimals=self.decimals)
         column.parts.append(numbers)
-        if own.words:
-            of_row = ((row, own.words.get(place)) for row, place in enumerate(places.tolist()))
-            for row, word in ((row, word) for row, word in of_row if word is not None):
-                column.say(row, word)
+        if self.words:
+            for row, source in zip(there.tolist(), own.rows[places[there]].tolist(), strict=True):
+                if (word := self.words.get(source)) is not None:
+                    column.say(row, word)
         return column
+
+    @staticmethod
+    def _texts(column: Column) -> list[str]:
+        texts, words = texts_of(column.numbers()), column.placed or {}
+        return [words.get(row, text) for row, text in enumerate(texts)]
 
     def _moved(
         self,
@@ -225,15 +227,12 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
     known = np.flatnonzero(np.isfinite(seconds))
     order = known[np.lexsort((seconds[known], number[known]))]
     edges = np.searchsorted(number[order], np.arange(len(tags) + 1))
-    readings = []
-    for low, high in pairwise(edges.tolist()):
-        rows = order[low:high]
-        own = {k: words[row] for k, row in enumerate(rows.tolist()) if row in words}
-        readings.append(Readings(rows, seconds[rows], values[rows], own))
+    parts = [order[low:high] for low, high in pairwise(edges.tolist())]
+    readings = tuple(Readings(rows, seconds[rows], values[rows]) for rows in parts)
     untimed = int(np.isfinite(values).sum() - np.isfinite(values[known]).sum())
     left_out = table.left_out, table.first_left_out
     long = LongTable(
-        path, tuple(tags), tuple(readings), times, form, untimed, left_out, column.decimals
+        path, tuple(tags), readings, times, words, form, untimed, left_out, column.decimals
     )
     count = f"a reading a row; {plural(len(tags), 'tag', 'tags')} became columns"
     others = {*range(len(sheet.titles))} - {*asked, places.value}
@@ -293,11 +292,6 @@ def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
     there = taken >= 0
     found[taken[there]] = np.flatnonzero(there)
     return found
-
-
-def _texts(own: Readings, places: NDArray[np.intp]) -> list[str]:
-    cells = [own.words.get(k, text) for k, text in enumerate(texts_of(own.numbers))]
-    return [cells[place] if place >= 0 else "" for place in places.tolist()]
 
 
 def _taken(times: Cells, rows: NDArray[np.intp]) -> Cells:

@@ -107,33 +107,27 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
 
 
 def _header(path: Path, titles: Sequence[str], ruleset: Ruleset) -> Header:
+    """Columns with factor and offset to SI; others are not used."""
     header = Header()
     for i, title in enumerate(as_meant(t.strip()) for t in titles):
         name, unit = parts_of(title)
+        signal, scale = ruleset.signal_by_id.get(name), (1.0, 0.0)
         if name == TIME:
             header.time, header.time_title, header.time_unit = i, title, unit.strip()
-        elif (scale := _scale(path, title, name, unit.strip(), ruleset)) is not None:
-            if any(target.signal == name for target in header.targets):
-                raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
-            header.targets.append(Target(i, name, *scale))
+            continue
+        if signal is not None:
+            try:
+                scale = conversion(signal, unit.strip(), ruleset.units)
+            except ValueError as error:
+                raise RecordingRefused(f"{path}: column '{title}': {error}") from None
+        elif name not in (SECONDS, SAMPLES) and name.partition(":")[0] not in KINDS:
+            continue
+        if any(target.signal == name for target in header.targets):
+            raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
+        header.targets.append(Target(i, name, *scale))
     if header.time < 0:
         raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
     return header
-
-
-def _scale(
-    path: Path, title: str, name: str, unit: str, ruleset: Ruleset
-) -> tuple[float, float] | None:
-    """Factor and offset to SI of a column; None if it is not used."""
-    if name in (SECONDS, SAMPLES):
-        return 1.0, 0.0
-    signal = ruleset.signal_by_id.get(name)
-    if signal is None:
-        return (1.0, 0.0) if name.partition(":")[0] in KINDS else None
-    try:
-        return conversion(signal, unit, ruleset.units)
-    except ValueError as error:
-        raise RecordingRefused(f"{path}: column '{title}': {error}") from None
 
 
 def _check(path: Path, names: Sequence[str], ruleset: Ruleset) -> None:

@@ -128,22 +128,14 @@ def _file(
         path=path,
         header=header,
         time=time,
-        values=readings_of(path, table.columns, header, ruleset, notes),
+        values={
+            target.signal: _readings(path, column, target, ruleset, notes)
+            for column, target in zip(table.columns, header.targets, strict=True)
+        },
         zones=zones,
         comma=any("," in (column.written.decimal, *column.decimals) for column in table.columns),
         left_out=table.left_out,
     )
-
-
-def readings_of(
-    path: Path, columns: Sequence[Column], header: Header, ruleset: Ruleset, notes: list[str]
-) -> dict[str, Array]:
-    """Readings per signal, shape (n,), SI; `columns` are those of the header's targets."""
-    values = {}
-    for column, target in zip(columns, header.targets, strict=True):
-        most = largest_reading(ruleset.signal_by_id[target.signal])
-        values[target.signal] = _readings(path, column, target, most, ruleset.file.missing, notes)
-    return values
 
 
 def largest_reading(signal: SignalSpec) -> float:
@@ -169,48 +161,35 @@ def in_si(
 
 
 def _readings(
-    path: Path,
-    column: Column,
-    target: Target,
-    most: float,
-    missing: Sequence[float],
-    notes: list[str],
+    path: Path, column: Column, target: Target, ruleset: Ruleset, notes: list[str]
 ) -> Array:
     """Numbers of a column in SI; invalid readings become NaN and are noted."""
-    cell, cells = f"cell of {target.signal}", f"cells of {target.signal}"
-    if column.words:
-        assert column.first is not None
-        row, word = column.first
-        notes.append(
-            f"{path.name}: {plural(column.words, f'{cell} is a word', f'{cells} are words')} (the "
-            f"first, in data row {row}: '{word}'{_others(column)}); there it has no reading"
-        )
+    missing, most = ruleset.file.missing, largest_reading(ruleset.signal_by_id[target.signal])
+
+    def note(count: int, one: str, many: str, more: str) -> None:
+        cell, cells = f"cell of {target.signal} {one}", f"cells of {target.signal} {many}"
+        notes.append(f"{path.name}: {plural(count, cell, cells)}{more}")
+
+    if column.first is not None:
+        (row, word), others = column.first, ""
+        if len(column.states) > 1:
+            counts = [f"'{w}' {times}" for w, times in column.states.most_common(SHOWN)]
+            left = len(column.states) - SHOWN
+            others = f"; {', '.join(counts)}" + (f" and {left} others" if left > 0 else "")
+        more = f" (the first, in data row {row}: '{word}'{others}); there it has no reading"
+        note(column.words, "is a word", "are words", more)
     values = column.numbers()
     if missing and (absent := int(np.isin(values, missing).sum())):
         shown = " or ".join(f"{number:g}" for number in missing)
-        notes.append(
-            f"{path.name}: {plural(absent, f'{cell} is', f'{cells} are')} {shown}, which the "
-            "column map calls missing"
-        )
+        note(absent, "is", "are", f" {shown}, which the column map calls missing")
     values[:], absurd = in_si(values, target, most, missing)
     if absurd.any():
-        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
-        notes.append(
-            f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "
-            f"first in data row {row}); there it has no reading"
-        )
+        row = int(np.argmax(absurd)) + 1
+        more = f" beyond any sensor (the first in data row {row}); there it has no reading"
+        note(int(absurd.sum()), "is", "are", more)
     if not np.isfinite(values).any():
         notes.append(f"{path.name}: {target.signal} has not one reading")
     return values
-
-
-def _others(column: Column) -> str:
-    """Counts of the words of a column with several."""
-    if len(column.states) < 2:
-        return ""
-    counts = [f"'{word}' {times}" for word, times in column.states.most_common(SHOWN)]
-    more = len(column.states) - SHOWN
-    return f"; {', '.join(counts)}" + (f" and {more} others" if more > 0 else "")
 
 
 Cells = np.ndarray | list[str]

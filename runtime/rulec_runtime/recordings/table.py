@@ -90,16 +90,17 @@ def lines_of(read: Read, count: int) -> Iterator[list[str]]:
 def texts_of(cells: Cells) -> list[str]:
     """Cells as in a CSV file; numbers keep every digit."""
     if isinstance(cells, Dates):
-        return [_date(s, z) for s, z in zip(cells.seconds, cells.zones, strict=True)]
+        texts, epoch = list[str](), datetime.fromtimestamp(0, UTC)
+        for seconds, zone in zip(cells.seconds.tolist(), cells.zones.tolist(), strict=True):
+            if np.isnan(seconds):
+                texts.append("")
+                continue
+            date = epoch + timedelta(seconds=seconds)
+            own = None if np.isnan(zone) else timezone(timedelta(seconds=zone))
+            texts.append(
+                (date.astimezone(own) if own is not None else date.replace(tzinfo=None)).isoformat()
+            )
+        return texts
     if isinstance(cells, np.ndarray):
         return ["" if np.isnan(x) else repr(x).removesuffix(".0") for x in cells.tolist()]
     return list(cells)
-
-
-def _date(seconds: float, zone: float) -> str:
-    if np.isnan(seconds):
-        return ""
-    date = datetime.fromtimestamp(0, UTC) + timedelta(seconds=float(seconds))
-    if np.isnan(zone):
-        return date.replace(tzinfo=None).isoformat()
-    return date.astimezone(timezone(timedelta(seconds=float(zone)))).isoformat()

@@ -16,6 +16,7 @@ from rulec_runtime.recordings.csv_table import (
     RecordingRefused,
     Signs,
     Unclear,
+    columns_of,
     convention_of,
     is_whole,
     read_cells,
@@ -27,7 +28,6 @@ from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_file import TextFile
 from rulec_runtime.recordings.time_column import order_in
 from rulec_runtime.recordings.titles import (
-    TitleLine,
     TitleSearch,
     is_time,
     left_out_above,
@@ -56,14 +56,7 @@ class TextTable:
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))
         notes = list[str]()
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
-        columns = tuple(
-            Column(
-                self.titles[i].strip(),
-                written=one,
-                placed={} if form.words_are_placed else None,
-            )
-            for i, one in zip(numbers, written, strict=True)
-        )
+        columns = columns_of(self.titles, numbers, written, form)
         parts = {index for index in kept if is_time(self.titles[index], self.times)}
         texts = tuple(self._growing(index, parts, form, notes) for index in kept)
         width, below = len(self.titles), self._below()
@@ -82,10 +75,13 @@ class TextTable:
                 text.add([row[index] for row in rows])
             count, whole = count + len(part), whole + len(rows)
         self._check(count, whole, columns)
+        marks = sorted({f"'{mark}'" for column in columns for mark in column.written.thousands})
+        if marks and not form.thousands:
+            notes.insert(0, f"{' and '.join(marks)} in its numbers marks thousands")
         return Table(
             kept=tuple(text.joined() for text in texts),
             columns=columns,
-            remarks=(*_thousands(columns, form), *notes),
+            remarks=tuple(notes),
             left_out=count - whole,
             first_left_out=first_left_out,
         )
@@ -156,14 +152,6 @@ def conventions(
     return found
 
 
-def _thousands(columns: Sequence[Column], form: FileForm) -> Iterator[str]:
-    """A remark on thousands marks that the column map does not name."""
-    marks = sorted({mark for column in columns for mark in column.written.thousands})
-    if marks and not form.thousands:
-        shown = " and ".join(f"'{mark}'" for mark in marks)
-        yield f"{shown} in its numbers marks thousands"
-
-
 def text_sheet(
     path: Path,
     name: str,
@@ -193,8 +181,13 @@ def text_sheet(
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a CSV file (also .gz): comma, semicolon or tab; decimal point or comma."""
-    text = TextFile(file, path)
-    found = _titles_in(path, text, times)
+    text, search = TextFile(file, path), TitleSearch(times)
+    for line in text.lines():
+        refuse_columns(path, max(map(line.count, ",;\t")))
+        if found := search.add(line):
+            break
+    else:
+        found = search.so_far()
     if found is None:
         raise RecordingRefused(f"{path}: the file is empty")
     start, separator = found.number, found.separator
@@ -212,12 +205,3 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
     remarks, timed = left_out_above(found.above), frozenset(times)
     return [text_sheet(path, "", titles, below, separator, remarks, timed)]
-
-
-def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine | None:
-    search = TitleSearch(times)
-    for line in text.lines():
-        refuse_columns(path, max(map(line.count, ",;\t")))
-        if found := search.add(line):
-            return found
-    return search.so_far()
