@@ -69,29 +69,24 @@ class Signs:
         for cell in cells:
             text = cell.strip()
             match = None if text.isdigit() else _SHAPE.fullmatch(text)
-            if match is not None:
-                self._see(match["body"], text)
-
-    def _see(self, body: str, text: str) -> None:
-        spaced = [mark for mark in SPACES if mark in body]
-        last = max(body.rfind("."), body.rfind(","))
-        if last < 0:
-            self.thousands.update(m for m in spaced if _GROUPS[m].fullmatch(body))
-            return
-        sign = body[last]
-        marks = {mark for mark in body[:last] if mark in f".,{SPACES}"}
-        if marks == {sign}:
-            if _GROUPS[sign].fullmatch(body):
-                self.thousands.add(sign)
-        elif marks:
-            mark = next(iter(marks))
-            if len(marks) == 1 and _GROUPS[mark].fullmatch(body[:last]):
+            if match is None:
+                continue
+            body = match["body"]
+            last = max(body.rfind("."), body.rfind(","))
+            if last < 0:
+                self.thousands |= {m for m in SPACES if m in body and _GROUPS[m].fullmatch(body)}
+                continue
+            sign, marks = body[last], {mark for mark in body[:last] if mark in f".,{SPACES}"}
+            if marks == {sign}:
+                self.thousands |= marks if _GROUPS[sign].fullmatch(body) else set()
+            elif len(marks) == 1:
+                if _GROUPS[min(marks)].fullmatch(body[:last]):
+                    self.decimal.add(sign)
+                    self.thousands |= marks
+            elif not marks and _GROUPS[sign].fullmatch(body):
+                self.either.setdefault(sign, text)
+            elif not marks:
                 self.decimal.add(sign)
-                self.thousands.add(mark)
-        elif _GROUPS[sign].fullmatch(body):
-            self.either.setdefault(sign, text)
-        else:
-            self.decimal.add(sign)
 
 
 def convention_of(own: Signs, file: Signs, form: FileForm, separator: str) -> Convention | str:

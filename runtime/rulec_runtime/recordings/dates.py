@@ -169,10 +169,8 @@ def _year(number: int, short: bool) -> int:
 
 
 def _month(text: str) -> int:
-    if text.isdigit():
-        return int(text)
     name = text.lower()
-    return _MONTHS[name[:4] if name[:4] in _MONTHS else name[:3]]
+    return int(text) if text.isdigit() else _MONTHS.get(name[:4]) or _MONTHS[name[:3]]
 
 
 def _at(day: datetime, text: str) -> datetime:
@@ -189,16 +187,14 @@ def _at(day: datetime, text: str) -> datetime:
         hour = hour % 12 + (12 if match["half"][0] in "pP" else 0)
     part = f"{match['part'] or '':0<6}"[:6]
     clock = day.replace(hour=hour, minute=int(match["minute"]), second=int(match["second"] or 0))
-    return clock.replace(microsecond=int(part), tzinfo=_zone(match["zone"]))
-
-
-def _zone(text: str | None) -> timezone | None:
-    if text is None:
-        return None
-    if text in _ZONES:
-        return timezone(timedelta(minutes=_ZONES[text]))
-    ahead = timedelta(hours=int(text[1:3]), minutes=int(text[-2:]))
-    return timezone(-ahead if text[0] == "-" else ahead)
+    clock = clock.replace(microsecond=int(part))
+    zone = match["zone"]
+    if zone is None:
+        return clock
+    if zone[0] not in "+-":
+        return clock.replace(tzinfo=timezone(timedelta(minutes=_ZONES[zone])))
+    ahead = timedelta(hours=int(zone[1:3]), minutes=int(zone[-2:]))
+    return clock.replace(tzinfo=timezone(-ahead if zone[0] == "-" else ahead))
 
 
 def _seconds(date: datetime) -> tuple[float, float]:

@@ -291,16 +291,14 @@ def which(path: Path, sheets: Sequence[Sheet], name: str, times: Collection[str]
 
 
 def _listed(sheets: Sequence[Sheet], times: Collection[str]) -> str:
-    shown = [_described(sheet, times) for sheet in sheets[:SHOWN]]
+    """Names of tables and, of those with a time, titles: no more of a foreign file is quoted."""
+    shown = []
+    for sheet in sheets[:SHOWN]:
+        text = f"'{sheet.name.strip('/')}'"
+        if any(is_time(title, times) for title in sheet.titles):
+            rows = "" if sheet.rows is None else f"{sheet.rows} rows of "
+            titles = ", ".join(title.strip() for title in sheet.titles[:3])
+            text += f" ({rows}{titles}{', ...' if len(sheet.titles) > 3 else ''})"
+        shown.append(text)
     more = f" and {len(sheets) - SHOWN} more" if len(sheets) > SHOWN else ""
     return f": {'; '.join(shown)}{more}" if shown else ""
-
-
-def _described(sheet: Sheet, times: Collection[str]) -> str:
-    """Its name, and its titles if one is a time: nothing else of a foreign file is quoted."""
-    name = f"'{sheet.name.strip('/')}'"
-    if not any(is_time(title, times) for title in sheet.titles):
-        return name
-    rows = "" if sheet.rows is None else f"{sheet.rows} rows of "
-    titles = ", ".join(title.strip() for title in sheet.titles[:3])
-    return f"{name} ({rows}{titles}{', ...' if len(sheet.titles) > 3 else ''})"

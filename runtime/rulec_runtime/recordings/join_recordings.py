@@ -78,7 +78,9 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
     joined = one_after_another([parts[i] for i in order], [starts[i] for i in order])
     counts = [len(parts[i]) for i in order]
     begin = [starts[i] + float(parts[i].time[0]) for i in order]
-    notes = [_where(names, starts, parts), *(() if one_axis else (OWN_CLOCKS,))]
+    shown = [f"{n} from {s + p.time[0]:g} s" for n, s, p in zip(names, starts, parts, strict=True)]
+    notes = [f"times of all recordings stand on one axis: {', '.join(shown)}"]
+    notes += [] if one_axis else [OWN_CLOCKS]
     if dated and not one_axis:
         notes.append("some recordings have dates, others none: the dates are not used")
     notes += [joined.calendar.zero()] if joined.calendar is not None else []
@@ -198,11 +200,3 @@ def _dated_starts(
                 "would count twice. Put columns of one time into one file"
             )
     return starts
-
-
-def _where(names: Sequence[str], starts: Sequence[float], parts: Sequence[Recording]) -> str:
-    shown = [
-        f"{name} from {start + float(part.time[0]):g} s"
-        for name, start, part in zip(names, starts, parts, strict=True)
-    ]
-    return f"times of all recordings stand on one axis: {', '.join(shown)}"

@@ -79,16 +79,12 @@ class Growing:
     def joined(self) -> Array:
         """All numbers, shape (n,)."""
         if self._joined is None:
-            self._joined = np.frombuffer(self._content(), float)
-            self._file.close()
+            try:
+                self._file.seek(0)  # whatever is not written yet is written now
+            except OSError as error:
+                raise _no_room(self._size, error) from None
+            with self._file as file:
+                small = self._size <= limits.IN_MEMORY
+                content = bytearray(file.read()) if small else mmap.mmap(file.fileno(), self._size)
+            self._joined = np.frombuffer(content, float)
         return self._joined
-
-    def _content(self) -> bytearray | mmap.mmap:
-        self._file.seek(0)
-        if self._size <= limits.IN_MEMORY:
-            return bytearray(self._file.read())
-        try:
-            self._file.flush()
-        except OSError as error:
-            raise _no_room(self._size, error) from None
-        return mmap.mmap(self._file.fileno(), self._size)

@@ -162,20 +162,16 @@ def _strangers(names: Sequence[str], ruleset: Ruleset, found: Collection[str]) -
     odd = [name for name in names if name.partition(".")[0] in ruleset.modules]
     if odd:
         missing = [s.id for s in ruleset.signals if s.id not in found]
-        yield f"column '{odd[0]}' matches no signal of this plant; {_meant(odd[0], missing)}"
+        name, _, unit = (part.strip(" )") for part in odd[0].partition("("))
+        near = nearest(parts_of(name)[0], missing)
+        meant = f"did you mean '{near}'?" if near else "is this a recording of another plant?"
+        if name in missing:
+            meant = f"write the unit in square brackets: '{name} [{unit}]'"
+        yield f"column '{odd[0]}' matches no signal of this plant; {meant}"
     if names:
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
         yield f"columns that belong to no signal of this plant: {shown}{more}"
-
-
-def _meant(title: str, missing: Sequence[str]) -> str:
-    """What the title of an unknown column may mean, given the signals that no column holds."""
-    name, _, unit = (part.strip(" )") for part in title.partition("("))
-    if name in missing:
-        return f"write the unit in square brackets: '{name} [{unit}]'"
-    near = nearest(parts_of(name)[0], missing)
-    return f"did you mean '{near}'?" if near else "is this a recording of another plant?"
 
 
 def _in_time(file: RecordingFile, notes: list[str]) -> Recording:

@@ -96,10 +96,10 @@ def texts_of(cells: Cells) -> list[str]:
                 texts.append("")
                 continue
             date = epoch + timedelta(seconds=seconds)
-            own = None if np.isnan(zone) else timezone(timedelta(seconds=zone))
-            texts.append(
-                (date.astimezone(own) if own is not None else date.replace(tzinfo=None)).isoformat()
-            )
+            if np.isnan(zone):
+                texts.append(date.replace(tzinfo=None).isoformat())
+            else:
+                texts.append(date.astimezone(timezone(timedelta(seconds=zone))).isoformat())
         return texts
     if isinstance(cells, np.ndarray):
         return ["" if np.isnan(x) else repr(x).removesuffix(".0") for x in cells.tolist()]

@@ -72,7 +72,10 @@ def counting_of(
         return None
     if form.since:
         return Counting("", form.time_factor or factor or 1.0, form.since)
-    low, high, step = _ends(numbers)
+    known, first = numbers[np.isfinite(numbers)], numbers[: limits.FIRST_STEPS]
+    low, high = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
+    steps = np.diff(first[np.isfinite(first)])
+    step = float(np.median(steps)) if len(steps) else 0.0
     for one in COUNTINGS:
         if one.numbers(limits.FIRST_YEAR) <= low and high < one.numbers(limits.LAST_YEAR):
             if factor and not np.isclose(factor, one.factor):
@@ -95,15 +98,6 @@ def dated(numbers: Array, one: Counting) -> Dates:
     start, zone = one.start, 0.0 if one.since.endswith("Z") else np.nan
     seconds = kept(np.round(numbers * one.factor, 6) + start)
     return Dates(seconds, np.broadcast_to(np.full(1, zone), len(numbers)))
-
-
-def _ends(numbers: Array) -> tuple[float, float, float]:
-    """Smallest and largest number, and the median step of the first block."""
-    known = numbers[np.isfinite(numbers)]
-    low, high = known.min(initial=np.inf), known.max(initial=-np.inf)
-    first = numbers[: limits.FIRST_STEPS]
-    steps = np.diff(first[np.isfinite(first)])
-    return float(low), float(high), float(np.median(steps)) if len(steps) else 0.0
 
 
 def _which(path: Path, title: str, low: float, one: Counting) -> Unclear:
@@ -188,7 +182,8 @@ def order_in(
     if len(orders) > 1:
         date, orders = orders_of(cells())
     if len(orders) > 1:
-        read = " or ".join(_day_of(date, order) for order in orders)
+        days = (datetime.fromtimestamp(date_of(date, order)[0], UTC) for order in orders)
+        read = " or ".join(f"{d:%-d %B %Y} ({o})" for d, o in zip(days, orders, strict=True))
         raise Unclear(
             f"{path}: the date '{date[:30]}' may be {read}; say which in the column map, as in "
             f"'time: {{from: ..., dates: {orders[0]}}}'",
@@ -199,11 +194,6 @@ def order_in(
         return ""
     notes.append(f"dates are read with the {orders[0].removesuffix(' first')} first")
     return orders[0]
-
-
-def _day_of(date: str, order: Order) -> str:
-    seconds, _ = date_of(date, order)
-    return f"{datetime.fromtimestamp(seconds, UTC):%-d %B %Y} ({order})"
 
 
 def plain_times(cells: Sequence[str]) -> Array:
@@ -241,7 +231,13 @@ def time_of_parts(
     first = comparable(path, parts[0], form, notes)
     if len(parts) < 2 or not isinstance(first, Dates):
         return first, tuple(notes)
-    clock = _seconds_of_day(texts_of(parts[1]))
+    texts = texts_of(parts[1])
+    clock = plain_times(texts)
+    if not np.isfinite(clock).any():
+        known = {cell: time_of_day(cell) for cell in {*texts}}
+        clock = np.array([known[cell] for cell in texts])
+    elif np.nanmax(clock) < 1:  # shares of a day, as in spreadsheets
+        clock = clock * SPREADSHEET.factor
     midnights = first.seconds[np.isfinite(first.seconds)] % SPREADSHEET.factor == 0
     if not np.isfinite(clock).any() or not midnights.all():
         return first, tuple(notes)  # the date includes the time of day
@@ -269,12 +265,3 @@ def seconds_in(times: Cells, form: FileForm) -> Array:
     if isinstance(times, Dates):
         return times.seconds
     return np.asarray(times, dtype=float) * (form.time_factor or 1.0)
-
-
-def _seconds_of_day(cells: Sequence[str]) -> Array:
-    """Seconds since midnight; numbers below 1 are shares of a day, as in spreadsheets."""
-    numbers = plain_times(cells)
-    if np.isfinite(numbers).any():
-        return numbers * SPREADSHEET.factor if np.nanmax(numbers) < 1 else numbers
-    known = {cell: time_of_day(cell) for cell in {*cells}}
-    return np.array([known[cell] for cell in cells])

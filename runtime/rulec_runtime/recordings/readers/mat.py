@@ -65,23 +65,18 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     names = value.dtype.names
     if not names:
         return None
-    if value.ndim == 0:
-        return {name: _unboxed(value[name]) for name in names}
-    return {name: _column(value[name]) for name in names}
-
-
-def _unboxed(value: Any) -> Any:
-    """The content of an array that holds one object."""
-    boxed = isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 0
-    return np.asarray(value[()]) if boxed else value
-
-
-def _column(values: Any) -> Any:
-    """A field of all rows, as numbers if each row has one."""
-    try:
-        return np.array(values.tolist(), dtype=float)
-    except (TypeError, ValueError):
-        return np.array([str(v) for v in values.ravel().tolist()])
+    found = {}
+    for name in names:
+        part = value[name]
+        if value.ndim:  # a field of all rows, as numbers if each row has one
+            try:
+                part = np.array(part.tolist(), dtype=float)
+            except (TypeError, ValueError):
+                part = np.array([str(v) for v in part.ravel().tolist()])
+        elif isinstance(part, np.ndarray) and part.dtype == object and part.ndim == 0:
+            part = np.asarray(part[()])
+        found[name] = part
+    return found
 
 
 def _is_series(value: Any) -> bool:
@@ -95,23 +90,17 @@ def _is_series(value: Any) -> bool:
 
 def _check(file: BinaryIO, path: Path) -> None:
     """Refuse a file whose parts unpack to far more than its size."""
-    size = file.seek(0, os.SEEK_END)
+    size, total = file.seek(0, os.SEEK_END), 0
     file.seek(HEAD - 2)
     order = "<" if file.read(2) == b"IM" else ">"
-    total = 0
     while len(tag := file.read(8)) == 8:
         kind, count = struct.unpack(f"{order}II", tag)
-        if kind == COMPRESSED:
-            total += _unpacked_size(path, file.read(count), total, size)
-        else:
+        if kind != COMPRESSED:
             file.seek(count, os.SEEK_CUR)
+            continue
+        unpacker, packed = zlib.decompressobj(), file.read(count)
+        while packed:
+            total += len(unpacker.decompress(packed, PIECE))
+            packed = unpacker.unconsumed_tail
+            refuse_bomb(path, total, size)
     file.seek(0)
-
-
-def _unpacked_size(path: Path, packed: bytes, before: int, size: int) -> int:
-    unpacker, total = zlib.decompressobj(), 0
-    while packed:
-        total += len(unpacker.decompress(packed, PIECE))
-        packed = unpacker.unconsumed_tail
-        refuse_bomb(path, before + total, size)
-    return total

@@ -34,14 +34,16 @@ def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
     A group without a time belongs to the nearest enclosing group that has one: array `dp` of group
     `A` is `A.dp` there.
     """
-    timed = {g.name: g for g in groups if _timed(g.leaves, times)}
+    timed = {g.name for g in groups if _timed(g.leaves, times)}
     whole: dict[str, dict[str, Leaf]] = {g.name: {} for g in groups}
     for group in groups:
-        owner = group.name if group.name in timed else _around(group.name, timed)
-        below = group.name[len(owner) :].strip("/").replace("/", ".") if owner is not None else ""
-        target = whole[group.name if owner is None else owner]
+        owner = group.name
+        while owner and owner not in timed:
+            owner = owner.rpartition("/")[0]
+        owner = owner if owner in timed else group.name
+        below = group.name[len(owner) :].strip("/").replace("/", ".")
         for name, leaf in group.leaves.items():
-            target[f"{below}.{name}" if below else name] = leaf
+            whole[owner][f"{below}.{name}" if below else name] = leaf
     return [
         sheet for group in groups for sheet in _tables(Group(group.name, whole[group.name]), times)
     ]
@@ -50,15 +52,6 @@ def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
 def _timed(names: Iterable[str], times: Collection[str]) -> bool:
     """Whether one of the arrays holds times; `T` is usually a temperature."""
     return any(name != "T" and is_time(name, times) for name in names)
-
-
-def _around(name: str, timed: Collection[str]) -> str | None:
-    """The nearest enclosing group that has a time."""
-    while name:
-        name = name.rpartition("/")[0]
-        if name in timed:
-            return name
-    return None
 
 
 def _tables(group: Group, times: Collection[str]) -> Iterator[Sheet]:
