@@ -56,7 +56,7 @@ def test_dates_have_sensible_steps(length: float, first: str, step: float) -> No
     assert 25 * 3600.0 in np.diff(days)
 
 
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 @given(st.floats(-1e6, 1e6), st.floats(0, 1e6), st.integers(2, 9))
 def test_axes_have_sensible_ticks(low: float, span: float, wanted: int) -> None:
     scale = axis(low, low + span, wanted)

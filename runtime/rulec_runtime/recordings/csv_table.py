@@ -270,19 +270,25 @@ def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> No
         column.decimals |= {sign for sign in ",." if any(sign in cell for cell in cells)}
         if "," in column.decimals:
             cells = [cell.replace(",", ".") for cell in cells]
+    numbers, others = numbers_in(cells)
+    for row in others:
+        if cells[row].strip().lower() not in BLANK:
+            column.say(before + row, cells[row].strip()[:30])
+    column.parts.append(numbers)
+
+
+def numbers_in(cells: Sequence[str]) -> tuple[Array, list[int]]:
+    """Cells as numbers, shape (n,), and the positions of those that are none and become NaN."""
     try:
-        column.parts.append(np.array(cells, dtype=float))
-        return
+        return np.array(cells, dtype=float), []
     except ValueError:
-        pass
-    numbers = np.full(len(cells), np.nan)
+        numbers, others = np.full(len(cells), np.nan), []
     for i, cell in enumerate(cells):
         try:
             numbers[i] = float(cell)
         except ValueError:
-            if cell.strip().lower() not in BLANK:
-                column.say(before + i, cell.strip()[:30])
-    column.parts.append(numbers)
+            others.append(i)
+    return numbers, others
 
 
 def refuse_bomb(path: Path, unpacked: int, size: int) -> None:

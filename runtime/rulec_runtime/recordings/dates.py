@@ -47,6 +47,13 @@ _MONTHS = {
 _ZONES = {"Z": 0, "UTC": 0, "GMT": 0, "CET": 60, "MEZ": 60, "CEST": 120, "MESZ": 120}
 """Minutes ahead of UTC of zones with unambiguous names."""
 
+_PLACES: dict[Order, tuple[int, int, int]] = {
+    "day first": (2, 1, 0),
+    "month first": (2, 0, 1),
+    "year first": (0, 1, 2),
+}
+"""Places of year, month and day in a date."""
+
 _DATE = re.compile(
     r"(?:[^\W\d_]{2,9}\.?,?\s+)?"
     r"(?P<first>\d{1,4}|[^\W\d_]{3,9})\.?(?P<sign>[-/. ])\s?"
@@ -71,7 +78,7 @@ def orders_of(cells: Iterable[str]) -> tuple[str, tuple[Order, ...]]:
     >>> orders_of(["3/4/2025"])
     ('3/4/2025', ('day first', 'month first'))
     """
-    left: tuple[Order, ...] = ("day first", "month first", "year first")
+    left = tuple(_PLACES)
     first = ""
     for cell in cells:
         orders = _orders(cell.strip())
@@ -92,17 +99,13 @@ def _orders(text: str) -> tuple[Order, ...]:
     parts = match["first"], match["second"], match["third"]
     if not all(part.isdigit() for part in parts) or len(parts[0]) > 2:
         return ()
-    a, b, c = map(int, parts)
-    short = len(parts[2]) < 4
     # No date lies in the future: otherwise a day of two digits could pass for a year.
     latest = datetime.now(UTC).year + 1
-    found: list[Order] = []
-    if _year(c, short) <= latest:
-        found += ["day first"] if b <= 12 and a <= 31 else []
-        found += ["month first"] if a <= 12 and b <= 31 else []
-    if short and b <= 12 and c <= 31 and _year(a, True) <= latest:
-        found.append("year first")
-    return tuple(found)
+    return tuple(
+        order
+        for order, (y, m, d) in _PLACES.items()
+        if _year(parts[y]) <= latest and int(parts[m]) <= 12 and int(parts[d]) <= 31
+    )
 
 
 def dates_of(cells: Sequence[str], order: Order) -> tuple[Array, Array]:
@@ -151,21 +154,18 @@ def time_of_day(cell: str) -> float:
 def _day(first: str, second: str, third: str, sign: str, order: Order) -> tuple[int, int, int]:
     """Year, month and day. Raises `ValueError` or `KeyError` if they are invalid."""
     if len(first) == 4 and first.isdigit():
-        return int(first), _month(second), int(third)
-    year = _year(int(third), len(third) < 4)
-    if not first.isdigit():
-        return year, _month(first), int(second)
-    if not second.isdigit() or order == "day first" or (not order and sign == "."):
-        return year, _month(second), int(first)
-    if order == "month first":
-        return year, _month(first), int(second)
-    if order == "year first":
-        return _year(int(first), True), _month(second), int(third)
-    raise ValueError(order)
+        order = "year first"
+    elif not first.isdigit():
+        order = "month first"
+    elif not second.isdigit() or (not order and sign == "."):
+        order = "day first"
+    y, m, d = ((first, second, third)[place] for place in _PLACES[order])
+    return _year(y), _month(m), int(d)
 
 
-def _year(number: int, short: bool) -> int:
-    return number + (1900 if number >= limits.LAST_CENTURY else 2000) if short else number
+def _year(text: str) -> int:
+    century = (1900 if int(text) >= limits.LAST_CENTURY else 2000) if len(text) < 4 else 0
+    return century + int(text)
 
 
 def _month(text: str) -> int:

@@ -96,16 +96,21 @@ def assign(
         one, many = "column names no unit; assumed is", "columns name no unit; assumed are"
         notes.append(f"{path.name}: {plural(len(bare), one, many)} {assumed}{more}")
     if header.time < 0:
-        expected = ruleset.time_column or "time [s]"
-        hint = ""
-        if header.strangers and header.targets and not ruleset.time_column:
-            names = " or ".join(f"'{name}'" for name in header.strangers[:SHOWN])
-            hint = (
-                f"; if it is {names}, rename it, or name it in the column map (columns.yaml) as "
-                "'time: {from: ...}'"
-            )
-        raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'{hint}")
+        raise _without_time(path, header, ruleset.time_column)
     return header
+
+
+def _without_time(path: Path, header: Header, expected: str) -> RecordingRefused:
+    """The refusal of a file without a column of times; the plant may name one."""
+    hint = ""
+    if header.strangers and header.targets and not expected:
+        names = " or ".join(f"'{name}'" for name in header.strangers[:SHOWN])
+        hint = (
+            f"; if it is {names}, rename it, or name it in the column map (columns.yaml) as "
+            "'time: {from: ...}'"
+        )
+    text = f"there is no time column; expected '{expected or 'time [s]'}'{hint}"
+    return RecordingRefused(f"{path}: {text}")
 
 
 def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:

@@ -8,6 +8,7 @@ Source: own derivation, docs/method.md; the first order of a lag in time.
 """
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.columns import means_between
+from rulec_runtime.recordings.columns import means_between, runs_where
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
     Stretches,
@@ -48,19 +49,17 @@ def _with_slow(
     if recording.interval > limits.SEEN_BETWEEN:
         return settled
     smooth = find_stretches(recording, ruleset, noise, ramps=True)
-    samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0))) + 1
+    samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0)))
     free = flags_of(samples, smooth.first, smooth.last)
     free &= ~flags_of(samples, settled.first, settled.last)
     starts = flags_of(samples, smooth.first, smooth.first + 1)
     first, last = settled.first.tolist(), settled.last.tolist()
-    begins = free & (starts | ~np.concatenate([[False], free[:-1]]))
-    for begin in np.flatnonzero(begins).tolist():
-        stop = begin + 1
-        while free[stop] and not starts[stop]:
-            stop += 1
-        firsts, lasts = cut(begin, stop, (stop - begin) // limits.LONGEST_SLOW)
-        first += firsts
-        last += lasts
+    for low, high in runs_where(free, 1):
+        inside = np.flatnonzero(starts[low + 1 : high]) + low + 1
+        for begin, stop in pairwise([low, *inside.tolist(), high]):
+            firsts, lasts = cut(begin, stop, (stop - begin) // limits.LONGEST_SLOW)
+            first += firsts
+            last += lasts
     order = np.argsort(first, kind="stable")
     return Stretches(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
 

@@ -89,13 +89,7 @@ def long_pause(time: Array) -> float:
 def noise_of(values: Array) -> float:
     """Standard deviation of white noise in a record, by second differences of its readings, which
     steps and slopes hardly affect."""
-    return _noise_of_second(np.diff(values[np.isfinite(values)], 2), 0.0)
-
-
-def _noise_of_second(second: Array, unknown: float) -> float:
-    """Noise by second differences, which may include NaN; `unknown` if all are NaN."""
-    known = second[np.isfinite(second)]
-    return white_noise(known, 2) if len(known) else unknown
+    return white_noise(np.diff(values[np.isfinite(values)], 2), 2)
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
@@ -116,10 +110,12 @@ def noise_within(
 ) -> dict[str, float]:
     """Noise of every reading within stretches, SI; as given if they show none."""
     within = flags_of(max(len(recording) - 2, 0), stretches.first, stretches.last - 2)
-    return {
-        name: _noise_of_second(np.diff(values, 2)[within], noise[name])
-        for name, values in recording.values.items()
-    }
+    found = dict(noise)
+    for name, values in recording.values.items():
+        second = np.diff(values, 2)[within]
+        if (known := np.isfinite(second)).any():
+            found[name] = white_noise(second[known], 2)
+    return {name: found[name] for name in recording.values}
 
 
 @once

@@ -54,11 +54,11 @@ class TextFile:
     def lines(self) -> Iterator[str]:
         """Its lines from the beginning, with their ends unchanged. Raises `RecordingRefused` where
         the file cannot be read, is binary, or unpacks to an implausible size."""
-        size, total = self.file.seek(0, os.SEEK_END), 0
-        stream: io.BufferedReader = io.BufferedReader(_Reader(self.file), limits.PIECE)
-        packed = stream.peek(2)[:2] == b"\x1f\x8b"
-        unpacked = gzip.GzipFile(fileobj=stream) if packed else stream
         try:
+            size, total = self.file.seek(0, os.SEEK_END), 0
+            stream = io.BufferedReader(_Reader(self.file), limits.PIECE)
+            packed = stream.peek(2)[:2] == b"\x1f\x8b"
+            unpacked = gzip.GzipFile(fileobj=stream) if packed else stream
             wide = unpacked.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
             encoding = "utf-16" if wide else "utf-8-sig"
             text = io.TextIOWrapper(unpacked, encoding, _AS_LATIN, newline="")

@@ -14,7 +14,7 @@ from rulec_runtime.contract.file_form import AS_SEEN, START, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
+from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear, numbers_in
 from rulec_runtime.recordings.dates import (
     date_of,
     dates_of,
@@ -197,18 +197,8 @@ def order_in(
 
 
 def plain_times(cells: Sequence[str]) -> Array:
-    """Cells as numbers, NaN for others."""
-    try:
-        return np.array(cells, dtype=float)
-    except ValueError:
-        pass
-    result = np.full(len(cells), np.nan)
-    for i, cell in enumerate(cells):
-        try:
-            result[i] = float(cell.replace(",", "."))
-        except ValueError:
-            continue
-    return result
+    """Cells as numbers, perhaps with a decimal comma, NaN for others."""
+    return numbers_in([cell.replace(",", ".") for cell in cells])[0]
 
 
 def factor_of_time(path: Path, title: str, text: str, units: Mapping[str, UnitSpec]) -> float:
