@@ -133,7 +133,7 @@ def topology_of(
     """
     names = list(modules)
     pairs = [(o, i) for j in junctions for o in j.outlets for i in j.inlets]
-    boxes = [(name,) for name in names]
+    boxes: list[tuple[str, ...]] = [(name,) for name in names]
     if len(names) > MOST:
         boxes = _folded(names, pairs, [m for m in names if m in set(marked)])
     of = {name: i for i, members in enumerate(boxes) for name in members}
