@@ -36,40 +36,40 @@ def without(folder: Path, title: str) -> Path:
     return file
 
 
-def odd(found: Facts) -> dict[str, tuple[str, ...]]:
-    return {r.signal: r.odd for r in found.readings if r.odd}
+def odd(found: Facts) -> dict[str, list[str]]:
+    return {r["signal"]: r["odd"] for r in found["readings"] if r["odd"]}
 
 
 def test_whole_recording_runs_everything() -> None:
     found = facts(HEALTHY)
     assert odd(found) == {}
-    assert found.lacks == found.blind == found.strangers == ()
-    for runs, every in (found.estimates, found.comparisons, found.faults, found.effects):
+    assert found["lacks"] == found["blind"] == found["strangers"] == []
+    for key in ("estimates", "comparisons", "faults", "effects"):
+        runs, every = found[key]
         assert runs == every > 0
-    assert found.settled is not None
-    assert found.settled > 0.5
-    assert {r.signal: r.title for r in found.readings}["A.dp"] == "A.dp [bar]"
-    assert "viscosity" in found.unread
+    assert found["settled"] > 0.5
+    assert {r["signal"]: r["title"] for r in found["readings"]}["A.dp"] == "A.dp [bar]"
+    assert "viscosity" in found["unread"]
 
 
 def test_missing_column_is_told_with_what_waits_for_it(tmp_path: Path) -> None:
     """Estimates and comparisons that cannot run, and faults that nothing would show; of a driver
     the effects. A plant that stores needs what its balances compare: inputs alone show nothing."""
     found = facts(without(tmp_path, "A.P_el [W]"))
-    (power,) = found.lacks
-    assert (power.signal, power.estimates) == ("A.P_el", ("A.power",))
-    assert len(power.comparisons) == found.comparisons[1] - found.comparisons[0]
-    assert {"A.power-plant", "A.power-pump"} < set(power.comparisons)
-    assert {"A.P_el.high", "A.P_el.low"} <= set(found.blind)
-    assert len(found.blind) == found.faults[1] - found.faults[0]
+    (power,) = found["lacks"]
+    assert (power["signal"], power["estimates"]) == ("A.P_el", ["A.power"])
+    assert len(power["comparisons"]) == found["comparisons"][1] - found["comparisons"][0]
+    assert {"A.power-plant", "A.power-pump"} < set(power["comparisons"])
+    assert {"A.P_el.high", "A.P_el.low"} <= set(found["blind"])
+    assert len(found["blind"]) == found["faults"][1] - found["faults"][0]
     found = facts(without(tmp_path, "A.T [degC]"))
-    (warm,) = found.lacks
-    assert warm.signal == "A.T"
-    assert "slip-temperature" in warm.effects
-    assert not warm.estimates
-    assert found.effects[0] < found.effects[1]
+    (warm,) = found["lacks"]
+    assert warm["signal"] == "A.T"
+    assert "slip-temperature" in warm["effects"]
+    assert not warm["estimates"]
+    assert found["effects"][0] < found["effects"][1]
     stored = TANKS / "examples" / "inputs.csv"
-    assert facts(stored, TANKS).faults[0] == facts(stored, TANKS).effects[0] == 0
+    assert facts(stored, TANKS)["faults"][0] == facts(stored, TANKS)["effects"][0] == 0
     assert main(["check", str(TANKS), str(stored)]) == 1
 
 

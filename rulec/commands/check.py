@@ -48,9 +48,8 @@ def run(options: argparse.Namespace) -> int:
     elif options.format == "sarif":
         write_json(options, sarif_form(found, version_of_rulec()))
     else:
-        forms = {name: part.to_dict() for name, part in facts.items()}
-        write_json(options, {"found": json_form(found), "recordings": forms})
-    return 1 if wrong or not all(part.faults[0] for part in facts.values()) else 0
+        write_json(options, {"found": json_form(found), "recordings": facts})
+    return 1 if wrong or not all(part["faults"][0] for part in facts.values()) else 0
 
 
 def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int:
@@ -89,8 +88,11 @@ def _tell(
         warned = f", {plural(len(found), 'warning', 'warnings')}" if found else ""
         shown = ", ".join(map(str, paths))
         out.print(styled("[green]✓[/] {}: no mistakes{}", shown, warned))
-    for name, part in facts.items():
-        part.tell(out, name)
+    if facts:
+        from rulec.commands.recording_facts import tell
+
+        for name, part in facts.items():
+            tell(out, name, part)
 
 
 def _collected(paths: Sequence[Path]) -> list[Diagnostic]:
