@@ -6,7 +6,7 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores.detectable_faults import swinging
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, with_free_states
-from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
+from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.simulation import limits
@@ -27,11 +27,11 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     dynamics = ruleset.dynamics
     assert dynamics is not None
     window = swinging(ruleset, dynamics)
-    model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), with_free_states(dynamics))
+    model = Model(ruleset, (), np.ones(len(dynamics.outputs)), with_free_states(dynamics))
     starts = nominal_starts(dynamics)
-    guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
+    unknowns = np.append(starts, np.zeros(len(dynamics.faults)))
     try:
-        _, slopes, _ = model.simulate(window, guess, dynamics.faults)
+        _, slopes, _ = model.simulate(window, unknowns, dynamics.faults)
     except RanAway:
         return None
     effects = slopes[:, :, len(starts) :]

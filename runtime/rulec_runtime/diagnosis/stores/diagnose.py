@@ -4,13 +4,13 @@ windows -> usual misfit -> judge -> spells -> findings. The result types are tho
 settles, so reports, plots and files are the same.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rulec_runtime.contract.degree import degree_in_words
-from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
@@ -18,8 +18,7 @@ from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
 from rulec_runtime.diagnosis.stores.judge_windows import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
-from rulec_runtime.diagnosis.stores.window_fit import Model
-from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
+from rulec_runtime.diagnosis.stores.windows import NO_READING, windows_of
 from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 from rulec_runtime.recordings.recording import Recording
 
@@ -28,7 +27,7 @@ from rulec_runtime.recordings.recording import Recording
 class StoresJudged:
     """Judgement of a recording of a plant that stores; `covered` flags its judged samples."""
 
-    judged: tuple[Judged, ...]
+    judged: Sequence[Judged]
     found: Found
     notes: tuple[str, ...]
     covered: np.ndarray
@@ -36,74 +35,66 @@ class StoresJudged:
 
 def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     """Judge a recording of a plant that stores."""
-    windows = windows_of(recording, ruleset)
-    found = weighed(ruleset, windows)
+    found = weighed(ruleset, windows_of(recording, ruleset))
     spells = spells_of(found.judged, ruleset.fault_by_id)
-    blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
-    result = Found([], [], blind, latest_of(found.judge, found.judged))
-    for place, spell in enumerate(spells):
-        (since, until), cause = _times(found.judged, spell), spell.cause
-        if spell.brief:
-            if not _beside_another(spells, place):
-                what = f"{cause.fault} would fit" if cause else "the balances do not fit"
-                text = f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
-                result.not_judged.append(Period(since, until, text))
-        elif cause is None:
+    result = Found([], [], _not_judged(found), latest_of(found))
+    for spell in spells:
+        (since, until), cause = _times(found, spell), spell.cause
+        if spell.brief and not _beside_another(spells, spell):
+            what = f"{cause.fault} would fit" if cause else "the balances do not fit"
+            text = f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
+            result.not_judged.append(Period(since, until, text))
+        elif not spell.brief and cause is None:
             result.unknown.append(Period(since, until, _unknown(found, spell)))
-        else:
-            result.findings.append(_finding(ruleset, windows, found, spells, spell, cause))
+        elif not spell.brief and cause is not None:
+            result.findings.append(_finding(found, spells, spell, cause))
     covered = np.zeros(len(recording), dtype=bool)
     for one in found.judged:
         if one.plain is not None:
             begin, end = one.window.time[[0, -1]]
             covered |= (recording.time >= begin) & (recording.time <= end)
-    notes = tuple(_notes(ruleset, windows, found))
+    notes = tuple(_notes(found))
     return StoresJudged(judged=found.judged, found=result, notes=notes, covered=covered)
 
 
-def _times(judged: Sequence[Judged], spell: Spell) -> tuple[float, float]:
-    first, last = judged[spell.first].window, judged[spell.last - 1].window
+def _times(found: Weighed, spell: Spell) -> tuple[float, float]:
+    first, last = (found.judged[spell.members[end]].window for end in (0, -1))
     return float(first.time[0]), float(last.time[-1])
 
 
-def _beside_another(spells: Sequence[Spell], place: int) -> bool:
+def _beside_another(spells: Sequence[Spell], own: Spell) -> bool:
     """Whether it is the edge of a spell that is reported anyway."""
-    own = spells[place]
+    first, behind = own.members.start, own.members.stop
     return any(
-        not other.brief and other.first <= own.last and own.first <= other.last for other in spells
+        not other.brief and other.members.start <= behind and first <= other.members.stop
+        for other in spells
     )
 
 
 def _unknown(found: Weighed, spell: Spell) -> str:
     """The reading that the balances miss most."""
-    outputs = found.judge.model.dynamics.outputs
+    outputs = found.model.dynamics.outputs
     off = np.zeros(len(outputs))
-    for i in spell.members:
-        plain = found.judged[i].plain
+    for plain in (found.judged[i].plain for i in spell.members):
         if plain is not None:
-            off += np.nan_to_num((plain.error / found.judge.model.spread) ** 2).sum(axis=0)
+            off += np.nan_to_num((plain.error / found.model.spread) ** 2).sum(axis=0)
     what = f"{outputs[int(np.argmax(off))]} moves in a way that the balances explain with no known"
     return f"nothing known fits: {what} fault"
 
 
-def _finding(
-    ruleset: Ruleset,
-    windows: Windows,
-    found: Weighed,
-    spells: Sequence[Spell],
-    spell: Spell,
-    cause: Cause,
-) -> Finding:
-    fault, judged, model = ruleset.fault_by_id[cause.fault], found.judged, found.judge.model
-    since, until = _times(judged, spell)
-    before = _sound(judged, range(spell.first - 1, -1, -1), spell.first, fault.id)
-    behind = _sound(judged, range(spell.last, len(judged)), spell.last - 1, fault.id)
-    inside = spell.inside
-    if before is not None:
-        since = _edge(model, windows, before, judged[inside[0]], fault.id, cause.degree)
-    if behind is not None:
-        until = _edge(model, windows, behind, judged[inside[-1]], fault.id, cause.degree)
-    strongest = max(inside, key=lambda i: judged[i].plain.chi if judged[i].plain else 0.0)  # type: ignore[union-attr]
+def _finding(found: Weighed, spells: Sequence[Spell], spell: Spell, cause: Cause) -> Finding:
+    fault, judged = found.model.ruleset.fault_by_id[cause.fault], found.judged
+    first, last = spell.members[0], spell.members[-1]
+    edges = [
+        _edge(found, _sound(judged, places, beside, fault.id), judged[faulty], cause)
+        for places, beside, faulty in (
+            (range(first - 1, -1, -1), first, spell.inside[0]),
+            (range(last + 1, len(judged)), last, spell.inside[-1]),
+        )
+    ]
+    times = zip(edges, _times(found, spell), strict=True)
+    since, until = (time if edge is None else edge for edge, time in times)
+    strongest = judged[max(spell.inside, key=lambda i: judged[i].chi)]
     return Finding(
         fault,
         cause.degree,
@@ -115,65 +106,39 @@ def _finding(
         cause.rivals,
         cause.remote,
         (),
-        evidence_of(model, windows, judged, spell, cause),
-        _readings(model.dynamics, judged[strongest]),
+        evidence_of(found, spell, cause),
+        tuple(_readings(found, strongest)),
         (),
-        judged[strongest].known.windows,
+        strongest.known.windows,
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
-        _behind(windows, judged, spells, spell, fault.id, until),
+        _behind(found, spells, spell, fault.id, until),
     )
 
 
-def _edge(
-    model: Model, windows: Windows, sound: Judged, faulty: Judged, fault: str, degree: float
-) -> float:
-    """The time between a sound window and a faulty one at which a fault of a degree begins.
-
-    If the faulty one comes first, it is the time at which the fault ends.
-    """
+def _edge(found: Weighed, sound: Judged | None, faulty: Judged, cause: Cause) -> float | None:
+    """The time between a sound window and a faulty one at which the fault begins, or ends, if the
+    faulty one comes first; None without a sound one."""
+    if sound is None:
+        return None
     begins = sound.window.first < faulty.window.first
     one, other = (sound, faulty) if begins else (faulty, sound)
-    window = windows.joined(one.window, other.window)
+    window = found.windows.joined(one.window, other.window)
+    balances = with_free_states(found.model.dynamics, (f"x.{cause.fault}",))
+    moved, time = replace(found.model, balances=balances), window.time
     assert one.plain is not None
-    moved = replace(model, balances=with_free_states(model.dynamics, (f"x.{fault}",)))
-    guess = replace(one.plain.guess, degrees=np.zeros(0))
-    places = np.unique(np.linspace(0, len(window.time) - 1, limits.EDGE_PLACES).astype(int))
-    best, when = np.inf, float(window.time[0])
+    guess, best, when = one.plain.unknowns, np.inf, float(time[0])
+    places = np.unique(np.linspace(0, len(time) - 1, limits.EDGE_PLACES).astype(int))
     for place in places.tolist():
-        later = np.arange(len(window.time)) >= place
-        course = np.where(later == begins, degree, 0.0)
+        later = np.arange(len(time)) >= place
+        course = np.where(later == begins, cause.degree, 0.0)
         own = replace(window, inputs=np.column_stack([window.inputs, course]))
-        found = moved.fit(own, sound.known, guess)
-        if found is not None and found.chi < best:
-            best, when, guess = found.chi, float(window.time[place]), found.guess
+        fitted = moved.fit(own, sound.known, guess)
+        if fitted is not None and fitted.chi < best:
+            best, when, guess = fitted.chi, float(time[place]), fitted.unknowns
     return when
 
 
-def _behind(
-    windows: Windows,
-    judged: Sequence[Judged],
-    spells: Sequence[Spell],
-    spell: Spell,
-    fault: str,
-    until: float,
-) -> str | None:
-    """What follows a spell: as many windows without the fault as a finding needs; the end; or a
-    part that could not be judged."""
-    # Deviating windows may hold a part of the fault, unless something else is reported for them.
-    other = {i for one in spells if not one.brief for i in one.members}
-    behind = [i for i in range(spell.last, len(judged)) if judged[i].lacks(fault)]
-    gone = sum(not judged[i].deviating or i in other for i in behind)
-    if gone >= limits.WINDOWS_IN_A_ROW:
-        return ENDED
-    last = max(float(piece.time[-1]) for piece in windows.pieces)
-    if until >= last:
-        return TO_THE_END
-    return BRIEFLY_GONE if behind else UNJUDGED
-
-
-def _sound(
-    judged: Sequence[Judged], places: Iterable[int], beside: int, fault: str
-) -> Judged | None:
+def _sound(judged: Sequence[Judged], places: range, beside: int, fault: str) -> Judged | None:
     """The nearest window of the same piece that would show a fault but does not, if only brief
     deviations are in between."""
     for i in places:
@@ -187,57 +152,66 @@ def _sound(
     return None
 
 
-def _readings(dynamics: Dynamics, one: Judged) -> tuple[tuple[str, float], ...]:
-    names = (*dynamics.inputs, *dynamics.outputs)
-    table = np.column_stack([one.window.inputs, one.window.measured])
-    return tuple(
-        (n, float(np.nanmedian(c)))
-        for n, c in zip(names, table.T, strict=True)
-        if np.isfinite(c).any()
-    )
+def _behind(
+    found: Weighed, spells: Sequence[Spell], spell: Spell, fault: str, until: float
+) -> str | None:
+    """What follows a spell: as many windows without the fault as a finding needs; the end; or a
+    part that could not be judged."""
+    # Deviating windows may hold a part of the fault, unless something else is reported for them.
+    other = {i for one in spells if not one.brief for i in one.members}
+    later = range(spell.members.stop, len(found.judged))
+    behind = [i for i in later if found.judged[i].lacks(fault)]
+    gone = sum(not found.judged[i].deviating or i in other for i in behind)
+    if gone >= limits.WINDOWS_IN_A_ROW:
+        return ENDED
+    if until >= max(float(piece.time[-1]) for piece in found.windows.pieces):
+        return TO_THE_END
+    return BRIEFLY_GONE if behind else UNJUDGED
 
 
-def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[str]) -> list[Period]:
+def _readings(found: Weighed, one: Judged) -> Iterator[tuple[str, float]]:
+    names = (*found.model.dynamics.inputs, *found.model.dynamics.outputs)
+    for name, column in zip(names, (*one.window.inputs.T, *one.window.measured.T), strict=True):
+        if np.isfinite(column).any():
+            yield name, float(np.nanmedian(column))
+
+
+def _not_judged(found: Weighed) -> list[Period]:
     """Windows that could not be judged, neighbours with the same reason joined."""
-    found: list[Period] = []
-    last = -2
-    there = np.any([np.isfinite(p.measured).any(axis=0) for p in windows.pieces], axis=0)
-    for i, one in enumerate(judged):
-        because = one.window.because
-        if one.plain is None:
-            because = because or "the balances have no solution here"
-        else:
-            known = np.isfinite(one.window.measured).mean(axis=0) >= limits.WINDOW_KNOWN
-            blind = [n for n, t, k in zip(outputs, there, known, strict=True) if t and not k]
+    periods: list[Period] = []
+    there = np.any([piece.known > 0.0 for piece in found.windows.pieces], axis=0)
+    before = ""
+    for one in found.judged:
+        because = one.window.because or "the balances have no solution here"
+        if one.plain is not None:
+            lacking = there & (one.window.known < limits.WINDOW_KNOWN)
+            blind = np.array(found.model.dynamics.outputs)[lacking].tolist()
             because = f"in part: {NO_READING.format(' and '.join(blind))}" if blind else ""
-        if not because:
-            continue
         since, until = float(one.window.time[0]), float(one.window.time[-1])
-        if found and last == i - 1 and found[-1].text == because:
-            found[-1] = replace(found[-1], until=until)
-        else:
-            found.append(Period(since, until, because, partly=one.plain is not None))
-        last = i
+        if because and because == before:
+            periods[-1] = replace(periods[-1], until=until)
+        elif because:
+            periods.append(Period(since, until, because, partly=one.plain is not None))
+        before = because
     text = (
         f"fewer than {limits.FEWEST_IN_WINDOW} samples without a pause: "
         "balances need a window to be followed in"
     )
-    return found + [Period(since, until, text) for since, until in windows.too_short]
+    return periods + [Period(*times, text) for times in found.windows.too_short]
 
 
-def _notes(ruleset: Ruleset, windows: Windows, found: Weighed) -> list[str]:
-    notes = []
+def _notes(found: Weighed) -> Iterator[str]:
+    windows, model = found.windows, found.model
     if windows.thinned > 1:
-        notes.append(f"{windows.thinned} samples at a time were averaged")
-    for i, name in enumerate(found.judge.model.dynamics.outputs):
-        measured = any(np.isfinite(p.measured[:, i]).any() for p in windows.pieces)
-        if measured and found.misfit[i] > limits.REMARKABLE_MISFIT * windows.noise[i]:
-            signal = ruleset.signal_by_id[name]
-            usual, noise = (x[i] / signal.factor for x in (found.misfit, windows.noise))
-            slow = 1.0 / found.judge.share[i]
-            lasts = f", alike for about {slow:.0f} samples" if slow > 1.0 else ""
-            notes.append(
-                f"{name}: the balances usually miss this reading by {usual:.2g} {signal.unit}"
-                f"{lasts} (its noise is {noise:.2g}); only what goes beyond counts"
-            )
-    return notes
+        yield f"{windows.thinned} samples at a time were averaged"
+    measured = np.any([piece.known > 0.0 for piece in windows.pieces], axis=0)
+    remarkable = measured & (found.misfit > limits.REMARKABLE_MISFIT * windows.noise)
+    for i in np.flatnonzero(remarkable).tolist():
+        signal = model.ruleset.signal_by_id[model.dynamics.outputs[i]]
+        usual, noise = (x[i] / signal.factor for x in (found.misfit, windows.noise))
+        slow = 1.0 / found.judge.share[i]
+        lasts = f", alike for about {slow:.0f} samples" if slow > 1.0 else ""
+        yield (
+            f"{signal.id}: the balances usually miss this reading by {usual:.2g} {signal.unit}"
+            f"{lasts} (its noise is {noise:.2g}); only what goes beyond counts"
+        )

@@ -7,13 +7,12 @@ without a fault narrow the errors, and later ones are judged with these.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import remembered
 from rulec_runtime.diagnosis.stores.free_balances import error_of
 from rulec_runtime.recordings.stationary import systematic_u
@@ -59,27 +58,20 @@ class KnownErrors:
 
 
 def lasting_errors(ruleset: Ruleset, reached: frozenset[str], level: Array) -> list[LastingError]:
-    """Errors of a plant that affect a measured value; `level` is the median of outputs, SI."""
-    dynamics: Dynamics | None = ruleset.dynamics
+    """Errors of a plant that affect a measured value: of the plan inputs `reached`, and of outputs,
+    whose median is `level`, SI."""
+    dynamics, signals = ruleset.dynamics, ruleset.signal_by_id
     assert dynamics is not None
-    signals = ruleset.signal_by_id
     found = []
     for name, value in dynamics.values.items():
         u = dynamics.uncertainties[name]
-        if u > 0.0 and name in reached:
+        if name in reached:
             size = float(np.log1p(u / abs(value))) if value else u
             found.append(LastingError(name, -1, value, size))
     for name in dynamics.inputs:
         u = float(systematic_u(signals[name], signals[name].reference))
-        if error_of(name) in reached and u > 0.0:
+        if error_of(name) in reached:
             found.append(LastingError(error_of(name), -1, 0.0, u))
     for i, name in enumerate(dynamics.outputs):
-        u = float(systematic_u(signals[name], level[i]))
-        if u > 0.0:
-            found.append(LastingError("", i, 0.0, u))
-    return found
-
-
-def nothing_known(errors: Sequence[LastingError]) -> KnownErrors:
-    """Before any window: the prior from the plant's file."""
-    return KnownErrors(np.zeros(len(errors)), np.eye(len(errors)))
+        found.append(LastingError("", i, 0.0, float(systematic_u(signals[name], level[i]))))
+    return [error for error in found if error.size > 0.0]

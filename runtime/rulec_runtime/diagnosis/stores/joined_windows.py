@@ -7,6 +7,7 @@ and the last of them share none. In a recording of fewer windows it must fit in 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -33,18 +34,12 @@ class Cause:
 
 @dataclass(frozen=True)
 class Spell:
-    """Deviating windows ``first : last`` (excluded) in a row; `cause` is None if nothing known
-    fits, `brief` if it does not persist."""
+    """Deviating windows in a row, by their numbers; `cause` is None if nothing known fits, `brief`
+    if it does not persist."""
 
-    first: int
-    last: int
+    members: range
     cause: Cause | None
     brief: bool
-
-    @property
-    def members(self) -> range:
-        """Numbers of its windows."""
-        return range(self.first, self.last)
 
     @property
     def inside(self) -> range:
@@ -54,18 +49,14 @@ class Spell:
 
 def spells_of(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list[Spell]:
     """All spells of a recording; `faults` by id, in the order of the ruleset."""
-    return [spell for run in _runs(judged) for spell in _explained(judged, run, faults)]
-
-
-def _runs(judged: Sequence[Judged]) -> Iterator[range]:
-    first: int | None = None
-    for i, one in enumerate([*judged, None]):
-        ends = one is None or not one.deviating
-        if first is not None and (ends or one.window.piece != judged[first].window.piece):  # type: ignore[union-attr]
-            yield range(first, i)
-            first = None
-        if not ends and first is None:
-            first = i
+    found: list[Spell] = []
+    for (_, deviating), places in groupby(
+        range(len(judged)), lambda i: (judged[i].window.piece, judged[i].deviating)
+    ):
+        if deviating:
+            first, *others = places
+            found += _explained(judged, range(first, first + 1 + len(others)), faults)
+    return found
 
 
 def _explained(
@@ -73,24 +64,29 @@ def _explained(
 ) -> list[Spell]:
     """One fault for all windows of a run if there is one; else one after the other. If none of them
     persists, but the deviation does, nothing known fits."""
-    needed = windows_needed(judged, run[0])
-    if names := _fitting(judged, run):
-        return [_spell(judged, run, names, faults, needed)]
-    found = []
-    first = run.start
-    while first < run.stop:
-        last, common = first + 1, _accepted(judged[first])
-        while last < run.stop:
-            more = _accepted(judged[last])
-            if bool(common) != bool(more) or (common and not common & more):
-                break
-            common &= more
-            last += 1
-        found.append(_spell(judged, range(first, last), common, faults, needed))
-        first = last
+    needed, inside = windows_needed(judged, run[0]), _inside(run)
+    counts = Counter(name for i in inside for name in judged[i].fitting)
+    most = {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
+    found = [
+        Spell(part, _cause(judged, part, names, faults) if names else None, len(part) < needed)
+        for part, names in ([(run, most)] if most else _parts(judged, run))
+    ]
     if len(run) >= needed and all(spell.brief for spell in found):
-        return [Spell(run.start, run.stop, None, False)]
+        return [Spell(run, None, False)]
     return found
+
+
+def _parts(judged: Sequence[Judged], run: range) -> Iterator[tuple[range, set[str]]]:
+    """Parts of a run in which some faults fit throughout, or none does, with these faults."""
+    first, fitting = run.start, judged[run.start].fitting
+    for i in run[1:]:
+        more = judged[i].fitting
+        if fitting & more or not (fitting or more):
+            fitting &= more
+        else:
+            yield range(first, i), fitting
+            first, fitting = i, more
+    yield range(first, run.stop), fitting
 
 
 def windows_needed(judged: Sequence[Judged], place: int) -> int:
@@ -99,55 +95,30 @@ def windows_needed(judged: Sequence[Judged], place: int) -> int:
     return min(limits.WINDOWS_IN_A_ROW, beside)
 
 
-def _spell(
-    judged: Sequence[Judged],
-    run: range,
-    names: set[str],
-    faults: Mapping[str, FaultSpec],
-    needed: int,
-) -> Spell:
-    cause = None
-    if names:
-        throughout = _throughout(judged, run, names)
-        cause = _cause(judged, throughout, [f for f in faults.values() if f.id in names])
-    return Spell(run.start, run.stop, cause, len(run) < needed)
-
-
-def _throughout(judged: Sequence[Judged], run: range, names: set[str]) -> list[int]:
-    """Windows that distinguish faults: inner ones that any of them fits, and outer ones that all of
-    them fit. In the others a fault begins or ends, or another one occurs."""
-    inside = _inside(run)
-    fitting = {i: names & _accepted(judged[i]) for i in run}
-    return [i for i in run if fitting[i] and (i in inside or fitting[i] == names)]
-
-
 def _inside(run: range) -> range:
     return run[1:-1] if len(run) > 2 else run
 
 
-def _accepted(judged: Judged) -> set[str]:
-    return {name for name, test in judged.tests.items() if test.fits}
+def _cause(
+    judged: Sequence[Judged], run: range, among: set[str], faults: Mapping[str, FaultSpec]
+) -> Cause:
+    """The most probable of some faults; each sample counts once, though it is in two windows.
 
-
-def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
-    inside = _inside(run)
-    counts = Counter(name for i in inside for name in _accepted(judged[i]))
-    return {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
-
-
-def _cause(judged: Sequence[Judged], inside: Sequence[int], faults: Sequence[FaultSpec]) -> Cause:
-    """The most probable of some faults; each sample counts once, though it is in two windows."""
-    names = [fault.id for fault in faults]
+    Windows distinguish faults if they are inner ones that any of them fits, or outer ones that all
+    of them fit. In the others a fault begins or ends, or another one occurs.
+    """
+    names, fitting = [n for n in faults if n in among], {i: among & judged[i].fitting for i in run}
+    inside = [i for i in run if fitting[i] and (i in _inside(run) or fitting[i] == among)]
+    left = [
+        [
+            one.tests[name].chi if name in one.tests else one.chi
+            for one in map(judged.__getitem__, inside)
+        ]
+        for name in names
+    ]
     weight = 0.5 if len(inside) > 1 else 1.0
-    evidence = np.zeros((len(names), 1))
-    for i in inside:
-        one = judged[i]
-        assert one.plain is not None
-        for row, name in enumerate(names):
-            test = one.tests.get(name)
-            evidence[row] -= 0.5 * weight * (test.chi if test else one.plain.chi)
-    evidence = np.round(evidence, limits.SPELL_DECIMALS)
-    prior = np.log([[fault.odds] for fault in faults])
+    evidence = np.round(-0.5 * weight * np.sum(left, axis=1)[:, None], limits.SPELL_DECIMALS)
+    prior = np.log([[faults[name].odds] for name in names])
     posterior, unprejudiced = (shares(e)[:, 0].tolist() for e in (evidence + prior, evidence))
     weighed = [Other(*one) for one in zip(names, posterior, unprejudiced, strict=True)]
     best = int(np.argmax(posterior))

@@ -16,9 +16,9 @@ from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores import limits
-from rulec_runtime.diagnosis.stores.errors import KnownErrors, nothing_known
+from rulec_runtime.diagnosis.stores.errors import KnownErrors
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
-from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
+from rulec_runtime.diagnosis.stores.window_fit import Fitted, Model
 from rulec_runtime.diagnosis.stores.windows import Window
 
 
@@ -48,17 +48,25 @@ class Judged:
 
     window: Window
     known: KnownErrors
-    plain: Fitted | None
-    freedom: int
-    deviating: bool
-    floor: Mapping[str, float]
+    plain: Fitted | None = None
+    freedom: int = 0
+    deviating: bool = False
+    floor: Mapping[str, float] = field(default_factory=dict)
     tests: Mapping[str, Tested] = field(default_factory=dict)
+
+    @property
+    def chi(self) -> float:
+        """Chi-square without a fault; 0 if nothing could be simulated."""
+        return 0.0 if self.plain is None else self.plain.chi
+
+    @property
+    def fitting(self) -> set[str]:
+        """Faults that fit."""
+        return {name for name, test in self.tests.items() if test.fits}
 
     def lacks(self, fault: str) -> bool:
         """Whether it would show a fault, and does not."""
-        if self.plain is None or fault not in self.floor:
-            return False
-        return not (fault in self.tests and self.tests[fault].fits)
+        return fault in self.floor and fault not in self.fitting
 
 
 @dataclass(frozen=True)
@@ -71,133 +79,103 @@ class Judge:
 
     def judge(self, windows: Sequence[Window], learning: bool = True) -> list[Judged]:
         """Judge all windows in order of time; without `learning` each with the prior only."""
-        known, guess = nothing_known(self.model.errors), nominal_starts(self.model.dynamics)
+        errors, states = self.model.errors, self.model.states
+        known = KnownErrors(np.zeros(len(errors)), np.eye(len(errors)))
         # Constants, which have a value, do not drift.
-        drifts = np.array([e.value == 0.0 for e in self.model.errors], dtype=bool)
+        drifts = np.array([e.value == 0.0 for e in errors], dtype=bool)
         chance = alarm_chance(len(windows))
         result: list[Judged] = []
         learned = -np.inf
         for window in windows:
-            now = known.later(window.middle, drifts) if known.windows else known
+            now = known.later(window.middle, drifts)
             before = result[-1] if result and result[-1].window.piece == window.piece else None
-            judged = self._judged(window, now, before, guess, chance)
+            judged = self._judged(Judged(window, now), before, chance)
             result.append(judged)
             plain = judged.plain
             if not learning or window.time[0] <= learned or plain is None or judged.deviating:
                 continue
             if plain.chi < chi_square_limit(judged.freedom, common.CALM):
-                starts = len(plain.guess.starts)
-                covariance = plain.covariance[starts:, starts:]
-                known = KnownErrors(plain.guess.errors, covariance, window.middle, now.windows + 1)
+                covariance = plain.covariance[states:, states:]
+                mean = plain.unknowns[states:]
+                known = KnownErrors(mean, covariance, window.middle, now.windows + 1)
                 learned = float(window.time[-1])
         return result
 
-    def _judged(
-        self,
-        window: Window,
-        known: KnownErrors,
-        before: Judged | None,
-        nominal: Array,
-        chance: float,
-    ) -> Judged:
+    def _judged(self, one: Judged, before: Judged | None, chance: float) -> Judged:
         """Judge a window; its fit starts from the state of the one before at that time."""
-        if window.because:
-            return Judged(window, known, None, 0, False, {})
-        last = before.plain if before is not None else None
-        starts = [*_left_at(before, last, window), nominal]
-        freedom, guesses = self.freedom(window), [Guess(s, known.mean, np.zeros(0)) for s in starts]
-        plain = self._fitted(window, known, guesses, chi_square_limit(freedom, quantile(chance)))
+        if one.window.because:
+            return one
+        starts = [] if before is None else _left_at(before, before.plain, one.window)
+        starts = [*starts, nominal_starts(self.model.dynamics)]
+        counts = np.isfinite(one.window.measured).sum(axis=0)
+        freedom = max(int(float(counts @ self.share) - self.model.states), 1)
+        guesses = [np.append(start, one.known.mean) for start in starts]
+        plain = self._best(one, guesses, chi_square_limit(freedom, quantile(chance)))
         if plain is None:
-            return Judged(window, known, None, 0, False, {})
-        pull, information = self._directions(window, known, plain)
+            return one
+        pull, information = self._directions(one, plain)
         visible = np.flatnonzero(information > 0.0).tolist()
         floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in visible}
         # Half of the chance of a false alarm goes to "anything is wrong", half to the faults.
         strongest = quantile(chance / (2 * max(len(visible), 1)))
         deviating = plain.chi > chi_square_limit(freedom, quantile(chance / 2))
         deviating |= any(pull[i] / np.sqrt(information[i]) > strongest for i in visible)
-        if not deviating:
-            return Judged(window, known, plain, freedom, False, floor)
+        one = replace(one, plain=plain, freedom=freedom, deviating=deviating, floor=floor)
+        towards = [i for i in visible if deviating and pull[i] > 0.0]
         limit = chi_square_limit(max(freedom - 1, 1), quantile(chance))
-        tests = {}
-        for i in visible:
-            if pull[i] > 0.0:
-                fault = self.model.ruleset.fault_by_id[self.faults[i]]
-                largest = limits.LARGEST_START * fault.highest
-                degree = np.clip(pull[i] / information[i], limits.SMALLEST_START, largest).item()
-                start = plain.guess.starts
-                guesses = [
-                    Guess(start, e, np.array([degree])) for e in (known.mean, plain.guess.errors)
-                ]
-                last = (
-                    before.tests[fault.id].fitted if before and fault.id in before.tests else None
-                )
-                for earlier in _left_at(before, last, window):
-                    assert last is not None
-                    guesses.insert(0, Guess(earlier, known.mean, last.guess.degrees))
-                tests[fault.id] = self._test(window, known, plain, fault, guesses, limit)
-        return Judged(window, known, plain, freedom, True, floor, tests)
+        tests = {
+            self.faults[i]: self._test(one, before, self.faults[i], pull[i] / information[i], limit)
+            for i in towards
+        }
+        return replace(one, tests=tests)
 
-    def _fitted(
-        self,
-        window: Window,
-        known: KnownErrors,
-        guesses: Sequence[Guess],
-        limit: float,
-        faults: tuple[str, ...] = (),
+    def _best(
+        self, one: Judged, guesses: Sequence[Array], limit: float, faults: tuple[str, ...] = ()
     ) -> Fitted | None:
         """The best fit, with some degrees free; guesses are tried until one is good enough."""
         best: Fitted | None = None
         for guess in guesses:
-            found = self.model.fit(window, known, guess, faults)
+            found = self.model.fit(one.window, one.known, guess, faults)
             if found is not None and (best is None or found.chi < best.chi):
                 best = found
             if best is not None and best.chi < limit:
                 break
         return best
 
-    def freedom(self, window: Window) -> int:
-        """Independent values in the readings of a window, less its initial states."""
-        counts = np.isfinite(window.measured).sum(axis=0)
-        said = float(counts @ self.share) - len(self.model.dynamics.states)
-        return max(int(said), 1)
-
-    def _directions(self, window: Window, known: KnownErrors, plain: Fitted) -> tuple[Array, Array]:
+    def _directions(self, one: Judged, plain: Fitted) -> tuple[Array, Array]:
         """Gradient by each degree at 0, and the information on it with all errors free."""
-        guess = Guess(plain.guess.starts, plain.guess.errors, np.zeros(len(self.faults)))
-        _, slopes, _ = self.model.simulate(window, guess, self.faults)
-        table = self.model.rows_of_slopes(plain.error, slopes)
-        rows, count = self.model.rows(plain.error), len(plain.information)
-        own, effect = table[:, :count], table[:, count:]
-        known_by_errors = own.T @ effect
-        gradient = own.T @ rows
-        starts = len(plain.guess.starts)
-        certain = inverse(known.covariance)
-        gradient[starts:] -= certain @ (plain.guess.errors - known.mean)
-        explained = plain.covariance @ known_by_errors
-        whole = np.einsum("nf,nf->f", effect, effect)
-        information = whole - np.einsum("uf,uf->f", known_by_errors, explained)
-        pull = effect.T @ rows - explained.T @ gradient
+        count = len(plain.unknowns)
+        unknowns = np.append(plain.unknowns, np.zeros(len(self.faults)))
+        every = self.model.at(one.window, one.known, unknowns, self.faults)
+        assert every is not None, "the same course as without faults"
+        shared = every.information[:count, count:]
+        explained, whole = plain.covariance @ shared, np.diag(every.information)[count:]
+        information = whole - np.sum(shared * explained, axis=0)
+        pull = every.pull[count:] - explained.T @ every.pull[:count]
         return pull, np.where(information > limits.HIDDEN_EFFECT * whole, information, 0.0)
 
     def _test(
-        self,
-        window: Window,
-        known: KnownErrors,
-        plain: Fitted,
-        fault: FaultSpec,
-        guesses: Sequence[Guess],
-        limit: float,
+        self, one: Judged, before: Judged | None, name: str, degree: float, limit: float
     ) -> Tested:
-        found = self._fitted(window, known, guesses, limit, (fault.id,))
+        """Fit a fault: from where it fitted the window before, then from the fit without it, with
+        the degree by its slopes."""
+        fault, plain, mean = self.model.ruleset.fault_by_id[name], one.plain, one.known.mean
+        assert plain is not None
+        size = [np.clip(degree, limits.SMALLEST_START, limits.LARGEST_START * fault.highest)]
+        starts, errors = np.split(plain.unknowns, [self.model.states])
+        guesses = [np.concatenate([starts, own, size]) for own in (mean, errors)]
+        last = before.tests[name].fitted if before and name in before.tests else None
+        if before is not None and last is not None:
+            left = _left_at(before, last, one.window)
+            guesses[:0] = [np.concatenate([own, mean, last.unknowns[-1:]]) for own in left]
+        found = self._best(one, guesses, limit, (name,))
         if found is None or found.chi > plain.chi:
             return Tested(0.0, np.inf, plain.chi, False)
-        u = float(np.sqrt(found.covariance[-1, -1]))
+        u, degree = float(np.sqrt(found.covariance[-1, -1])), float(found.unknowns[-1])
         # A real fault never follows its law exactly.
         tolerated = fault.tolerance**2 * (plain.chi - found.chi)
-        degree = float(found.guess.degrees[0])
         fits = found.chi <= limit + tolerated and degree < fault.credible
-        fits = fits and self._is_possible(window, found, fault)
+        fits = fits and self._is_possible(one.window, found, fault)
         return Tested(degree, u, found.chi, fits, found)
 
     def _is_possible(self, window: Window, found: Fitted, fault: FaultSpec) -> bool:
@@ -209,16 +187,13 @@ class Judge:
         own = [i for i, name in enumerate(outputs) if name in fault.scales]
         if not own:
             return True
-        shown, _, _ = self.model.simulate(window, replace(found.guess, degrees=np.zeros(0)))
-        signals = self.model.ruleset.signal_by_id
-        ends = [signals[outputs[i]].ends for i in own]
+        shown, _, _ = self.model.simulate(window, found.unknowns[:-1])
+        ends = [self.model.ruleset.signal_by_id[outputs[i]].ends for i in own]
         levels = np.median(shown[:, own], axis=0).tolist()
         return all(low <= x <= high for x, (low, high) in zip(levels, ends, strict=True))
 
 
-def _left_at(before: Judged | None, fitted: Fitted | None, window: Window) -> list[Array]:
+def _left_at(before: Judged, fitted: Fitted | None, window: Window) -> Sequence[Array]:
     """States of a fit of the window before, when this window begins, if known."""
-    if before is None or fitted is None:
-        return []
     at = int(np.searchsorted(before.window.time, window.time[0]))
-    return [fitted.states[at]] if at < len(fitted.states) else []
+    return [] if fitted is None else [*fitted.states[at : at + 1]]

@@ -14,41 +14,28 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.stores import limits
-from rulec_runtime.diagnosis.stores.errors import KnownErrors, LastingError
+from rulec_runtime.diagnosis.stores.errors import KnownErrors, LastingError, lasting_errors
 from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import Balances, RanAway
 
 
 @dataclass(frozen=True)
-class Guess:
-    """Unknowns of a window: initial states, SI; lasting errors; degrees of some faults."""
-
-    starts: Array
-    errors: Array
-    degrees: Array
-
-    def moved(self, step: Array, low: Array, high: Array) -> Guess:
-        """The unknowns after a step; degrees stay in their range."""
-        a, b = len(self.starts), len(self.starts) + len(self.errors)
-        degrees = np.clip(self.degrees + step[b:], low, high)
-        return Guess(self.starts + step[:a], self.errors + step[a:b], degrees)
-
-
-@dataclass(frozen=True)
 class Fitted:
     """A fit of a window.
 
-    `error` is measured less shown, shape (n, outputs), SI; `slopes`, shape (n, outputs, unknowns),
-    are derivatives of what is shown. `information` includes window and prior.
+    `unknowns` are initial states, SI, then lasting errors, then degrees of some faults. `error` is
+    measured less shown, shape (n, outputs), SI; `states` has the shape (n, states). `information`
+    and `pull`, half the second and minus half the first derivative of chi-square `chi` by the
+    unknowns, include window and prior.
     """
 
-    guess: Guess
+    unknowns: Array
     chi: float
     error: Array
-    slopes: Array
     states: Array
     information: Array
+    pull: Array
 
     @property
     def covariance(self) -> Array:
@@ -64,40 +51,38 @@ class Model:
     """
 
     ruleset: Ruleset
-    dynamics: Dynamics
     errors: tuple[LastingError, ...]
     spread: Array
     balances: Balances = field(repr=False)
 
-    @staticmethod
-    def of(ruleset: Ruleset, errors: Sequence[LastingError], spread: Array) -> Model:
-        """The model of a plant."""
-        assert ruleset.dynamics is not None
-        return Model(
-            ruleset, ruleset.dynamics, tuple(errors), spread, with_free_states(ruleset.dynamics)
-        )
+    @property
+    def dynamics(self) -> Dynamics:
+        """The balances as the plant's file states them."""
+        assert self.ruleset.dynamics is not None
+        return self.ruleset.dynamics
+
+    @property
+    def states(self) -> int:
+        """Number of initial states, which come first among the unknowns; errors follow."""
+        return len(self.balances.states)
 
     def simulate(
-        self, window: Window, guess: Guess, faults: Sequence[str] = ()
+        self, window: Window, unknowns: Array, faults: Sequence[str] = ()
     ) -> tuple[Array, Array, Array]:
         """Outputs, their slopes by all unknowns, and the states; raises `RanAway`.
 
-        `faults` are those of the degrees of the guess.
+        `faults` are those whose degrees end the unknowns.
         """
-        balances, inputs = self.balances, window.inputs
-        starts = [start_of(s) for s in balances.states]
-        values = dict(self.dynamics.values)
-        values |= dict(zip(starts, guess.starts.tolist(), strict=True))
-        own = [(e, x) for e, x in zip(self.errors, guess.errors.tolist(), strict=True)]
-        values |= {e.input: e.at(x) for e, x in own if e.input}
-        degrees = [f"x.{f}" for f in faults]
-        values |= dict(zip(degrees, guess.degrees.tolist(), strict=True))
-        seeds = [*starts, *(e.input for e in self.errors), *degrees]
+        starts = [start_of(state) for state in self.balances.states]
+        seeds = [*starts, *(e.input for e in self.errors), *(f"x.{fault}" for fault in faults)]
+        values = {**self.dynamics.values, **dict(zip(seeds, unknowns.tolist(), strict=True))}
+        own = [(i, e, float(unknowns[i])) for i, e in enumerate(self.errors, len(starts))]
+        values |= {e.input: e.at(x) for _, e, x in own}
+        held = np.ones(window.inputs.shape[1], dtype=np.bool_)
         time = window.time - window.time[0]
-        held = np.ones(inputs.shape[1], dtype=np.bool_)
-        course = balances.run(time, inputs, held, values, seeds)
+        course = self.balances.run(time, window.inputs, held, values, seeds)
         shown, slopes = course.shown.copy(), course.slopes.copy()
-        for place, (error, x) in enumerate(own, len(starts)):
+        for place, error, x in own:
             if error.input:
                 slopes[:, :, place] *= error.slope(x)
             else:
@@ -105,86 +90,63 @@ class Model:
                 slopes[:, error.output, place] = error.slope(x)
         return shown, slopes, course.states
 
-    def fit(
-        self, window: Window, known: KnownErrors, guess: Guess, faults: Sequence[str] = ()
+    def at(
+        self, window: Window, known: KnownErrors, unknowns: Array, faults: Sequence[str] = ()
     ) -> Fitted | None:
-        """The most probable unknowns, from a guess; None if nothing can be simulated."""
-        specs = [self.ruleset.fault_by_id[f] for f in faults]
-        low = np.array([s.lowest for s in specs])
-        high = np.array([s.highest * (1.0 - common.BELOW_HIGHEST) for s in specs])
-        certain = inverse(known.covariance)
-        best = self._tried(window, known, certain, guess, faults)
-        damping = limits.FIRST_DAMPING
-        for _ in range(limits.WINDOW_STEPS):
-            if best is None:
-                return None
-            step = self._step(window, known, certain, best, damping, low, high)
-            trial = self._tried(window, known, certain, best.guess.moved(step, low, high), faults)
-            if trial is not None and trial.chi < best.chi:
-                fall = best.chi - trial.chi
-                best, damping = trial, damping * limits.LESS_DAMPING
-                if fall < max(limits.WINDOW_SETTLED, limits.WINDOW_SLIGHT * best.chi):
-                    break
-            else:
-                damping *= limits.MORE_DAMPING
-                if damping > limits.LARGEST_DAMPING:
-                    break
-        return best
-
-    def _tried(
-        self,
-        window: Window,
-        known: KnownErrors,
-        certain: Array,
-        guess: Guess,
-        faults: Sequence[str],
-    ) -> Fitted | None:
+        """How well some unknowns fit; None if they cannot be simulated."""
         try:
-            shown, slopes, states = self.simulate(window, guess, faults)
+            shown, slopes, states = self.simulate(window, unknowns, faults)
         except RanAway:
             return None
         error = window.measured - shown
-        rows, table = self.rows(error), self.rows_of_slopes(error, slopes)
-        a, b = len(guess.starts), len(guess.starts) + len(guess.errors)
-        information = table.T @ table
-        information[a:b, a:b] += certain
-        off = guess.errors - known.mean
+        there, certain = np.isfinite(error), inverse(known.covariance)
+        rows, table = (error / self.spread)[there], (slopes / self.spread[:, None])[there]
+        own = slice(self.states, self.states + len(self.errors))
+        off = unknowns[own] - known.mean
         chi = float(rows @ rows + off @ certain @ off)
         if not chi < limits.LARGEST_CHI_SQUARE:
             return None
-        return Fitted(guess, chi, error, slopes, states, information)
+        information, pull = table.T @ table, table.T @ rows
+        information[own, own] += certain
+        pull[own] -= certain @ off
+        return Fitted(unknowns, chi, error, states, information, pull)
 
-    def rows(self, error: Array) -> Array:
-        """Errors where something was measured, in standard deviations, shape (known,)."""
-        return np.asarray((error / self.spread)[np.isfinite(error)])
+    def fit(
+        self, window: Window, known: KnownErrors, guess: Array, faults: Sequence[str] = ()
+    ) -> Fitted | None:
+        """The most probable unknowns, from a guess; degrees stay in their range. None if nothing
+        can be simulated."""
+        specs = [self.ruleset.fault_by_id[fault] for fault in faults]
+        free, damping = np.full(len(guess) - len(specs), np.inf), limits.FIRST_DAMPING
+        low = np.append(-free, [spec.lowest for spec in specs])
+        high = np.append(free, [s.highest * (1.0 - common.BELOW_HIGHEST) for s in specs])
+        best = self.at(window, known, guess, faults)
+        for _ in range(limits.WINDOW_STEPS):
+            if best is None or damping > limits.LARGEST_DAMPING:
+                break
+            ended = (best.unknowns <= low) & (best.pull < 0) | (best.unknowns >= high) & (
+                best.pull > 0
+            )
+            step, own = np.zeros(len(guess)), best.information[np.ix_(~ended, ~ended)]
+            step[~ended] = inverse(own + damping * np.diag(np.diag(own))) @ best.pull[~ended]
+            trial = self.at(window, known, np.clip(best.unknowns + step, low, high), faults)
+            if trial is None or not trial.chi < best.chi:
+                damping *= limits.MORE_DAMPING
+                continue
+            fall, best = best.chi - trial.chi, trial
+            damping *= limits.LESS_DAMPING
+            if fall < max(limits.WINDOW_SETTLED, limits.WINDOW_SLIGHT * best.chi):
+                break
+        return best
 
-    def rows_of_slopes(self, error: Array, slopes: Array) -> Array:
-        """Slopes of the outputs with the same weights, shape (known, unknowns)."""
-        return np.asarray((slopes / self.spread[:, None])[np.isfinite(error)])
 
-    def _step(
-        self,
-        window: Window,
-        known: KnownErrors,
-        certain: Array,
-        at: Fitted,
-        damping: float,
-        low: Array,
-        high: Array,
-    ) -> Array:
-        table, rows = self.rows_of_slopes(at.error, at.slopes), self.rows(at.error)
-        a, b = len(at.guess.starts), len(at.guess.starts) + len(at.guess.errors)
-        pull = table.T @ rows
-        pull[a:b] -= certain @ (at.guess.errors - known.mean)
-        free = np.ones(len(pull), dtype=bool)
-        ended = (at.guess.degrees <= low) & (pull[b:] < 0) | (at.guess.degrees >= high) & (
-            pull[b:] > 0
-        )
-        free[b:] = ~ended
-        step = np.zeros(len(pull))
-        own = at.information[np.ix_(free, free)]
-        step[free] = inverse(own + damping * np.diag(np.diag(own))) @ pull[free]
-        return step
+def model_of(ruleset: Ruleset, spread: Array, level: Array) -> Model:
+    """The model of a plant with all its lasting errors; `spread` and the median `level` of each
+    output, SI, shape (outputs,)."""
+    assert ruleset.dynamics is not None
+    balances = with_free_states(ruleset.dynamics)
+    errors = lasting_errors(ruleset, balances.plan.used_inputs, level)
+    return Model(ruleset, tuple(errors), spread, balances)
 
 
 def inverse(information: Array) -> Array:

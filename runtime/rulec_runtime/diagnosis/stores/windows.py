@@ -1,6 +1,6 @@
 """A recording cut into windows, half overlapping, long enough to show the effect of a fault."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -30,14 +30,19 @@ class Window:
     time: Array
     inputs: Array
     measured: Array
-    piece: int
-    first: int
-    because: str
+    piece: int = 0
+    first: int = 0
+    because: str = ""
 
     @property
     def middle(self) -> float:
         """Time in its middle, s."""
         return float(0.5 * (self.time[0] + self.time[-1]))
+
+    @property
+    def known(self) -> Array:
+        """Share of the samples in which each output was measured, shape (outputs,)."""
+        return np.asarray(np.isfinite(self.measured).mean(axis=0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,34 +71,28 @@ class Windows:
 
 def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
     """Cut a recording at pauses, thin it, and cut it into windows."""
-    dynamics = ruleset.dynamics
+    dynamics, factor = ruleset.dynamics, _averaged(len(recording))
     assert dynamics is not None
-    factor = _averaged(len(recording))
-    pieces = [
-        _piece(recording, ruleset, dynamics, part, factor)
-        for part in _pieces(recording)
-        if part.stop - part.start >= factor
-    ]
-    count = sum(len(p.time) for p in pieces)
-    length = _length(count)
-    members: list[Window] = []
-    short: list[tuple[float, float]] = []
-    for number, piece in enumerate(pieces):
-        if len(piece.time) < limits.FEWEST_IN_WINDOW:
-            short.append((float(piece.time[0]), float(piece.time[-1])))
-            continue
-        members += [
-            _window(dynamics, piece, a, b, number) for a, b in _cuts(len(piece.time), length)
-        ]
-    measured = np.concatenate([p.measured for p in pieces]) if pieces else np.zeros((0, 0))
-    noise, level = _noise(ruleset, dynamics, pieces, measured)
+    parts = [part for part in _parts(recording) if part.stop - part.start >= factor]
+    pieces = [_piece(recording, ruleset, dynamics, part, factor) for part in parts]
+    length = _length(sum(len(piece.time) for piece in pieces))
+    noise, level = _noise(ruleset, dynamics, pieces)
+    is_long = [len(piece.time) >= limits.FEWEST_IN_WINDOW for piece in pieces]
     return Windows(
         pieces=tuple(pieces),
-        members=tuple(members),
+        members=tuple(
+            _window(dynamics, pieces[number], number, first, length)
+            for number in np.flatnonzero(is_long).tolist()
+            for first in _firsts(len(pieces[number].time), length)
+        ),
         noise=noise,
         level=level,
         thinned=factor,
-        too_short=tuple(short),
+        too_short=tuple(
+            (float(piece.time[0]), float(piece.time[-1]))
+            for piece, long in zip(pieces, is_long, strict=True)
+            if not long
+        ),
     )
 
 
@@ -112,7 +111,8 @@ def _length(count: int) -> int:
     return int(np.clip(length, limits.SHORT_WINDOW, limits.LONG_WINDOW))
 
 
-def _pieces(recording: Recording) -> Iterator[slice]:
+def _parts(recording: Recording) -> Iterator[slice]:
+    """Runs of rows without a pause."""
     steps = np.diff(recording.time)
     longest = limits.PAUSE_STORES * float(np.median(steps)) if len(steps) else 0.0
     ends = np.flatnonzero((np.diff(recording.segment) != 0) | (steps > longest)) + 1
@@ -125,22 +125,13 @@ def _piece(
 ) -> Window:
     time = recording.time[part]
     blank = np.full(len(time), np.nan)
-
-    def column(name: str) -> Array:
-        return recording.values[name][part] if name in recording.values else blank
-
-    inputs = {name: column(name) for name in dynamics.inputs}
-    signals = [ruleset.signal_by_id[name] for name in dynamics.outputs]
-    measured = {s.id: _inside(s, column(s.id)) for s in signals}
+    names = (*dynamics.inputs, *dynamics.outputs)
+    there = {n: recording.values[n][part] if n in recording.values else blank for n in names}
+    inputs = {name: there[name] for name in dynamics.inputs}
+    measured = {n: _inside(ruleset.signal_by_id[n], there[n]) for n in dynamics.outputs}
     time, inputs, measured = thinned(time, inputs, measured, factor)
-    return Window(
-        time=time,
-        inputs=_table(inputs, len(time)),
-        measured=_table(measured, len(time)),
-        piece=0,
-        first=0,
-        because="",
-    )
+    tables = (_table(columns.values(), len(time)) for columns in (inputs, measured))
+    return Window(time=time, inputs=next(tables), measured=next(tables))
 
 
 def _inside(signal: SignalSpec, values: Array) -> Array:
@@ -152,62 +143,52 @@ def _inside(signal: SignalSpec, values: Array) -> Array:
         return np.where((values > low) & (values < high), without_glitches(values)[0], np.nan)
 
 
-def _table(columns: dict[str, Array], count: int) -> Array:
-    return np.column_stack([*columns.values()]) if columns else np.zeros((count, 0))
+def _table(columns: Iterable[Array], count: int) -> Array:
+    """Columns side by side, shape (count, columns), also if there are none."""
+    return np.ascontiguousarray(np.array([*columns]).reshape(-1, count).T)
 
 
 def _without_gaps(table: Array) -> Array:
-    return np.column_stack([*map(filled, table.T)]) if table.size else table
+    return _table(map(filled, table.T), len(table))
 
 
-def _cuts(count: int, length: int) -> Iterator[tuple[int, int]]:
-    """First and last (excluded) sample of windows that overlap by half; they fill the piece."""
-    if count <= length:
-        yield 0, count
-        return
-    number = 1 + int(np.ceil(2 * (count - length) / length))
-    for first in np.linspace(0, count - length, number).astype(int).tolist():
-        yield first, first + length
+def _firsts(count: int, length: int) -> list[int]:
+    """First samples of windows that overlap by half; they fill the piece."""
+    number = 1 + int(np.ceil(2 * max(count - length, 0) / length))
+    firsts: list[int] = np.linspace(0, max(count - length, 0), number).astype(int).tolist()
+    return firsts
 
 
-def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: int) -> Window:
-    inputs, measured = piece.inputs[first:last], piece.measured[first:last]
-    there = np.isfinite(inputs).mean(axis=0) if len(inputs) else np.zeros(0)
-    shown = np.isfinite(measured).mean(axis=0)
-    because = [
-        f"{name} has no reading"
-        for name, s in zip(dynamics.inputs, there, strict=True)
-        if s < limits.WINDOW_KNOWN
-    ]
-    if not (shown >= limits.WINDOW_KNOWN).any():
-        some = [bool(np.isfinite(column).any()) for column in piece.measured.T]
-        names = [n for n, s in zip(dynamics.outputs, some, strict=True) if s] or dynamics.outputs
-        because.append(NO_READING.format(" and ".join(names)))
-    if not because:
-        inputs = _without_gaps(inputs)
-    return Window(
-        time=piece.time[first:last],
-        inputs=inputs,
-        measured=measured,
-        piece=number,
-        first=first,
-        because="; ".join(because),
+def _window(dynamics: Dynamics, piece: Window, number: int, first: int, length: int) -> Window:
+    rows = slice(first, first + length)
+    inputs, measured = piece.inputs[rows], piece.measured[rows]
+    window = Window(
+        time=piece.time[rows], inputs=inputs, measured=measured, piece=number, first=first
     )
+    given = np.isfinite(inputs).mean(axis=0) >= limits.WINDOW_KNOWN
+    because = [
+        f"{n} has no reading" for n, there in zip(dynamics.inputs, given, strict=True) if not there
+    ]
+    if not (window.known >= limits.WINDOW_KNOWN).any():
+        some = zip(dynamics.outputs, piece.known > 0.0, strict=True)
+        names = [name for name, there in some if there] or dynamics.outputs
+        because.append(NO_READING.format(" and ".join(names)))
+    if because:
+        return replace(window, because="; ".join(because))
+    return replace(window, inputs=_without_gaps(inputs))
 
 
-def _noise(
-    ruleset: Ruleset, dynamics: Dynamics, pieces: Sequence[Window], measured: Array
-) -> tuple[Array, Array]:
+def _noise(ruleset: Ruleset, dynamics: Dynamics, pieces: Sequence[Window]) -> tuple[Array, Array]:
     """White noise from third differences, at least the resolution, and median of each output."""
     noise, level = np.ones(len(dynamics.outputs)), np.zeros(len(dynamics.outputs))
     for i, name in enumerate(dynamics.outputs):
-        values = measured[:, i] if len(measured) else np.zeros(0)
-        if not np.isfinite(values).any():
-            continue
-        third = np.concatenate([np.diff(p.measured[:, i], 3) for p in pieces])
-        white = white_noise(third[np.isfinite(third)], 3)
-        level[i] = float(np.nanmedian(values))
-        signal = ruleset.signal_by_id[name]
-        least = common.NO_CHANGE * float(systematic_u(signal, level[i]))
-        noise[i] = max(white, resolution(values, signal), least)
+        columns = [piece.measured[:, i] for piece in pieces]
+        values = np.concatenate([*columns, np.zeros(0)])
+        if np.isfinite(values).any():
+            third = np.concatenate([np.diff(column, 3) for column in columns])
+            level[i] = float(np.nanmedian(values))
+            signal = ruleset.signal_by_id[name]
+            least = common.NO_CHANGE * float(systematic_u(signal, level[i]))
+            white = white_noise(third[np.isfinite(third)], 3)
+            noise[i] = max(white, resolution(values, signal), least)
     return noise, level
