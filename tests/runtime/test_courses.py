@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.diagnosis.steady.baseline import nothing_learned, remembered
-from rulec_runtime.diagnosis.steady.learn_baseline import Learner
+from rulec_runtime.diagnosis.steady.baseline import Learner, nothing_learned, remembered
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -148,8 +147,8 @@ def test_learning_in_turn_is_learning_at_once_and_is_forgotten() -> None:
     noise = noise_at_work(made, rules)
     stretches = find_stretches(made, rules, noise)
     observed = observe(rules, points_of_stretches(made, rules, stretches, noise))
-    last = Learner(rules, keep=True).take(observed, 0).states[-1]
-    learned = list(last.points)
+    baselines = Learner(rules, keep=True).take(observed, 0)
+    last, learned = baselines.states[-1], list(baselines.learned)
     assert len(learned) > 1
     basis = residual_basis(rules, observed.valid[:, 0])
     gradients = np.vstack([basis @ observed.shared[:, :, k] for k in learned])
@@ -166,7 +165,7 @@ def test_learning_in_turn_is_learning_at_once_and_is_forgotten() -> None:
     assert np.allclose(gain @ residuals, last.mean, atol=1e-6)
     expected = np.eye(len(crossed)) - gain @ crossed.T
     assert np.allclose(expected, last.covariance, atol=1e-6)
-    blank = nothing_learned(observed)
+    (blank,) = nothing_learned(observed).states
     known = replace(blank, mean=blank.mean + 1.0, covariance=0.01 * blank.covariance)
     late = known.later(20 * limits.LASTING)
     assert np.allclose(blank.mean, late.mean, atol=1e-6)

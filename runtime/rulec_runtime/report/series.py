@@ -123,7 +123,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     rows = [ruleset.residuals.index(r) for r in residuals]
     learned = False
     for here, points in _batches(recording, diagnosis):
-        learned |= any(len(part.baselines.counts) > 1 for part in points)
+        learned |= any(len(part.baselines.learned) for part in points)
         observed, valid = observe(ruleset, points[0].points), usable_at(ruleset, points)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]

@@ -21,10 +21,9 @@ from rulec_runtime.diagnosis.steady.isolate import (
     quantile,
     tests_of,
 )
-from rulec_runtime.diagnosis.steady.many_estimates import at_once
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import at_once, chi_square_limit, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.stationary import (

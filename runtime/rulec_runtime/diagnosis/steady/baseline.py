@@ -17,24 +17,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.observe import Observed, signed, spreads
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """Mean, shape (errors,), and covariance of the lasting errors, in standard uncertainties.
-
-    It rests on the first `count` of `points`, a list that all baselines of a recording share: one
-    list each would grow with the square of the recording. `time` is that of the last point, s.
-    """
+    """Mean, shape (errors,), and covariance of the lasting errors, in standard uncertainties, at a
+    time, s."""
 
     mean: Array
     covariance: Array
-    points: list[int]
-    count: int
     time: float
 
     def later(self, time: float) -> Baseline:
@@ -42,35 +39,26 @@ class Baseline:
         kept = float(remembered(time - self.time))
         covariance = kept**2 * self.covariance
         covariance.flat[:: len(self.mean) + 1] += 1.0 - kept**2
-        return Baseline(kept * self.mean, covariance, self.points, self.count, time)
+        return Baseline(kept * self.mean, covariance, time)
 
 
 @dataclass(frozen=True)
 class Baselines:
-    """Baselines in order of time, and which of them applies to each point, shape (n,).
+    """The points that were learned from, in order of time, and the baselines behind none, one, two
+    of them, and so on. A long recording may have no `states`: they are not kept then."""
 
-    `points` are those that were learned from, `counts` gives the number of them behind each
-    baseline. A long recording may have no `states`: they are not kept then.
-    """
-
-    states: Sequence[Baseline]
-    at: np.ndarray
-    points: Sequence[int] = ()
-    counts: Sequence[int] = (0,)
-
-    def count_at(self, point: int) -> int:
-        """Number of points behind the baseline of a point."""
-        return self.counts[int(self.at[point])]
+    learned: NDArray[np.intp]
+    states: Sequence[Baseline] = ()
 
     def learned_at(self, point: int) -> NDArray[np.intp]:
         """The points behind the baseline of a point."""
-        return np.array(self.points[: self.count_at(point)], dtype=np.intp)
+        return self.learned[: np.searchsorted(self.learned, point)]
 
 
-def nothing_learned(observed: Observed) -> Baseline:
+def nothing_learned(observed: Observed) -> Baselines:
     """The prior of the lasting errors: their uncertainties."""
     count = observed.shared.shape[1]
-    return Baseline(np.zeros(count), np.eye(count), [], 0, 0.0)
+    return Baselines(np.zeros(0, dtype=np.intp), [Baseline(np.zeros(count), np.eye(count), 0.0)])
 
 
 def remembered(seconds: Array | float, lasting: float = limits.LASTING) -> Array:
@@ -85,19 +73,105 @@ def times_of(observed: Observed) -> Array:
     return np.zeros(len(observed)) if time is None else time
 
 
-def against(
-    ruleset: Ruleset, observed: Observed, baselines: Baselines, at: np.ndarray | None = None
-) -> Observed:
-    """The same points relative to their baselines: flows shifted, covariances conditioned.
+class Learner:
+    """Conditions on points in order of time, which come in batches; all baselines are kept if
+    `keep`."""
 
-    `at` gives the baseline of each point if the points are not those learned from.
+    def __init__(self, ruleset: Ruleset, *, keep: bool) -> None:
+        self._ruleset, self._keep = ruleset, keep
+        self._learned: list[int] = []
+        self._states: list[Baseline] = []
+
+    def take(self, observed: Observed, first: int) -> Baselines:
+        """Learn from a batch that begins with point `first`; its own baselines."""
+        states, learned = [*(self._states or nothing_learned(observed).states)][-1:], list[int]()
+        groups = _groups_by(self._ruleset, observed)
+        places = {int(p): (group, i) for group in groups for i, p in enumerate(group.points)}
+        for point, (group, place) in sorted(places.items(), key=lambda item: item[0]):
+            taken = group.taken_up(states[-1], place)
+            if taken is not None:
+                states.append(taken)
+                learned.append(point)
+        self._learned += [first + point for point in learned]
+        self._states = self._states[:-1] + states if self._keep else states[-1:]
+        return Baselines(np.array(learned, dtype=np.intp), states)
+
+    def baselines(self) -> Baselines:
+        """All baselines learned."""
+        learned = np.array(self._learned, dtype=np.intp)
+        return Baselines(learned, self._states if self._keep else ())
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Judgeable points that share their valid observers, in order of time, m of them.
+
+    Residuals (m, rank), their gradients by the lasting errors (m, rank, errors), covariance of the
+    noise (m, rank, rank) and the logarithm of its determinant (m,); `sound` points, (m,), are
+    finite and within the calibrated range.
     """
-    at = baselines.at if at is None else at
+
+    points: np.ndarray
+    time: Array
+    residuals: Array
+    shared: Array
+    noise: Array
+    log_determinant: Array
+    sound: np.ndarray
+
+    def taken_up(self, before: Baseline, place: int) -> Baseline | None:
+        """Condition on a point; None if it is unsound, deviates, or adds next to nothing."""
+        if not self.sound[place]:
+            return None
+        before = before.later(float(self.time[place]))
+        residuals, shared = self.residuals[place], self.shared[place]
+        crossed = before.covariance @ shared.T
+        total = self.noise[place] + shared @ crossed
+        off = residuals - shared @ before.mean
+        try:
+            solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
+        except np.linalg.LinAlgError:  # readings so far off that rounding hides their errors
+            return None
+        if off @ solved[:, 0] > chi_square_limit(len(off), common.CALM):
+            return None
+        gain = np.linalg.slogdet(total)[1] - self.log_determinant[place]
+        if gain < limits.WORTH_LEARNING * len(off):
+            return None
+        covariance = before.covariance - crossed @ solved[:, 1:]
+        mean = before.mean + crossed @ solved[:, 0]
+        return replace(before, mean=mean, covariance=0.5 * (covariance + covariance.T))
+
+
+def _groups_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Group]:
+    time = times_of(observed)
+    outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
+    for valid, members, basis in groups_of(ruleset, observed.valid):
+        noise = np.ascontiguousarray(covariance_of(basis, observed.noise, valid, members))
+        residuals = (basis @ observed.flows[valid][:, members]).T
+        shared = np.tensordot(basis, observed.shared[valid][:, :, members], axes=1)
+        shared = np.ascontiguousarray(np.moveaxis(shared, -1, 0))
+        sound = np.isfinite(residuals).all(axis=1) & np.isfinite(shared).all(axis=(1, 2))
+        size = np.linalg.slogdet(noise)[1]
+        calm = sound & ~outside[members]
+        yield _Group(members, time[members], residuals, shared, noise, size, calm)
+
+
+SHIFTED = ("offsets", "residuals", "residual_u", "residual_systematic", "u")
+"""What `against` changes for good: covariances are not kept."""
+
+
+def against(
+    ruleset: Ruleset, observed: Observed, baselines: Baselines, points: np.ndarray
+) -> Observed:
+    """Points relative to their baselines: flows shifted, covariances conditioned. `points` are the
+    same ones, or those that share their baselines, by their places among those learned from."""
     offsets = np.zeros_like(observed.flows)
     time, lasting = times_of(observed), observed.covariance - observed.noise
     # Points last, as in memory.
     spread = np.moveaxis(lasting, 0, -1)
-    for index, here in _same(at):
+    at = np.searchsorted(baselines.learned, points)
+    for index in np.unique(at).tolist():
+        here = slice(None) if len(baselines.states) == 1 else np.flatnonzero(at == index)
         state = baselines.states[index]
         kept = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
@@ -114,17 +188,3 @@ def against(
         residual_u=spreads(ruleset, covariance),
         residual_systematic=spreads(ruleset, lasting),
     )
-
-
-SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systematic")
-"""Fields that `against` changes."""
-
-
-def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
-    """Baselines and their points; a slice if one applies to all."""
-    order = np.argsort(at, kind="stable")
-    indexes, starts = np.unique(at[order], return_index=True)
-    if len(indexes) == 1:
-        yield int(indexes[0]), slice(None)
-        return
-    yield from zip(indexes.tolist(), np.split(order, starts[1:]), strict=True)

@@ -8,16 +8,19 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady import limits as own_limits
-from rulec_runtime.diagnosis.steady.baseline import SHIFTED, Baselines, against, nothing_learned
+from rulec_runtime.diagnosis.steady.baseline import (
+    SHIFTED,
+    Baselines,
+    Learner,
+    against,
+    nothing_learned,
+)
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.independent_parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.lasting_fault import throughout
-from rulec_runtime.diagnosis.steady.learn_baseline import Learner
-from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many, without_tables
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
@@ -26,6 +29,7 @@ from rulec_runtime.diagnosis.steady.observe import (
 )
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
+from rulec_runtime.diagnosis.steady.redundancy import at_once
 from rulec_runtime.diagnosis.steady.removed_reading import of_samples, with_stand_ins
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
@@ -99,39 +103,32 @@ def evaluate_part(
     keep: bool = False,
 ) -> EvaluatedPoints:
     """Learn the baseline of one part of a plant, and isolate."""
-    ruleset = part.ruleset
-    own = points if ruleset is whole else points.of(ruleset.observed)
-    outside = extrapolated(whole, points)
+    own = points if part.ruleset is whole else points.of(part.ruleset.observed)
+    alike = own, extrapolated(whole, points)
 
     def of_batch(chosen: slice) -> Observed:
         return observe_part(whole, part, points.at(chosen))
 
-    many = mode != PAPER and not keep and has_many(ruleset)
-    size = at_once(ruleset) if many else own_limits.POINTS_AT_ONCE
-    alike = own, outside
-    return _evaluate(part, of_batch, points, alike, size, mode, halves, keep=keep, many=many)
+    return _evaluate(part, points, alike, of_batch, at_once(part.ruleset), mode, halves, keep)
 
 
 def evaluate_observed(
     part: Part, plain: Observed, points: Points, halves: Halves
 ) -> EvaluatedPoints:
     """The same for existing estimates, those of the part only."""
-    alike = plain.points, plain.extrapolated
-    size = max(len(points), 1)
-    return _evaluate(part, lambda _: plain, points, alike, size, "default", halves)
+    alike, size = (plain.points, plain.extrapolated), max(len(points), 1)
+    return _evaluate(part, points, alike, lambda _: plain, size, "default", halves, False)
 
 
 def _evaluate(
     part: Part,
-    of_batch: Callable[[slice], Observed],
     points: Points,
     alike: tuple[Points, Mapping[str, np.ndarray]],
+    of_batch: Callable[[slice], Observed],
     size: int,
     mode: str,
     halves: Halves | None,
-    *,
-    keep: bool = False,
-    many: bool = False,
+    keep: bool,
 ) -> EvaluatedPoints:
     """The same if `of_batch` gives the estimates of a batch of `size` points; `alike` are the
     points as the part reads them, and flags of readings outside the calibrated range."""
@@ -139,27 +136,26 @@ def _evaluate(
 
     def judged(chosen: slice) -> tuple[Observed, Observed, Isolation]:
         plain = found = of_batch(chosen)
-        if mode != PAPER:
+        if mode == PAPER:
+            isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, count))
+        else:
             if halves is not None:
                 own = halves.part(part.observers, chosen)
                 plain = wandering(plain, wander_of(ruleset, plain, own))
-            found = against(ruleset, plain, learner.take(plain, chosen.start))
-        isolation = isolate(ruleset, found, count)
-        if mode == PAPER:
-            isolation = _by_paper(ruleset, plain, isolation)
-        if many:
-            plain, found = without_tables(plain), without_tables(found)
-        return plain, found, isolation
+            baselines = learner.take(plain, chosen.start)
+            found = against(ruleset, plain, baselines, np.arange(len(plain)))
+            isolation = isolate(ruleset, found, count)
+        return plain.kept(), found.kept(), isolation
 
-    along = {**POINTS_ALONG, "u": 1} if many else POINTS_ALONG
-    shifted = {name: axis for name, axis in along.items() if name in (*SHIFTED, "u")}
-    plain, found, isolation = in_batches(count, (along, shifted, EXPLAINED_ALONG), judged, size)
+    shifted = {name: POINTS_ALONG[name] for name in SHIFTED}
+    along = POINTS_ALONG, shifted, EXPLAINED_ALONG
+    plain, found, isolation = in_batches(count, along, judged, size)
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})
-    baselines = nothing_known(plain) if mode == PAPER else learner.baselines()
-    if mode != PAPER and throughout(ruleset, plain, isolation):
-        # That fault is the baseline of all points.
-        compared, baselines = plain, nothing_known(plain)
+    baselines = learner.baselines()
+    if mode == PAPER or throughout(ruleset, plain, isolation):
+        # A fault that is there throughout is the baseline of all points.
+        compared, baselines = plain, nothing_learned(plain)
     return EvaluatedPoints(
         part=part,
         points=points,
@@ -169,11 +165,6 @@ def _evaluate(
         isolation=isolation,
         combined=mode != PAPER,
     )
-
-
-def nothing_known(observed: Observed) -> Baselines:
-    """No baseline at all, as in the paper."""
-    return Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
 
 
 def evaluate_samples(
@@ -205,7 +196,7 @@ def _evaluate_samples(
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
         return replace(evaluated, points=points, plain=plain, observed=plain, isolation=isolation)
     plain = wandering(plain, evaluated.plain.wander[place])
-    compared = against(ruleset, plain, evaluated.baselines, evaluated.baselines.at[place])
+    compared = against(ruleset, plain, evaluated.baselines, place)
     isolation = isolate(ruleset, compared, looks)
     return replace(evaluated, points=points, plain=plain, observed=compared, isolation=isolation)
 

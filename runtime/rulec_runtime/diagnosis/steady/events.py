@@ -19,13 +19,13 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints, evaluate_part
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, findings_of
-from rulec_runtime.diagnosis.steady.many_estimates import has_many
 from rulec_runtime.diagnosis.steady.points import (
     Points,
     one_after_the_other,
     points_of_samples,
     points_of_stretches,
 )
+from rulec_runtime.diagnosis.steady.redundancy import has_many
 from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
 from rulec_runtime.recordings.plant_calendar import ENDED
 from rulec_runtime.recordings.recording import Recording

@@ -303,9 +303,9 @@ def finding_of(
         if s.id in ruleset.observed and s.id in values
     )
     net = observed.flows[:, strongest] - observed.offsets[:, strongest]
-    u = observed.u_at(strongest)
+    assert observed.u is not None
     flows = tuple(
-        (o.id, float(net[i]), float(u[i]))
+        (o.id, float(net[i]), float(observed.u[i, strongest]))
         for i, o in enumerate(own.observers)
         if observed.valid[i, strongest]
     )
@@ -322,7 +322,7 @@ def finding_of(
         evidence_at(evaluated, strongest, fault),
         readings,
         flows,
-        evaluated.baselines.count_at(members[0]),
+        len(evaluated.baselines.learned_at(members[0])),
         f"{text}{further}",
     )
 

@@ -12,10 +12,11 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.baseline import nothing_learned
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET
 from rulec_runtime.diagnosis.steady.degree_course import Course, Stack, stack_of
-from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints, nothing_known
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.findings import (
     Finding,
     Found,
@@ -148,7 +149,7 @@ def _with_the_best(
         ONSET,
     )
     # The learned baseline contains the fault.
-    plain = replace(evaluated, observed=evaluated.plain, baselines=nothing_known(evaluated.plain))
+    plain = replace(evaluated, observed=evaluated.plain, baselines=nothing_learned(evaluated.plain))
     last = int(stack.points[-1])
     one = finding_of(ruleset, plain, cause, [last], (since, until))
     growth = growth_of(faults[best.fault], best, stack.end)

@@ -40,8 +40,8 @@ class Observed:
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
     extrapolated : shape (signals out of range, n) as table signal -> flags.
-    u : shape (observers, n), standard uncertainties of flows less offsets, m3/s, if the covariances
-        of all points would be too large: `scatter`, `covariance` and `wander` are empty then.
+    u : shape (observers, n), standard uncertainties of flows less offsets, m3/s, once covariances
+        of all points would be too large: `scatter` and `covariance` are empty then.
     """
 
     points: Points
@@ -57,24 +57,22 @@ class Observed:
     residual_u: Array = field(metadata=SECOND)
     residual_systematic: Array = field(metadata=SECOND)
     extrapolated: Mapping[str, np.ndarray]
-    u: Array | None = None
+    u: Array | None = field(default=None, metadata=SECOND)
 
     def __len__(self) -> int:
         return int(self.flows.shape[1])
 
     def covariance_at(self, points: np.ndarray) -> Array:
-        """Covariance of flows less offsets at some points, shape (points, observers, observers);
-        without the shift by a baseline if that of all points would be too large."""
-        if self.u is None:
-            return np.asarray(self.covariance[points])
+        """Covariance of flows at some points, shape (points, observers, observers), without the
+        shift by a baseline."""
         shared = np.ascontiguousarray(np.moveaxis(self.shared[:, :, points], -1, 0))
         return np.asarray(self.noise[points] + shared @ shared.transpose(0, 2, 1))
 
-    def u_at(self, point: int) -> Array:
-        """Standard uncertainties of flows less offsets at a point, shape (observers,), m3/s."""
-        if self.u is not None:
-            return np.asarray(self.u[:, point])
-        return np.asarray(np.sqrt(np.diagonal(self.covariance[point])))
+    def kept(self) -> Observed:
+        """What is kept of some points: of the tables of all covariances only what stacks need."""
+        nothing = np.zeros((len(self), 0, 0))
+        u = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
+        return replace(self, scatter=nothing, covariance=nothing, u=u)
 
 
 POINTS_ALONG = points_along(Observed)

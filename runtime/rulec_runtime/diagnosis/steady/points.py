@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -55,25 +55,18 @@ class Points:
 
     def at(self, chosen: np.ndarray | slice) -> Points:
         """Some of the points."""
-        time = None if self.time is None else self.time[chosen]
-        tables = ({name: part[chosen] for name, part in table.items()} for table in self._tables)
-        return self._with(tables, time)
+        own = self._each(lambda table: {name: column[chosen] for name, column in table.items()})
+        return replace(own, time=None if self.time is None else self.time[chosen])
 
     def of(self, signals: Set[str]) -> Points:
         """The same with some of the signals only."""
-        tables = (
-            {name: column for name, column in table.items() if name in signals}
-            for table in self._tables
-        )
-        return self._with(tables, self.time)
+        return self._each(lambda table: {n: column for n, column in table.items() if n in signals})
 
-    def _with(self, tables: Iterable[Mapping[str, Array]], time: Array | None) -> Points:
-        values, u, systematic, bad, lag, stood_in = tables
-        return Points(values, u, systematic, bad, self.why, time, lag, stood_in)
-
-    @property
-    def _tables(self) -> tuple[Mapping[str, Array], ...]:
-        return self.values, self.u, self.systematic, self.bad, self.lag, self.stood_in
+    def _each(self, change: Callable[[Mapping[str, Array]], Mapping[str, Array]]) -> Points:
+        """Points with each table changed."""
+        tables = "values", "u", "systematic", "bad", "lag", "stood_in"
+        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in tables}
+        return replace(self, **changed)
 
     def put(
         self,
@@ -168,17 +161,35 @@ def points_of_stretches(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
 ) -> Points:
     """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
-    values, u, systematic, bad = {}, {}, {}, {}
-    for signal, mean, number in _means(recording, ruleset, stretches):
-        name, values[signal.id] = signal.id, mean
-        with np.errstate(invalid="ignore", divide="ignore"):
-            statistical = noise[name] / np.sqrt(number)
-        bad[name] = np.isnan(mean)
-        systematic[name] = systematic_u(signal, mean) + np.zeros(len(mean))
-        u[name] = np.hypot(systematic[name], statistical)
     middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
-    lag = lag_errors(recording, ruleset, stretches, noise)
-    return Points(values, u, systematic, bad, _reasons(recording, ruleset), middle, lag)
+    means = _means(recording, ruleset, stretches)
+    points = _points(recording, ruleset, noise, means, middle)
+    return replace(points, lag=lag_errors(recording, ruleset, stretches, noise))
+
+
+def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
+    """Every sample a point of its own."""
+    columns = ((s, recording.values.get(s.id)) for s in ruleset.signals)
+    readings = ((s, _sound(s, column), 1.0) for s, column in columns if column is not None)
+    return _points(recording, ruleset, noise, readings, recording.time)
+
+
+def _points(
+    recording: Recording,
+    ruleset: Ruleset,
+    noise: Mapping[str, float],
+    readings: Iterable[tuple[SignalSpec, Array, Array | float]],
+    time: Array,
+) -> Points:
+    """Points of readings, NaN where there is none, each with the number of samples behind it."""
+    values, u, systematic, bad = {}, {}, {}, {}
+    for signal, column, number in readings:
+        name, values[signal.id] = signal.id, column
+        bad[name] = np.isnan(column)
+        systematic[name] = systematic_u(signal, column) + np.zeros(len(column))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            u[name] = np.hypot(systematic[name], noise[name] / np.sqrt(number))
+    return Points(values, u, systematic, bad, _reasons(recording, ruleset), time)
 
 
 def means_of_stretches(
@@ -200,17 +211,3 @@ def _means(
             mean, number = means_between(readings, stretches.first, stretches.last, usable)
             few = number < limits.HALF_KNOWN * (stretches.lengths - 1)
             yield signal, np.where(few, np.nan, mean), number
-
-
-def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
-    """Every sample a point of its own."""
-    values, u, systematic, bad = {}, {}, {}, {}
-    for signal in ruleset.signals:
-        readings = recording.values.get(signal.id)
-        if readings is None:
-            continue
-        bad[signal.id] = is_bad(signal, readings)
-        values[signal.id] = np.where(bad[signal.id], np.nan, readings)
-        systematic[signal.id] = systematic_u(signal, readings) + np.zeros(len(readings))
-        u[signal.id] = np.hypot(systematic[signal.id], noise[signal.id])
-    return Points(values, u, systematic, bad, _reasons(recording, ruleset), recording.time)

@@ -52,6 +52,20 @@ def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
     return _basis(tuple(ruleset.modules), ruleset.junctions, chosen)
 
 
+def has_many(ruleset: Ruleset) -> bool:
+    """Whether so many estimates check each other that tables of all of them cost too much."""
+    every = np.ones(len(ruleset.observers), dtype=bool)
+    # A basis is expensive, and there are never more residuals than estimates.
+    few = len(every) < limits.MANY_RESIDUALS
+    return not few and len(residual_basis(ruleset, every)) >= limits.MANY_RESIDUALS
+
+
+def at_once(ruleset: Ruleset) -> int:
+    """Points whose covariances are worked on together."""
+    most = limits.ESTIMATES_AT_ONCE // max(len(ruleset.observers), 1) ** 2
+    return min(max(most, 1), limits.POINTS_AT_ONCE)
+
+
 def free_flows(ruleset: Ruleset) -> Array:
     """Flows through all modules by those that are free, shape (modules, free flows)."""
     return _free_flows(tuple(ruleset.modules), ruleset.junctions)

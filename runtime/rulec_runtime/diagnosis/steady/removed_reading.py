@@ -18,10 +18,9 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, quantile
-from rulec_runtime.diagnosis.steady.many_estimates import at_once, has_many
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.redundancy import at_once, chi_square_limit, has_many
 from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
 
 
@@ -64,7 +63,7 @@ def values_that_agree(
 ) -> tuple[Array, Array, np.ndarray]:
     """The value of a reading, SI, at which most can be compared, and agrees best, perhaps beside a
     fault; the chi-square it leaves, and its degrees of freedom: each of shape (n,), n > 0."""
-    size = max(min(limits.POINTS_AT_ONCE, at_once(ruleset)) // limits.STAND_IN_VALUES, 1)
+    size = max(at_once(ruleset) // limits.STAND_IN_VALUES, 1)
     parts = (points.at(part) for part in batches(len(points), size))
     found = [_searched(ruleset, part, signal, beside_faults=beside_faults) for part in parts]
     value, chi, freedom = (np.concatenate(each) for each in zip(*found, strict=True))
