@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
-from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
+from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.stacked_stretches import stacked_test

@@ -10,15 +10,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import bench_of
-from rulec_runtime.diagnosis.sensors.conditions import CLOCK, Found, SensorFinding, stuck_in
+from rulec_runtime.diagnosis.sensors.conditions import (
+    CLOCK,
+    RANGE,
+    Found,
+    SensorFinding,
+    found_in,
+    stuck_in,
+)
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
-from rulec_runtime.diagnosis.sensors.ranges import out_of_range
-from rulec_runtime.recordings.columns import median_of
+from rulec_runtime.recordings.columns import median_of, runs_where
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.header_correction import mended as read_by
 from rulec_runtime.recordings.larger_than_memory import kept
@@ -56,23 +64,23 @@ def examine(
     """
     if recording.unfit is not None:
         return Health((), recording)
-    found = [*out_of_range(recording, ruleset)]
+    found = [*_out_of_range(recording, ruleset)]
     clean = without(recording, found)
-    stuck = [*stuck_readings(clean, ruleset)]
+    stuck = [*_stuck_readings(clean, ruleset)]
     found, clean = found + stuck, without(clean, stuck)
-    misread = None
-    if by_model and headers:
-        misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
+    still = mended | {finding.signal for finding, _ in stuck}
+    misread = _misread_of(recording, clean, ruleset, still) if by_model and headers else None
     if by_model and not misread:
-        dead = dead_of(clean, ruleset)
+        bench = None if ruleset.dynamics else bench_of(clean, ruleset)
+        dead = [] if bench is None else [*dead_readings(clean, ruleset, bench)]
         found, clean = found + dead, without(clean, dead)
         if dead and headers:
-            misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
+            misread = _misread_of(recording, clean, ruleset, still)
     if misread:
         # Once mended, a column may be in its range, and may reveal errors of others.
         return _as_mended(recording, ruleset, misread, mended)
-    if by_model:
-        frozen = frozen_of(clean, ruleset)
+    if by_model and any(map(never_moves, clean.values.values())):
+        frozen = [*_frozen_of(clean, ruleset)]
         found, clean = found + frozen, without(clean, frozen)
     end = recording.time[-1]
     findings = (replace(f, behind=TO_THE_END if f.until >= end else ENDED) for f, _ in found)
@@ -106,12 +114,34 @@ def _in_order(findings: Iterable[SensorFinding]) -> tuple[SensorFinding, ...]:
     return tuple(sorted(findings, key=lambda f: ("FC".index(f.condition.status), f.since, f.id)))
 
 
-def _still(stuck: Iterable[Found], recording: Recording) -> set[str]:
-    still = {finding.signal for finding, _ in stuck}
-    return still | {name for name, values in recording.values.items() if never_moves(values)}
+def _out_of_range(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
+    """Readings that their sensor cannot show.
+
+    Source: NAMUR NE 43: a signal of 4 to 20 mA measures from 3.8 to 20.5 mA; at most 3.6 or at
+    least 21 mA signal a failure of the device. So a reading more than 2.5 % of its range below the
+    live zero, or 6.25 % above its end, is invalid.
+    """
+    for signal in ruleset.signals:
+        values, (low, high) = recording.values.get(signal.id), signal.ends
+        if values is None or not np.isfinite(high - low):
+            continue
+        below, above = (
+            share * (high - low) for share in (limits.FAILED_BELOW, limits.FAILED_ABOVE)
+        )
+        with np.errstate(invalid="ignore"):
+            failed = (values <= low - below) | (values >= high + above)
+        for a, b in runs_where(failed, common.PERSISTENCE):
+            usual = median_of(values[a:b])
+            shown, *ends = (f"{signal.shown(v):.4g}" for v in (usual, low, high))
+            side = "below its live zero" if usual < low else "above its range"
+            text = (
+                f"{signal.id} reads {shown} {signal.unit}, {side} "
+                f"({' to '.join(ends)} {signal.unit}), so it is not a valid reading"
+            )
+            yield found_in(recording, slice(a, b), RANGE, signal.id, text)
 
 
-def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
+def _stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
     """Readings that lose their noise. Inputs are mostly set values: they must have some first."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
@@ -146,44 +176,29 @@ def without(recording: Recording, found: Iterable[Found]) -> Recording:
     return replace(recording, values=values, unfit=unfit)
 
 
-def _clock(recording: Recording) -> list[SensorFinding]:
-    found = []
+def _clock(recording: Recording) -> Iterable[SensorFinding]:
     for one in recording.clock:
         text = f"the clock was set back by {duration(one.seconds)}: times were written twice"
         if one.rows:
             text = f"the clock stood still for {one.rows} rows: they have one and the same time"
-        found.append(
-            SensorFinding(condition=CLOCK, signal="", since=one.time, until=one.time, text=text)
-        )
-    return found
+        yield SensorFinding(condition=CLOCK, signal="", since=one.time, until=one.time, text=text)
 
 
-def dead_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
-    """Readings that are dead, by what the others predict."""
-    if ruleset.dynamics is not None:
-        return []
-    bench = bench_of(recording, ruleset)
-    return [] if bench is None else [*dead_readings(recording, ruleset, bench)]
-
-
-def frozen_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
+def _frozen_of(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
     """Readings that never move though the others show that they should."""
-    if not any(map(never_moves, recording.values.values())):
-        return []
     if ruleset.dynamics is not None:
         # The integrator takes a second to load, and only plants that store need it.
         from rulec_runtime.diagnosis.sensors.stores import silent_readings
 
-        return [*silent_readings(recording, ruleset)]
+        return silent_readings(recording, ruleset)
     bench = bench_of(recording, ruleset)
-    return [] if bench is None else [*frozen_readings(recording, ruleset, bench)]
+    return () if bench is None else frozen_readings(recording, ruleset, bench)
 
 
-def misread_of(
+def _misread_of(
     recording: Recording, clean: Recording, ruleset: Ruleset, still: Set[str]
 ) -> Misread | None:
     """Columns that do not match their headers, other than constant ones."""
-    if ruleset.dynamics is not None:
-        return None
-    bench = bench_of(clean, ruleset)
-    return None if bench is None else misread_columns(recording, bench, still)
+    bench = None if ruleset.dynamics else bench_of(clean, ruleset)
+    constant = {name for name, values in clean.values.items() if never_moves(values)}
+    return None if bench is None else misread_columns(recording, bench, still | constant)

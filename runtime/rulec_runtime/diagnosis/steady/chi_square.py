@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -67,76 +67,51 @@ class ChiSquare:
 
 
 @dataclass(frozen=True)
-class Weighing:
-    """Residuals in the metric of their covariance.
+class Metric:
+    """Residuals of n problems in the metric of their covariance.
 
-    `inverse` are inverse covariances, shape (n, residuals, residuals), (s/m3)^2, `residuals` has
-    shape (n, residuals), m3/s: `rank` residuals per point, one point after the other. `basis` gives
-    those of a point as combinations of flows, shape (rank, flows).
+    Attributes
+    ----------
+    inverse : shape (n, residuals, residuals), inverse covariances, (s/m3)^2.
+    weighted : shape (n, residuals), residuals times these, s/m3; those of one point after the
+        other.
+    value : shape (n,), chi-square as measured.
+    basis : shape (rank, flows), residuals of a point as combinations of flows.
     """
 
     inverse: Array
-    residuals: Array
+    weighted: Array
+    value: Array
     basis: Array
-
-    @cached_property
-    def weighted(self) -> Array:
-        """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
-        return np.asarray((self.inverse @ self.residuals[:, :, None])[:, :, 0])
-
-    @cached_property
-    def value(self) -> Array:
-        """Chi-square as measured, shape (n,)."""
-        return np.asarray(np.einsum("nr,nr->n", self.residuals, self.weighted))
-
-
-@dataclass(frozen=True)
-class Metric:
-    """Chi-square of n problems: `which` of the weighed residuals each uses, shape (n,), as many
-    hypotheses are tried on the same ones."""
-
-    weighing: Weighing
-    which: np.ndarray
 
     @property
     def is_large(self) -> bool:
         """Whether matrices of a problem cost more than the calls that work on them."""
-        return bool(self.weighing.residuals.shape[1] >= limits.MANY_RESIDUALS)
-
-    @property
-    def inverse(self) -> Array:
-        """Inverse covariances, shape (n, residuals, residuals), (s/m3)^2."""
-        return np.asarray(self.weighing.inverse[self.which])
-
-    @property
-    def weighted(self) -> Array:
-        """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
-        return np.asarray(self.weighing.weighted[self.which])
-
-    @property
-    def value(self) -> Array:
-        """Chi-square as measured, shape (n,)."""
-        return np.asarray(self.weighing.value[self.which])
+        return bool(self.weighted.shape[1] >= limits.MANY_RESIDUALS)
 
     def problems(self, chosen: np.ndarray | slice) -> Metric:
         """Some of the problems."""
-        return Metric(self.weighing, self.which[chosen])
+        tables = self.inverse[chosen], self.weighted[chosen], self.value[chosen]
+        return Metric(*tables, self.basis)
 
     def moving(self, places: Sequence[int]) -> ChiSquare:
         """Chi-square where some flows move, by their places; those of a problem are these flows of
         one point after the other."""
-        weighing, which = self.weighing, self.which
-        rank, (n, rows) = len(weighing.basis), weighing.residuals.shape
-        own, points = weighing.basis[:, places], rows // rank
+        rank, (n, rows) = len(self.basis), self.weighted.shape
+        own, points = self.basis[:, places], rows // rank
         moved = points * len(places)
-        half = weighing.inverse.reshape(n, rows * points, rank) @ own
+        half = self.inverse.reshape(n, rows * points, rank) @ own
         curvature = (own.T @ half.reshape(n, points, rank, moved)).reshape(n, moved, moved)
-        slope = (weighing.weighted.reshape(n, points, rank) @ own).reshape(n, moved)
-        return ChiSquare(
-            self.value,
-            np.ascontiguousarray(slope[which].T),
-            np.ascontiguousarray(curvature[which].transpose(1, 2, 0)),
-        )
+        slope = (self.weighted.reshape(n, points, rank) @ own).reshape(n, moved)
+        columns = np.ascontiguousarray(slope.T), np.ascontiguousarray(curvature.transpose(1, 2, 0))
+        return ChiSquare(self.value, *columns)
+
+
+def metric_of(covariance: Array, residuals: Array, basis: Array) -> Metric:
+    """The metric of residuals, shape (n, residuals), m3/s, by their covariance, (m3/s)^2."""
+    inverse = inverse_of(covariance)
+    weighted = (inverse @ residuals[:, :, None])[:, :, 0]
+    return Metric(inverse, weighted, np.einsum("nr,nr->n", residuals, weighted), basis)
 
 
 def inverse_of(covariance: Array) -> Array:
@@ -160,20 +135,16 @@ def solved(matrix: Array, right: Array) -> Array:
             return right / matrix
     sound = np.asarray(np.isfinite(matrix).all(axis=(0, 1)))
     regular, wanted = _regular(matrix.transpose(2, 0, 1), sound), right.transpose(2, 0, 1)
+    solution = np.full(wanted.shape, np.nan)
     try:
-        solution = np.linalg.solve(regular, wanted)
+        solution[:] = np.linalg.solve(regular, wanted)
     except np.linalg.LinAlgError:  # which one is singular is not said, and may depend on threads
-        solution = np.stack([_solution(*each) for each in zip(regular, wanted, strict=True)])
+        for own, *of_one in zip(solution, regular, wanted, strict=True):
+            with suppress(np.linalg.LinAlgError):
+                own[:] = np.linalg.solve(*of_one)
     result = np.ascontiguousarray(solution.transpose(1, 2, 0))
     result[:, :, ~sound] = np.nan
     return result
-
-
-def _solution(matrix: Array, right: Array) -> Array:
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        return np.full(right.shape, np.nan)
 
 
 def _regular(matrices: Array, sound: np.ndarray) -> Array:

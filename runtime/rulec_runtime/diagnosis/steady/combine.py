@@ -18,7 +18,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import Baselines
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
-from rulec_runtime.diagnosis.steady.fit import Outcomes, fit, pair_starts
+from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit, pair_starts
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed

@@ -1,10 +1,11 @@
-"""Search the degrees of a hypothesis that make all estimates agree best, by undoing its faults."""
+"""Test hypotheses by undoing their faults: which degrees make all estimates agree best?"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,75 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in
 
 Faults = tuple[FaultSpec, ...]
 """The simultaneous faults of one hypothesis."""
+
+
+class Outcomes(NamedTuple):
+    """Per hypothesis and problem: best degrees and their standard uncertainties, both of shape
+    (faults, hypotheses, n), chi-square left and log-likelihood, (hypotheses, n). If a hypothesis
+    touches no usable observer, or was not tried: 0, inf, inf and -inf."""
+
+    degree: Array
+    u: Array
+    distance: Array
+    evidence: Array
+
+    def where(self, chosen: np.ndarray, others: Outcomes) -> Outcomes:
+        """The same with other outcomes at flags, shape (hypotheses, n)."""
+        return Outcomes(*(np.where(chosen, b, a) for a, b in zip(self, others, strict=True)))
+
+
+def fit(
+    test: HypothesisTest,
+    hypotheses: Sequence[Faults],
+    tried: np.ndarray | None = None,
+    starts: Array | None = None,
+) -> Outcomes:
+    """Fit the degrees of hypotheses, all with the same number of faults, to many problems at once:
+    each has few numbers, and one call of numpy serves all of them.
+
+    Parameters
+    ----------
+    tried : shape (hypotheses, n), which of them to try on which problems; default all.
+    starts : initial degrees, of a shape that broadcasts to (faults, starts, hypotheses, n); default
+        by the faults.
+    """
+    shape = (len(hypotheses), len(test))
+    count = len(hypotheses[0]) if hypotheses else 1
+    degree, u = np.zeros((count, *shape)), np.full((count, *shape), np.inf)
+    found = Outcomes(degree, u, np.full(shape, np.inf), np.full(shape, -np.inf))
+    size = max(limits.TABLE // max(test.freedom**2, 1), 1)
+    for i, faults in enumerate(hypotheses):
+        begin = _starts(faults) if starts is None else starts[:, :, min(i, starts.shape[2] - 1)]
+        begin = np.broadcast_to(begin, (*begin.shape[:2], len(test)))
+        touched = test.touched(faults)
+        # Not where a fault would affect a reading that was removed.
+        unread = [test.unread(fault) & (test.present > 0.0) for fault in faults]
+        asked = ~np.any(unread, axis=(0, 1)) & (True if tried is None else tried[i])
+        problems = np.flatnonzero(asked) if touched else np.zeros(0, dtype=int)
+        for at in (problems[low : low + size] for low in range(0, len(problems), size)):
+            trial = Trial(test=test.at(at), faults=faults, touched=touched)
+            outcome = trial.outcome(test.metric.problems(at), begin[:, :, at])
+            found.degree[:, i, at], found.u[:, i, at] = outcome[:2]
+            found.distance[i, at], found.evidence[i, at] = outcome[2:]
+    return found
+
+
+def _starts(faults: Faults) -> Array:
+    """Initial degrees, shape (faults, starts, 1): of one fault zero and those in its range."""
+    if len(faults) > 1:
+        return pair_starts()[:, :, 0]
+    (fault,) = faults
+    low = fault.lowest / fault.scale
+    top = fault.highest * (1.0 - common.BELOW_HIGHEST) / fault.scale
+    starts = np.array(limits.FIT_STARTS)
+    own = starts[(starts == 0.0) | ((low < starts) & (top > starts))]
+    return np.asarray(own[None, :, None] * fault.scale)
+
+
+def pair_starts() -> Array:
+    """Initial degrees of two faults, shape (2, starts, 1, 1)."""
+    both = [(a, b) for a in limits.PAIR_STARTS for b in limits.PAIR_STARTS]
+    return np.array(both).T[:, :, None, None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,8 +296,7 @@ class Trial:
         return covariance
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A point of the search, n problems last.
 
     Degrees (faults, n), movement of the flows and half the slope of chi-square there, both (flows,
@@ -243,7 +312,7 @@ class Place:
     def judged_by(self, chi: ChiSquare) -> Place:
         """The same point with another chi-square."""
         distance, slope = chi.at(self.moved)
-        return replace(self, slope=slope, distance=finite(distance))
+        return self._replace(slope=slope, distance=finite(distance))
 
     def is_better(self, other: Place) -> np.ndarray:
         """Whether chi-square is less than at another point, shape (n,).
@@ -258,19 +327,16 @@ class Place:
         """Take over the problems where `other` is better."""
         if better.all():
             return other
-        return Place(*(np.where(better, b, a) for a, b in self._beside(other)))
+        return Place(*(np.where(better, b, a) for a, b in zip(self, other, strict=True)))
 
     def problems(self, chosen: np.ndarray) -> Place:
         """Some of the problems."""
-        return Place(*(own[..., chosen] for own, _ in self._beside(self)))
+        return Place(*(own[..., chosen] for own in self))
 
     def enter(self, chosen: np.ndarray, found: Place) -> None:
         """Write results of some of the problems."""
-        for own, new in self._beside(found):
+        for own, new in zip(self, found, strict=True):
             own[..., chosen] = new
-
-    def _beside(self, other: Place) -> list[tuple[Array, Array]]:
-        return [(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)]
 
 
 def newton_step(chi: ChiSquare, place: Place) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, Weighing, inverse_of
+from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, metric_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 
 
@@ -83,9 +83,7 @@ class HypothesisTest:
         return self.known or self._metric_of(None)
 
     def _metric_of(self, scales: Scales | None) -> Metric:
-        """The same, with scaled errors if `scales` are given."""
-        inverse = inverse_of(self.spread.whole(self.members, scales))
-        return Metric(Weighing(inverse, self.residuals, self.basis), np.arange(len(self)))
+        return metric_of(self.spread.whole(self.members, scales), self.residuals, self.basis)
 
     def rescaled(self, scales: Scales, places: Sequence[int]) -> ChiSquare:
         """Chi-square with the errors of some flows scaled, where the same flows move, by their

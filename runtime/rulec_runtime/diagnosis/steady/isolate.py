@@ -20,10 +20,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
-from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
+from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, gain_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.pairs import fit_pairs
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
 from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
 
@@ -218,7 +217,7 @@ def _explain(
     own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
     unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
     if pairs and unexplained.any() and rank > 2:
-        tried, found = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
+        tried, found = _fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
         least = np.max(evidence[:, unexplained], axis=0, initial=-np.inf) + limits.SECOND_FAULT
         better = np.max(found.evidence, axis=0, initial=-np.inf) > least
         result.probability[:, chosen[unexplained][better]] = 0.0
@@ -294,6 +293,46 @@ def _take_pairs(
             fault = places[row, side]
             result.degree[fault, points] = fits.degree[side, row, found]
             result.u[fault, points] = fits.u[side, row, found]
+
+
+def _fit_pairs(test: HypothesisTest, limit: float) -> tuple[list[tuple[int, int]], Outcomes]:
+    """Pairs of faults by their indexes, and their fits; beyond the distance `limit` the
+    log-likelihood is -inf. Simultaneous faults add up to first order, so linear effects screen all
+    pairs at once. Two is the maximum: each further degree reduces the evidence."""
+    tried, left = _pairs_at_first(test)
+    order = np.argsort(left, axis=0)[: limits.PAIRS_SCREENED]
+    pairs, faults = [tried[k] for k in np.unique(order)], test.ruleset.faults
+    fits = fit(test, [(faults[i], faults[j]) for i, j in pairs])
+    evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
+    return pairs, fits._replace(evidence=evidence)
+
+
+def _pairs_at_first(test: HypothesisTest) -> tuple[list[tuple[int, int]], Array]:
+    """Pairs by their linear effects with non-negative degrees, and the distance left, shape (pairs,
+    n)."""
+    slope, metric = test.effects(), test.metric
+    products = (slope.transpose(0, 2, 1) @ (metric.inverse @ slope)).transpose(1, 2, 0)
+    pull = -np.einsum("nrf,nr->fn", slope, metric.weighted)
+    size = np.einsum("ffn->fn", products)
+    seen = np.flatnonzero(slope.any(axis=(0, 1)))
+    pairs: list[tuple[int, int]] = []
+    found: list[Array] = []
+    for place, i in enumerate(seen.tolist()):
+        others = seen[place + 1 :]
+        cross = products[i, others]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            determinant = size[i] * size[others] - cross**2
+            a = (size[others] * pull[i] - cross * pull[others]) / determinant
+            b = (size[i] * pull[others] - cross * pull[i]) / determinant
+            left = metric.value - a * pull[i] - b * pull[others]
+        # For effects in the same direction the determinant is only rounding, and the fit would
+        # reject them: they must not take the place of a distinguishable pair.
+        apart = determinant > limits.DEGREES_APART * size[i] * size[others]
+        both = apart & (a > 0) & (b > 0) & np.isfinite(left)
+        shown = both.any(axis=1)
+        pairs += [(i, int(j)) for j in others[shown]]
+        found.append(np.where(both, left, np.inf)[shown])
+    return pairs, np.concatenate([*found, np.zeros((0, len(test)))])
 
 
 def shares(evidence: Array) -> Array:

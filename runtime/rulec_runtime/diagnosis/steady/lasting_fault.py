@@ -17,7 +17,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
-from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.degree_search import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import (
     Isolation,
