@@ -209,8 +209,8 @@ def tell(out: Console, name: str, facts: Facts) -> None:
         ("faults", "detectable faults"),
     ):
         count, every = facts[key]
-        mark = "[green]✓[/]" if count == every else "[yellow]![/]"
-        out.print(styled(f"{mark} {{}}: {{}} of {{}}", what, count, every))
+        line = "[green]✓[/] {}: {} of {}" if count == every else "[yellow]![/] {}: {} of {}"
+        out.print(styled(line, what, count, every))
     if facts["blind"]:
         out.print(styled("  undetectable: {}", _some(facts["blind"])))
     for lack in facts["lacks"]:
