@@ -168,13 +168,7 @@ class GrowingFile(TextSource):
         if not data:
             return self._end_of_file()
         self._replaced = None
-        rows = self._rows(self._cutter.feed(data))
-        if not self._heard(rows):
-            return [*self._found_again(), *rows, *self._stale()]
-        again: list[Notice] = self._found_again()
-        if self._silence.heard() and not again:
-            again = [self._notice("connected", ": rows come again")]
-        return [*again, *rows]
+        return self._heard(self._rows(self._cutter.feed(data)), self._found_again())
 
     def _rows(self, lines: list[str], ended: bool = False) -> list[Rows | Notice]:
         """Rows of further lines. Raises before the first row, if the head is of another plant or

@@ -277,10 +277,16 @@ class TextSource:
     def _refusal(self, why: RecordingRefused) -> Notice:
         return notice("refused", self._clock.now, str(why))
 
-    def _heard(self, found: Sequence[Rows | Notice]) -> bool:
-        """Whether rows came; also adapts the limit of silence to their interval."""
+    def _heard(
+        self, found: Sequence[Rows | Notice], back: Sequence[Notice] = ()
+    ) -> list[Rows | Notice]:
+        """What was found, after a notice that rows come again, by default that silence is over;
+        without rows, followed by one that the source is silent."""
         self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
-        return any(isinstance(part, Rows) for part in found)
+        if not any(isinstance(part, Rows) for part in found):
+            return [*back, *found, *self._stale()]
+        over = [self._notice("connected", ": rows come again")] if self._silence.heard() else []
+        return [*(back or over), *found]
 
     def _stale(self) -> list[Rows | Notice]:
         if not self._silence.begins():
@@ -301,12 +307,7 @@ class StandardInput(TextSource):
             left = until - clocks.monotonic()
             if not select.select([self._descriptor], [], [], max(0.0, left))[0]:
                 return self._stale()
-            data = os.read(self._descriptor, limits.PIECE)
-            found = self._read(data)
-            if not self._heard(found):
-                found += self._stale()
-            elif self._silence.heard():
-                found.insert(0, self._notice("connected", ": rows come again"))
+            found = self._heard(self._read(os.read(self._descriptor, limits.PIECE)))
             if found or left <= 0:
                 return found
         return []
