@@ -60,27 +60,26 @@ class TextFile:
             packed = stream.peek(2)[:2] == b"\x1f\x8b"
             unpacked = gzip.GzipFile(fileobj=stream) if packed else stream
             wide = unpacked.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-            encoding = "utf-16" if wide else "utf-8-sig"
-            text = io.TextIOWrapper(unpacked, encoding, _AS_LATIN, newline="")
+            decoding = ("utf-16", "strict") if wide else ("utf-8-sig", _AS_LATIN)
+            text = io.TextIOWrapper(unpacked, *decoding, newline="")
             while line := text.readline(limits.LONGEST_LINE + 1):
                 total += len(line)
                 if packed:
                     refuse_bomb(self.path, total, size)
-                self._check(line)
+                if len(line) > limits.LONGEST_LINE:
+                    raise RecordingRefused(
+                        f"{self.path}: a line of it has more than {limits.LONGEST_LINE >> 20} MB, "
+                        "as no recording has; export it again"
+                    )
+                if "\0" in line:
+                    raise UnicodeError
                 yield line
+        except UnicodeError:
+            raise RecordingRefused(
+                f"{self.path}: this is a binary file; export the recording as CSV"
+            ) from None
         except (OSError, EOFError, zlib.error) as error:
             reason = getattr(error, "strerror", None) or error
             raise RecordingRefused(
                 f"{self.path}: cannot be read ({reason}); copy it again"
             ) from None
-
-    def _check(self, line: str) -> None:
-        if "\0" in line:
-            raise RecordingRefused(
-                f"{self.path}: this is a binary file; export the recording as CSV"
-            )
-        if len(line) > limits.LONGEST_LINE:
-            raise RecordingRefused(
-                f"{self.path}: a line of it has more than {limits.LONGEST_LINE >> 20} MB, as no "
-                "recording has; export it again"
-            )
