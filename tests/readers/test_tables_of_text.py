@@ -92,6 +92,15 @@ def test_long_table(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
         read(lines([*long_rows(), ("A.dp", "99", "1800", "mbar")]), tmp_path, abc)
 
 
+def test_a_tag_of_which_no_reading_has_a_time(tmp_path: Path, abc: Ruleset) -> None:
+    """Its column is empty; it was an error of an index."""
+    rows = [f"A.n,{k},900\nA.dp,{k},1.8\n" for k in range(30)]
+    file = write(tmp_path, f"Tag,Time,Value\n{''.join(rows)}A.l,,0.2\n")
+    recording = read_recording(file, abc)
+    assert 30 == len(recording)
+    assert not np.isfinite(recording.values["A.l"]).any()
+
+
 def test_long_table_with_times_of_their_own(
     tmp_path: Path, abc: Ruleset, expected: Recording
 ) -> None:

@@ -281,7 +281,7 @@ def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
     """Index of the reading in each row, -1 for none: a reading goes to the nearest time of `base`,
     if within half the usual distance; of several in one row the nearest stays."""
     found = np.full(len(base), -1, dtype=np.intp)
-    if not len(base):
+    if not len(base) or not len(own):
         return found
     near = nearest(base, own)
     away = np.round(np.abs(base[near] - own) * 1e6) / 1e6
