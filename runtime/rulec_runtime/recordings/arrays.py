@@ -3,7 +3,6 @@ that come in parts."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,43 +87,6 @@ Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]
 """Gives pieces of the columns with these indexes: per column an array, or `Dates`."""
 
 
-@dataclass(frozen=True)
-class ArrayTable:
-    """Titles, and columns in pieces."""
-
-    titles: tuple[str, ...]
-    pieces: Pieces
-
-    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
-        wanted = list(dict.fromkeys([*kept, *numbers]))
-        place = {index: k for k, index in enumerate(wanted)}
-        written = [Convention(form.decimal, form.thousands)] * len(numbers)
-        columns = columns_of(self.titles, numbers, written, form)
-        aside = [GrowingCells() for _ in kept]
-        rows = 0
-        for piece in self.pieces(wanted):
-            cells = [cells_of(one) for one in piece]
-            for column, index in zip(columns, numbers, strict=True):
-                part = cells[place[index]]
-                if isinstance(part, Dates):  # a date is not a number
-                    column.parts.append(np.full(len(part), np.nan))
-                    column.states += Counter({"a date": int(np.isfinite(part.seconds).sum())})
-                    column.first = column.first or (rows + 1, "a date")
-                elif isinstance(part, np.ndarray):
-                    column.parts.append(part)
-                else:
-                    read_cells(column, list(part), rows, comma=True)
-            for growing, index in zip(aside, kept, strict=True):
-                growing.add(cells[place[index]])
-            rows += len(cells[0]) if cells else 0
-        return Table(kept=tuple(one.joined() for one in aside), columns=columns)
-
-    def lines(self) -> Iterator[list[str]]:
-        for piece in self.pieces(range(len(self.titles))):
-            columns = [texts_of(cells_of(one)) for one in piece]
-            yield from (list(row) for row in zip(*columns, strict=True))
-
-
 def array_sheet(
     name: str,
     titles: Sequence[str],
@@ -134,13 +96,41 @@ def array_sheet(
     remarks: tuple[str, ...] = (),
 ) -> Sheet:
     """A table of `rows` rows whose columns are arrays."""
-    table = ArrayTable(tuple(titles), pieces)
+
+    def read(kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+        wanted = list(dict.fromkeys([*kept, *numbers]))
+        written = [Convention(form.decimal, form.thousands)] * len(numbers)
+        columns = columns_of(titles, numbers, written, form)
+        aside = [GrowingCells() for _ in kept]
+        before = 0
+        for piece in pieces(wanted):
+            cells = dict(zip(wanted, map(cells_of, piece), strict=True))
+            for column, index in zip(columns, numbers, strict=True):
+                part = cells[index]
+                if isinstance(part, Dates):  # a date is not a number
+                    column.parts.append(np.full(len(part), np.nan))
+                    column.states += Counter({"a date": int(np.isfinite(part.seconds).sum())})
+                    column.first = column.first or (before + 1, "a date")
+                elif isinstance(part, np.ndarray):
+                    column.parts.append(part)
+                else:
+                    read_cells(column, list(part), before, comma=True)
+            for growing, index in zip(aside, kept, strict=True):
+                growing.add(cells[index])
+            before += len(cells[wanted[0]]) if wanted else 0
+        return Table(kept=tuple(one.joined() for one in aside), columns=columns)
+
+    def lines() -> Iterator[list[str]]:
+        for piece in pieces(range(len(titles))):
+            columns = [texts_of(cells_of(one)) for one in piece]
+            yield from (list(row) for row in zip(*columns, strict=True))
+
     return Sheet(
         name=name,
-        titles=table.titles,
+        titles=tuple(titles),
         units=tuple(units),
-        read=table.read,
-        lines=table.lines,
+        read=read,
+        lines=lines,
         rows=rows,
         remarks=remarks,
     )

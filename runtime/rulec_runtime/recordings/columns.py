@@ -128,25 +128,19 @@ def thinned(
     start."""
     if factor == 1:
         return time, dict(inputs), dict(measured)
-    count = len(time) // factor
-    used = count * factor
-    shift = factor // 2
+    count, before = len(time) // factor, np.full(factor // 2, np.nan)
 
     def mean(values: Array) -> Array:
-        table = values[:used].reshape(count, factor)
+        table = values[: count * factor].reshape(count, factor)
         known = np.isfinite(table)
-        total = np.where(known, table, 0.0).sum(axis=1)
         with np.errstate(invalid="ignore"):
-            result: Array = np.where(known.any(axis=1), total / known.sum(axis=1), np.nan)
+            result: Array = np.where(known, table, 0.0).sum(axis=1) / known.sum(axis=1)
         return result
 
-    def around(values: Array) -> Array:
-        return mean(np.concatenate([np.full(shift, np.nan), values])[: len(values)])
-
     return (
-        np.ascontiguousarray(time[:used].reshape(count, factor)[:, 0]),
+        time[: count * factor : factor].copy(),
         {n: mean(v) for n, v in inputs.items()},
-        {n: around(v) for n, v in measured.items()},
+        {n: mean(np.concatenate([before, v])) for n, v in measured.items()},
     )
 
 

@@ -14,27 +14,26 @@ from rulec_runtime.report.wording import STATUS, titled, worst_first
 
 def verdict(diagnosis: Diagnosis) -> str:
     """The worst finding with its size; else that nothing was found, or why that is not known."""
-    worst = worst_first(diagnosis.findings)
+    found = {f.fault.id for f in diagnosis.findings}
+    text, more = "", 0
     if diagnosis.sensors:
         first = diagnosis.sensors[0]
-        more = len(diagnosis.sensors) - 1 + len({f.fault.id for f in diagnosis.findings})
-        also = f", and {counted(more, 'other finding')}" if more else ""
-        return f"{first.condition.title}: {first.signal or 'time'}{also}"
-    if diagnosis.regimes:
+        text = f"{first.condition.title}: {first.signal or 'time'}"
+        more = len(diagnosis.sensors) - 1 + len(found)
+    elif diagnosis.regimes:
         regime = diagnosis.regimes[0].regime
-        ids = {r.regime.id for r in diagnosis.regimes} | {f.fault.id for f in diagnosis.findings}
-        also = f", and {counted(len(ids) - 1, 'other finding')}" if len(ids) > 1 else ""
-        return f"{regime.title} in {regime.module}{also}"
-    if worst:
-        either = [name for name, p in worst[0].alternatives if p > limits.HEADLINE_RIVAL]
-        faults = diagnosis.ruleset.fault_by_id
-        title = titled(worst[0].fault)
-        others = "".join(f" or {titled(faults[name])}" for name in either)
-        more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
-        also = f", and {counted(more, 'other finding')}" if more else ""
+        text = f"{regime.title} in {regime.module}"
+        more = len({r.regime.id for r in diagnosis.regimes} | found) - 1
+    elif found:
+        worst = worst_first(diagnosis.findings)[0]
+        either = [name for name, p in worst.alternatives if p > limits.HEADLINE_RIVAL]
+        named = [worst.fault, *(diagnosis.ruleset.fault_by_id[name] for name in either)]
+        text = " or ".join(map(titled, named))
         # Each of two possible causes would have its own degree.
-        size = "" if either else f": {size_of(worst[0])}"
-        return f"{title[:1].upper()}{title[1:]}{others}{size}{also}"
+        text = f"{text[:1].upper()}{text[1:]}" + ("" if either else f": {size_of(worst)}")
+        more = len(found - {worst.fault.id, *either})
+    if text:
+        return f"{text}, and {counted(more, 'other finding')}" if more else text
     if not diagnosis.judged:
         return "Nothing could be judged"
     if diagnosis.unknown:
