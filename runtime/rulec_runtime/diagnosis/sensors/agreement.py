@@ -100,11 +100,6 @@ class Bench:
         """Normal quantile of an alarm in one of the stretches."""
         return quantile(alarm_chance(len(self.stretches)) / 2)
 
-    @property
-    def samples(self) -> int:
-        """Samples in all stretches."""
-        return int(self.stretches.lengths.sum())
-
     def with_readings(self, values: Mapping[str, Array], noise: Mapping[str, float]) -> Points:
         """The points with other means of some signals, and other noise of these."""
         points = self.points
@@ -123,7 +118,7 @@ class Bench:
 
     def explained(self, found: Agreement) -> Isolation:
         """Which single faults fit where."""
-        return isolate(self.ruleset, found.observed, all_tried=True, pairs=False)
+        return isolate(self.ruleset, found.observed, singles=True)
 
     @cached_property
     def explained_as_recorded(self) -> Isolation:

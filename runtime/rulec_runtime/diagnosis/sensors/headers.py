@@ -53,7 +53,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
     `bench` holds the readings without impossible ones, `raw` all of them; signals at `still` have
     no variation that could fit.
     """
-    if bench.samples < limits.FEWEST_FOR_HEADERS or not _doubtful(bench):
+    if bench.stretches.lengths.sum() < limits.FEWEST_FOR_HEADERS or not _doubtful(bench):
         return None
     best, least = None, (0, np.inf)
     for misread in _candidates(raw, bench, still):

@@ -2,11 +2,9 @@
 
 # Sensor health: a reading by itself ------------------------------------------------------------
 
-FAILED_BELOW = 0.025
-"""Share of its range by which a reading of 3.6 mA lies below it. Origin: source, NAMUR NE 43."""
-
-FAILED_ABOVE = 0.0625
-"""Share of its range by which a reading of 21 mA lies above it. Origin: source, NAMUR NE 43."""
+FAILED_BELOW, FAILED_ABOVE = 0.025, 0.0625
+"""Shares of its range by which a reading of 3.6 mA lies below it, and one of 21 mA above it.
+Origin: source, NAMUR NE 43."""
 
 # Sensor health: a reading against the others -----------------------------------------------------
 
@@ -16,11 +14,9 @@ AT_ZERO = 0.01
 DIES = 2
 """Times at most that a reading dies: a loose contact, not the cycle of a plant. Origin: assumed."""
 
-FLOWS_BEYOND = 10.0
-"""Standard uncertainties beyond which a flow is there. Origin: assumed."""
-
-FLOWS_PART = 0.1
-"""Share of its reference beyond which a flow is there. Origin: assumed."""
+FLOWS_BEYOND, FLOWS_PART = 10.0, 0.1
+"""Standard uncertainties, and share of its reference, beyond which a flow is there. Origin:
+assumed."""
 
 LEVEL_THERE = 0.25
 """Share of its range that a level must stand above its end, by the balances, to be there for sure:

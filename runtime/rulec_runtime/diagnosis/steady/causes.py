@@ -1,7 +1,13 @@
-"""Name the causes of a run of stretches, with the alternatives."""
+"""Name the causes of a run of stretches, with the alternatives.
 
-from collections.abc import Callable, Sequence
+A cause that the readings cannot distinguish is a rival, however rare; so is one that is about as
+probable. Unlisted errors are many, and each explains something a little worse: such a one is a
+rival only if no reading contradicts it.
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -12,7 +18,37 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits, hypotheses_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation
-from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
+
+Name = TypeVar("Name", int, str)
+
+
+@dataclass(frozen=True)
+class Other(Generic[Name]):
+    """A cause with its probability, and with that if all faults were equally frequent; `unlisted`
+    if its module does not list it."""
+
+    name: Name
+    probability: float
+    unprejudiced: float
+    unlisted: bool = False
+
+
+def rivals_of(
+    named: Other[Name], others: Iterable[Other[Name]]
+) -> tuple[tuple[tuple[Name, float], ...], tuple[tuple[Name, float], ...]]:
+    """Rivals of a cause, and remote ones, each with its probability, the most probable first."""
+    rivals: list[tuple[Name, float]] = []
+    remote: list[tuple[Name, float]] = []
+    for other in sorted(others, key=lambda o: -o.probability):
+        share = limits.ALIKE if other.unlisted else limits.RIVAL
+        stands = (
+            other.probability >= limits.RIVAL * named.probability
+            or other.unprejudiced >= share * named.unprejudiced
+        )
+        chances = (other.probability, 0.0 if other.unlisted and not stands else other.unprejudiced)
+        if max(chances) > limits.MENTION:
+            (rivals if stands else remote).append((other.name, other.probability))
+    return tuple(rivals), tuple(remote)
 
 
 @dataclass(frozen=True)
@@ -38,27 +74,22 @@ def causes_of(
     evaluated: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
 ) -> list[Cause]:
     """The causes of a run by its fits: one fault, or two; `known` are faults found just before."""
-    ruleset = evaluated.part.ruleset
-    hypotheses = hypotheses_of(fits, evaluated.isolation.chance, ruleset.odds, known)
+    ruleset, isolation = evaluated.part.ruleset, evaluated.isolation
+    hypotheses = hypotheses_of(fits, isolation.chance, ruleset.odds, known)
     if not hypotheses:
-        hypotheses = [_average(evaluated.isolation, members, ruleset.odds)]
-    fitting = evaluated.isolation.probability[:, members].max(axis=1) > 0.0
-    best = _named(ruleset, hypotheses)
+        hypotheses = [_average(isolation, members, ruleset.odds)]
+    fitting = isolation.probability[:, members].max(axis=1) > 0.0
+    # The most probable hypothesis; of indistinguishable ones, the most frequent.
+    first = hypotheses[0]
+    alike = [h for h in hypotheses if h.when == first.when and _same(ruleset, h, first)]
+    best = max(alike, key=lambda h: float(np.prod(ruleset.odds[list(h.faults)])))
     return [_cause(ruleset, hypotheses, best, fault, fitting) for fault in best.faults]
 
 
-def _named(ruleset: Ruleset, hypotheses: Sequence[Fit]) -> Fit:
-    """The most probable hypothesis; of indistinguishable ones, the most frequent."""
-    first = hypotheses[0]
-    groups = {frozenset(_twins(ruleset, f)) for f in first.faults}
-    alike = [
-        h
-        for h in hypotheses
-        if h.when == first.when
-        and len(h.faults) == len(first.faults)
-        and {frozenset(_twins(ruleset, f)) for f in h.faults} == groups
-    ]
-    return max(alike, key=lambda h: float(np.prod(ruleset.odds[list(h.faults)])))
+def _same(ruleset: Ruleset, one: Fit, other: Fit) -> bool:
+    """Whether no reading distinguishes two hypotheses."""
+    groups = [{_twins(ruleset, fault) for fault in fit.faults} for fit in (one, other)]
+    return len(one.faults) == len(other.faults) and groups[0] == groups[1]
 
 
 def _cause(
@@ -75,53 +106,34 @@ def _cause(
     own = [h for h in hypotheses if fault in h.faults]
     plausible = [h for h in own if h.probability >= limits.RIVAL * best.probability]
     spans = [h.bounds(fault) for h in plausible]
-    found = _others(hypotheses, best, fault, lambda h: h.probability)
-    alone = _others(hypotheses, best, fault, lambda h: h.unprejudiced)
-    found[fault] = sum(h.probability for h in own)
-    alone[fault] = sum(h.unprejudiced for h in own)
+    # Faults that replace it in the other hypotheses, with their probabilities.
+    found = {fault: sum(h.probability for h in own)}
+    alone = {fault: sum(h.unprejudiced for h in own)}
+    for one in (h for h in hypotheses if fault not in h.faults):
+        for other in set(one.faults) - set(best.faults):
+            found[other] = found.get(other, 0.0) + one.probability
+            alone[other] = alone.get(other, 0.0) + one.unprejudiced
     twins = {t for t in _twins(ruleset, fault) if t != fault and (t in found or fitting[t])}
     if twins:
         # No reading distinguishes them: whatever else favours one of them is an assumption. Twins
         # that only some stretches allow must not outrank those that all stretches do.
         group = [fault, *sorted(twins)]
         odds = np.minimum(ruleset.odds[group], ruleset.odds[fault])
-        found |= _shared(found, group, odds)
-        alone |= _shared(alone, group, np.ones(len(group)))
+        for chance, weights in ((found, odds), (alone, np.ones(len(group)))):
+            total = sum(chance.get(f, 0.0) for f in group)
+            chance |= zip(group, (total * weights / weights.sum()).tolist(), strict=True)
     named = Other(fault, found.pop(fault), alone[fault])
     others = [Other(f, p, alone[f], ruleset.faults[f].unlisted) for f, p in found.items()]
-    rivals, remote = rivals_of(named, others)
     return Cause(
         fault,
         best.degrees[best.faults.index(fault)],
         min(low for low, _ in spans),
         max(high for _, high in spans),
         min(named.probability, 1.0),
-        rivals,
-        remote,
+        *rivals_of(named, others),
         tuple(f for f in best.faults if f != fault),
         best.when,
     )
-
-
-def _shared(chance: dict[int, float], group: Sequence[int], odds: np.ndarray) -> dict[int, float]:
-    """Probability of a group of faults together, shared in proportion to their odds."""
-    total = sum(chance.get(f, 0.0) for f in group)
-    return dict(zip(group, (total * odds / odds.sum()).tolist(), strict=True))
-
-
-def _others(
-    hypotheses: Sequence[Fit],
-    best: Fit,
-    fault: int,
-    probability: Callable[[Fit], float],
-) -> dict[int, float]:
-    """Faults that replace a fault in the other hypotheses, with their probabilities."""
-    chance: dict[int, float] = {}
-    for hypothesis in hypotheses:
-        if fault not in hypothesis.faults:
-            for other in set(hypothesis.faults) - set(best.faults):
-                chance[other] = chance.get(other, 0.0) + probability(hypothesis)
-    return chance
 
 
 def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
@@ -149,12 +161,9 @@ def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Fit:
     degrees, spreads = [], []
     for fault in faults:
         each, u = isolation.degree[fault, members], isolation.u[fault, members]
-        weights = 1.0 / np.maximum(u, common.LEAST_U) ** 2
-        degree = float(np.sum(weights * each) / np.sum(weights))
-        degrees.append(degree)
+        degrees.append(float(np.average(each, weights=1.0 / np.maximum(u, common.LEAST_U) ** 2)))
         # Lasting errors do not average out over a run, so the uncertainty is that of one stretch.
-        spreads.append(float(np.hypot(np.min(u), np.sqrt(np.average((each - degree) ** 2)))))
-    probability, unprejudiced = (float(p[list(faults)].min()) for p in (weighed, mean))
-    nothing = np.nan, np.nan
-    of_each = tuple(degrees), tuple(spreads)
-    return Fit(faults, ONSET, *of_each, *nothing, probability, unprejudiced)
+        scatter = np.sqrt(np.average((each - degrees[-1]) ** 2))
+        spreads.append(float(np.hypot(np.min(u), scatter)))
+    both = (float(p[list(faults)].min()) for p in (weighed, mean))
+    return Fit(faults, ONSET, tuple(degrees), tuple(spreads), np.nan, np.nan, *both)

@@ -19,7 +19,7 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import Baselines
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit, pair_starts
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
+from rulec_runtime.diagnosis.steady.hypothesis import gain_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
@@ -120,20 +120,17 @@ def hypotheses_of(
     evidence += [limits.KNOWN_FAULT * bool(known & set(f.faults)) for f in sound]
     evidence += [limits.FAULT_FROM_START * (f.when != ONSET) for f in sound]
     prior = np.array([np.log(odds[list(f.faults)]).sum() for f in sound])
-    both = np.column_stack([shares(e[:, None])[:, 0] for e in (evidence + prior, evidence)])
-    order = np.argsort(-both[:, 0], kind="stable")
-    return [_weighed(sound[k], both[k], rank) for k in order.tolist() if both[k].all()]
-
-
-def _weighed(fit: Fit, probability: Array, rank: int) -> Fit:
-    """A fit with its probabilities, and wider bounds if stretches scatter more than they should."""
-    freedom = rank - len(fit.faults)
-    wide = 1.0
-    if freedom > 0 and fit.distance > chi_square_limit(freedom, limits.DISAGREE):
-        wide = float(np.sqrt(fit.distance / freedom))
-    chance, alone = probability.tolist()
-    u = tuple(wide * own for own in fit.u)
-    return replace(fit, u=u, probability=chance, unprejudiced=alone)
+    chance_of, alone = (shares(e[:, None])[:, 0] for e in (evidence + prior, evidence))
+    found = []
+    for k in np.argsort(-chance_of, kind="stable").tolist():
+        if chance_of[k] and alone[k]:
+            fit, freedom, wide = sound[k], rank - len(sound[k].faults), 1.0
+            # Wider bounds if stretches scatter more than they should.
+            if freedom > 0 and fit.distance > chi_square_limit(freedom, limits.DISAGREE):
+                wide = float(np.sqrt(fit.distance / freedom))
+            u, both = tuple(wide * own for own in fit.u), (float(chance_of[k]), float(alone[k]))
+            found.append(replace(fit, u=u, probability=both[0], unprejudiced=both[1]))
+    return found
 
 
 def _fits_alike(
@@ -146,42 +143,45 @@ def _fits_alike(
     later = np.repeat(once[:, None], count, axis=1)
     test = stacked_test(ruleset, observed, first.valid, members, later)
     candidates = [set(_candidates(ruleset, isolation, s.members)) for s in stacks]
-    singles = [(i,) for i in range(len(ruleset.faults))]
-    shows = np.ones((len(singles), 1), dtype=bool)
+    singles: list[tuple[int, ...]] = [(i,) for i in range(len(ruleset.faults))]
+    shown: Sequence[int] = range(len(singles))
     if len(test.basis) >= limits.MANY_RESIDUALS:
         basis, shown = _contrasts(ruleset, observed, isolation, stacks)
         test = test.seen_by(basis)
-        shows = np.isin(np.arange(len(singles)), shown)[:, None]
-    tried, times = [_asked(singles, candidates)], [ONSET]
+    asked = [[one in own for own in candidates] for one in singles]
+    tried, times = [np.array(asked, dtype=bool)], [ONSET]
     if len(first.learned):
         times += [THROUGHOUT, ENDED]
         earlier = test.at_other_times(np.hstack([np.ones_like(later), 1.0 - later]))
-        tried.append(_explaining(earlier, ruleset.is_listed))
+        # The faults that would explain most to first order.
+        explained = gain_of(*earlier.towards())
+        tried.append(leading(explained, ruleset.is_listed) & (explained > 0.0))
         test = test.at_other_times(np.hstack([later, earlier.present]))
     limit = accepted(test.freedom, 1, isolation.chance)
+    shows = np.isin(np.arange(len(singles)), [*shown])[:, None]
     fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried) & shows))
     found = [
         [
             one
             for k, when in enumerate(times)
-            for one in _entered(singles, fits, when, k * count + i)
+            for one in _fits_at(singles, fits, when, k * count + i)
         ]
         for i in range(count)
     ]
     pairs = sorted({c for own in candidates for c in own if len(c) > 1})
     if pairs:
-        asked = [(ruleset.faults[i], ruleset.faults[j]) for i, j in pairs]
         begin = _pair_starts(isolation, stacks, np.array(pairs).T)
-        onset = test.at(np.arange(count))
-        fits = fit(onset, asked, _asked(pairs, candidates), begin)
+        asked = [[one in own for own in candidates] for one in pairs]
+        faults = [(ruleset.faults[i], ruleset.faults[j]) for i, j in pairs]
+        fits = fit(test.at(np.arange(count)), faults, np.array(asked, dtype=bool), begin)
         for i, own in enumerate(found):
-            own += _entered(pairs, fits, ONSET, i)
+            own += _fits_at(pairs, fits, ONSET, i)
     return {s.run: Fits(own, test.freedom) for s, own in zip(stacks, found, strict=True)}
 
 
 def _contrasts(
     ruleset: Ruleset, observed: Observed, isolation: Isolation, stacks: Sequence[_Stack]
-) -> tuple[Array, list[int]]:
+) -> tuple[Array, Sequence[int]]:
     """Combinations that show the most probable faults of some runs, and these faults."""
     members = np.concatenate([s.members for s in stacks])
     chance = isolation.probability[:, members].max(axis=1)
@@ -191,24 +191,15 @@ def _contrasts(
     least = share * float(chance.max(initial=0.0))
     most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > least[i]]
     point, valid = stacks[0].points[:1], stacks[0].valid
-    basis = residual_basis(ruleset, valid)
-    one = test_of(ruleset, observed, valid, basis, point)
+    one = test_of(ruleset, observed, valid, residual_basis(ruleset, valid), point)
     return Contrasts(one, len(stacks[0].learned) + len(stacks[0].points)).basis(most)
 
 
-def _asked(
-    hypotheses: Sequence[tuple[int, ...]], candidates: Sequence[set[tuple[int, ...]]]
-) -> np.ndarray:
-    """Which hypotheses are candidates of which runs, shape (hypotheses, runs)."""
-    return np.array([[one in own for own in candidates] for one in hypotheses], dtype=bool)
-
-
-def _entered(
+def _fits_at(
     hypotheses: Sequence[tuple[int, ...]], fits: Outcomes, when: str, place: int
 ) -> Iterator[Fit]:
     for i in np.flatnonzero(np.isfinite(fits.evidence[:, place])).tolist():
-        degrees = tuple(fits.degree[:, i, place].tolist())
-        u = tuple(fits.u[:, i, place].tolist())
+        degrees, u = (tuple(table[:, i, place].tolist()) for table in (fits.degree, fits.u))
         distance, evidence = float(fits.distance[i, place]), float(fits.evidence[i, place])
         yield Fit(hypotheses[i], when, degrees, u, distance, evidence)
 
@@ -217,10 +208,8 @@ def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarr
     """Start degrees of pairs, shape (2, pairs), as isolated and others: (2, starts, pairs,
     runs)."""
     degrees = np.array([isolation.degree[:, s.members].mean(axis=1) for s in stacks]).T
-    own = degrees[pairs][:, None]
-    usual = pair_starts()
-    others = np.broadcast_to(usual, (*usual.shape[:2], *own.shape[2:]))
-    return np.concatenate([own, others], axis=1)
+    own, usual = degrees[pairs][:, None], pair_starts()
+    return np.concatenate([own, np.broadcast_to(usual, (*usual.shape[:2], *own.shape[2:]))], axis=1)
 
 
 def _candidates(
@@ -232,12 +221,5 @@ def _candidates(
     pairs = isolation.pair[members[0], 0] >= 0
     if not pairs:
         own = np.where(beside_listed(own, ruleset.is_listed, limits.AS_GOOD), own, 0.0)
-    chance = own.max(axis=1)
-    likely = np.flatnonzero(chance > (limits.PAIR_CANDIDATE if pairs else 0.0))
-    yield from combinations((int(i) for i in likely), 2 if pairs else 1)
-
-
-def _explaining(test: HypothesisTest, listed: np.ndarray) -> np.ndarray:
-    """The faults that would explain most of each problem to first order, shape (faults, n)."""
-    explained = gain_of(*test.towards())
-    return leading(explained, listed) & (explained > 0.0)
+    least = limits.PAIR_CANDIDATE if pairs else 0.0
+    yield from combinations(np.flatnonzero(own.max(axis=1) > least).tolist(), 2 if pairs else 1)

@@ -36,15 +36,13 @@ class Contrasts:
     def _weights(self) -> tuple[Array, Array]:
         """Half the second derivative of chi-square by flows, (flows, flows): of differences, of the
         mean."""
-        test = self.test
-        observed, basis = test.observed, test.basis
-        (point,) = test.members
+        test, (point,) = self.test, self.test.members
         noise, whole = (
-            covariance_of(basis, one, test.valid, np.arange(1))
-            for one in (observed.noise[point], observed.covariance_at(point))
+            covariance_of(test.basis, one, test.valid, np.arange(1))
+            for one in (test.observed.noise[point], test.observed.covariance_at(point))
         )
         both = noise, noise + self.stacked * (whole - noise)
-        of_differences, of_mean = (basis.T @ inverse_of(one)[0] @ basis for one in both)
+        of_differences, of_mean = (test.basis.T @ inverse_of(one)[0] @ test.basis for one in both)
         return of_differences, of_mean
 
     def rows(self, fault: int) -> dict[tuple[int, int], Array]:

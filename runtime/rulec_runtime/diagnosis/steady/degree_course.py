@@ -10,8 +10,9 @@ Source: own derivation, docs/method.md; linear Gaussian models compared by their
 1992).
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from rulec_runtime.diagnosis.steady.degree_search import Trial
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test
 
 Moments = tuple[float, float]
@@ -45,7 +45,7 @@ class Course:
     steps : times, s, and sizes of steps, if these explain it better than growth does.
     onset : place among the points where it begins.
     evidence : log-likelihood, exceeding that of a sound plant by `gain`.
-    left : chi-square left, with so many residuals.
+    left : chi-square left.
     """
 
     fault: int
@@ -60,7 +60,6 @@ class Course:
     evidence: float
     gain: float
     left: float
-    residuals: int
 
     @property
     def grows(self) -> bool:
@@ -127,39 +126,21 @@ def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shap
     return Shapes(time=time, end=end, columns=at, spread=spreads, prior=prior, constant=constant)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Weighed:
-    """Posterior of each course.
-
-    Attributes
-    ----------
-    columns, parts, covariance : per course its columns and their sizes, shape (courses, parts),
-        with their covariance.
-    gain : log-likelihood gained over no fault plus log prior, shape (courses,).
-    left : chi-square left by each, shape (courses,).
-    """
+class _Weighed(NamedTuple):
+    """Posterior of each course: its columns and their sizes, shape (courses, parts), with their
+    covariance; log-likelihood gained over no fault plus log prior, shape (courses,)."""
 
     columns: np.ndarray
     parts: Array
     covariance: Array
     gain: Array
-    left: Array
-
-    @property
-    def total(self) -> float:
-        """Log-likelihood gained by any of the courses."""
-        return _log_sum(self.gain)
-
-    @property
-    def weight(self) -> Array:
-        """Probabilities of the courses, shape (courses,)."""
-        return np.asarray(np.exp(self.gain - self.total))
 
     def moments(self, rows: Array) -> tuple[Array, Array]:
         """Mean over all courses, and standard uncertainty, of numbers that are linear in the
         columns: `rows` of shape (numbers, columns); both of shape (numbers,)."""
-        likely = np.flatnonzero(self.weight > limits.IMPROBABLE)
-        share = self.weight[likely] / self.weight[likely].sum()
+        weight = np.exp(self.gain - _any_of(self.gain))
+        likely = np.flatnonzero(weight > limits.IMPROBABLE)
+        share = weight[likely] / weight[likely].sum()
         own = rows[:, self.columns[likely]].transpose(1, 0, 2)
         mean = (own @ self.parts[likely, :, None])[:, :, 0]
         middle = share @ mean
@@ -168,53 +149,65 @@ class _Weighed:
         return middle, u
 
 
-def _weighed(
-    shapes: Shapes, slopes: Array, residuals: Array, *, steps: bool = True
-) -> tuple[_Weighed, _Weighed | None]:
-    """Courses that grow, and the best few steps, compared by white residuals, shape (m,), and their
-    slopes by the degree at each point, shape (m, points)."""
+def _any_of(gain: Array) -> float:
+    """Log-likelihood gained by any of some courses."""
+    return float(np.logaddexp.reduce(gain, initial=-np.inf))
+
+
+class _Equations(NamedTuple):
+    """Normal equations of all columns of a course."""
+
+    gram: Array
+    pull: Array
+
+    def compared(self, at: np.ndarray, spread: Array, prior: Array) -> _Weighed:
+        """Courses of some columns, shape (courses, parts), with the spread of each part."""
+        scale = spread[:, :, None] * spread[:, None, :]
+        own = self.gram[at[:, :, None], at[:, None, :]] * scale + np.eye(at.shape[1])
+        inverse, pulled = np.linalg.inv(own), self.pull[at] * spread
+        scaled = np.einsum("cij,cj->ci", inverse, pulled)
+        fitted = np.einsum("ci,ci->c", pulled, scaled)
+        gain = 0.5 * (fitted - np.linalg.slogdet(own)[1]) + prior
+        return _Weighed(at, scaled * spread, inverse * scale, gain)
+
+    def by_steps(self, count: int, scale: float) -> _Weighed:
+        """The best few steps of typical size `scale`, one found after the other, at so many
+        points."""
+        chosen: list[int] = []
+        best: _Weighed | None = None
+        for _ in range(min(limits.STEPS_OF_A_COURSE, max(count // limits.POINTS_OF_A_STEP, 1))):
+            tried = np.array([[*chosen, k] for k in range(count) if k not in chosen])
+            prior = np.full(len(tried), -(len(chosen) + 1) * np.log(count))
+            found = self.compared(tried, np.full(tried.shape, scale), prior)
+            most = int(np.argmax(found.gain))
+            if best is not None and found.gain[most] <= best.gain[0]:
+                break
+            chosen.append(int(tried[most, -1]))
+            best = _Weighed(*(table[[most]] for table in found))
+        assert best is not None
+        return best
+
+
+def _growing(shapes: Shapes, slopes: Array, residuals: Array) -> tuple[_Equations, _Weighed]:
+    """Courses that grow, by white residuals, shape (m,), and their slopes by the degree at each
+    point, shape (m, points)."""
     moved = slopes @ shapes.table(shapes.time)
-    gram, pull = moved.T @ moved, -(moved.T @ residuals)
-    whole = float(residuals @ residuals)
-    every = _compared(gram, pull, whole, shapes.columns, shapes.spread, shapes.prior)
-    if not steps:
-        return every, None
-    return every, _by_steps(gram, pull, whole, len(shapes.time), float(shapes.spread[0].max()))
+    equations = _Equations(moved.T @ moved, -(moved.T @ residuals))
+    return equations, equations.compared(shapes.columns, shapes.spread, shapes.prior)
 
 
-def _compared(
-    gram: Array, pull: Array, whole: float, at: np.ndarray, spread: Array, prior: Array
-) -> _Weighed:
-    own = gram[at[:, :, None], at[:, None, :]] * spread[:, :, None] * spread[:, None, :]
-    pulled, one = pull[at] * spread, np.eye(at.shape[1])
-    inverse = np.linalg.inv(own + one)
-    scaled = np.einsum("cij,cj->ci", inverse, pulled)
-    fitted = np.einsum("ci,ci->c", pulled, scaled)
-    return _Weighed(
-        columns=at,
-        parts=scaled * spread,
-        covariance=inverse * spread[:, :, None] * spread[:, None, :],
-        gain=0.5 * (fitted - np.linalg.slogdet(own + one)[1]) + prior,
-        left=whole - 2.0 * fitted + np.einsum("ci,cij,cj->c", scaled, own, scaled),
-    )
-
-
-def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) -> _Weighed:
-    """The best few steps of typical size `scale`, found one after the other, at so many points."""
-    chosen: list[int] = []
-    best: _Weighed | None = None
-    most_steps = min(limits.STEPS_OF_A_COURSE, max(count // limits.POINTS_OF_A_STEP, 1))
-    while len(chosen) < most_steps:
-        tried = np.array([[*chosen, k] for k in range(count) if k not in chosen])
-        prior = np.full(len(tried), -(len(chosen) + 1) * np.log(count))
-        found = _compared(gram, pull, whole, tried, np.full(tried.shape, scale), prior)
-        most = int(np.argmax(found.gain))
-        if best is not None and found.gain[most] <= best.gain[0]:
-            break
-        chosen.append(int(tried[most, -1]))
-        best = _Weighed(**{f.name: getattr(found, f.name)[[most]] for f in fields(found)})
-    assert best is not None
-    return best
+def _weighed(
+    shapes: Shapes, slopes: Array, residuals: Array
+) -> tuple[_Weighed, _Weighed, tuple[Moments, ...]]:
+    """Courses that grow, and what explains more: these, or the best few steps, which follow by
+    times, s, and sizes. Growth must explain much more than steps do."""
+    equations, growing = _growing(shapes, slopes, residuals)
+    steps = equations.by_steps(len(shapes.time), float(shapes.spread[0].max()))
+    grown, constant = (_any_of(growing.gain[x]) for x in (~shapes.constant, shapes.constant))
+    if grown > max(constant, float(steps.gain[0])) + limits.GROWS:
+        return growing, growing, ()
+    pairs = zip(steps.columns[0].tolist(), steps.parts[0].tolist(), strict=True)
+    return growing, steps, tuple((float(shapes.time[k]), size) for k, size in sorted(pairs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,7 +220,6 @@ class Stack:
     test: HypothesisTest
     time: Array
     end: float
-    known: dict[tuple[float, bytes], Shapes] = field(default_factory=dict)
 
     @property
     def points(self) -> np.ndarray:
@@ -249,63 +241,65 @@ class Stack:
         if not slopes.any():
             return -np.inf
         few = np.arange(0, len(self.time), limits.ONSETS_AT_FIRST)
-        every, _ = _weighed(self.shapes(fault, few), white @ slopes, residuals, steps=False)
-        return every.total
+        _, every = _growing(self.shapes(fault, few), white @ slopes, residuals)
+        return _any_of(every.gain)
 
-    def shapes(self, fault: int, onsets: np.ndarray | None = None) -> Shapes:
-        """Possible courses of the degree of a fault."""
-        spec = self.test.ruleset.faults[fault]
-        every = np.arange(0, len(self.time), 2) if onsets is None else onsets
-        key = spec.scale, every.tobytes()
-        if key not in self.known:
-            usual = limits.USUAL_DEGREE * spec.scale
-            self.known[key] = shapes_of(self.time, self.end, every, usual)
-        return self.known[key]
+    def shapes(self, fault: int, onsets: np.ndarray) -> Shapes:
+        """Possible courses of the degree of a fault that begin at some points."""
+        usual = limits.USUAL_DEGREE * self.test.ruleset.faults[fault].scale
+        return shapes_of(self.time, self.end, onsets, usual)
 
     def course(self, fault: int, onsets: np.ndarray | None = None) -> Course | None:
         """The course that explains most; None if no credible one exists."""
-        spec, shapes = self.test.ruleset.faults[fault], self.shapes(fault, onsets)
-        table = shapes.table(self.time)
-        degree = np.zeros(len(self.time))
+        spec, time = self.test.ruleset.faults[fault], self.time
+        shapes = self.shapes(fault, np.arange(0, len(time), 2) if onsets is None else onsets)
+        table, degree = shapes.table(time), np.zeros(len(time))
         for _ in range(limits.FIT_STEPS):
             if (undone := self._undone(fault, degree)) is None:
                 return None
             residuals, slopes, white = undone
-            growing, steps = _weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
-            weighed = _better(shapes, growing, steps)
+            without = white @ (residuals - slopes @ degree)
+            growing, weighed, steps = _weighed(shapes, white @ slopes, without)
             mean, u = weighed.moments(table)
             before, degree = degree, np.clip(mean, spec.lowest, spec.credible)
             if np.max(np.abs(degree - before)) < limits.COURSE_CONVERGED * spec.scale:
                 break
-        if (rest := self._left(fault, degree, shapes)) is None:
+        # How well it explains the stretches counts with the tolerance of the law.
+        if (undone := self._undone(fault, degree, lenient=True)) is None:
             return None
-        left, evidence, count = rest
-        wide = max(left / count, 1.0) ** 0.5
+        residuals, slopes, white = undone
+        left = float(np.sum((white @ residuals) ** 2))
+        without = white @ (residuals - slopes @ degree)
+        _, lenient, _ = _weighed(shapes, white @ slopes, without)
+        evidence = _log_density(without, white) + _any_of(lenient.gain)
         (now,), (u_now,) = weighed.moments(shapes.table(np.array([self.end])))
         (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
         lowest = np.append(mean + common.COVERAGE * u, now + common.COVERAGE * u_now).min()
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
-        in_order: tuple[Moments, ...] = ()
-        if weighed is steps:
-            in_order, onset = _steps_in_order(self.time, weighed), _first_step(weighed)
-        later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
-        ahead, u_ahead = weighed.moments(shapes.table(later))
+        if steps:
+            # The first significant one; an initial level near 0 is none.
+            least = common.COVERAGE * np.sqrt(np.diag(weighed.covariance[0]))
+            sure = np.abs(weighed.parts[0]) > least
+            onset = int(weighed.columns[0][sure if sure.any() else slice(None)].min())
+        ahead = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
+        later = self.end + (self.end - time[min(onset, len(time) - 2)]) * ahead
+        then, u_then = weighed.moments(shapes.table(later))
+        wide = max(left / len(residuals), 1.0) ** 0.5
         return Course(
             fault=fault,
-            time=self.time,
+            time=time,
             degree=mean,
             u=wide * u,
             now=(float(now), wide * float(u_now)),
             rate=(float(rate), wide * float(u_rate)),
-            ahead=np.stack([later, ahead, wide * u_ahead]),
-            steps=in_order,
+            ahead=np.stack([later, then, wide * u_then]),
+            steps=steps,
             onset=onset,
             evidence=evidence,
             gain=evidence - _log_density(*self.sound),
             left=left,
-            residuals=count,
         )
 
     def _undone(
@@ -314,35 +308,22 @@ class Stack:
         """Residuals with the fault undone, their slopes by the degree at each point, and the
         whitening matrix; `lenient`: with the tolerance of its law. None if the law has no value
         there."""
-        spec, basis = self.test.ruleset.faults[fault], self.test.basis
-        names = self.test.touched((spec,))
-        here = replace(self.test, present=degree[:, None], known=None)
-        trial = Trial(test=here, faults=(spec,), touched=names)
+        spec, test = self.test.ruleset.faults[fault], self.test
+        here = replace(test, present=degree[:, None], known=None)
+        trial = Trial(test=here, faults=(spec,), touched=test.touched((spec,)))
         moved, slopes = trial.moved_and_slopes(degree[None, :, None])
-        places = trial.places
-        own = basis[:, places]
-        residuals = self.test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()
+        own = test.basis[:, trial.places]
+        residuals = test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()
         table = self._in_columns((own @ slopes[:, 0, :, 0]).T.ravel())
-        scales = trial.scales(np.ones((1, 1)))
-        covariance = self.test.spread.whole(self.test.members, scales)[0]
+        covariance = test.spread.whole(test.members, trial.scales(np.ones((1, 1))))[0]
         if lenient:
-            for row, place in enumerate(places):
-                off = spec.tolerance * (moved[row, :, 0][:, None] * basis[:, place]).ravel()
+            for row, column in zip(moved[:, :, 0], own.T, strict=True):
+                off = spec.tolerance * np.outer(row, column).ravel()
                 covariance = covariance + np.outer(off, off)
         white = _whitener(covariance)
         if white is None or not (np.isfinite(residuals).all() and np.isfinite(table).all()):
             return None
         return residuals, table, white
-
-    def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, float, int] | None:
-        """Chi-square and log-likelihood with the tolerance of the law, and number of residuals."""
-        if (undone := self._undone(fault, degree, lenient=True)) is None:
-            return None
-        residuals, slopes, white = undone
-        without = white @ (residuals - slopes @ degree)
-        weighed = _better(shapes, *_weighed(shapes, white @ slopes, without))
-        evidence = _log_density(without, white) + weighed.total
-        return float(np.sum((white @ residuals) ** 2)), evidence, len(residuals)
 
     def _in_columns(self, slopes: Array) -> Array:
         """Slopes of the residuals of each point, shape (m,), by the degree at each point."""
@@ -360,32 +341,19 @@ def stack_of(
     if len(points) < limits.POINTS_THAT_GROW:
         return None
     members, valid = spread_evenly(observed, points, limits.POINTS_OF_A_COURSE)
-    basis = residual_basis(ruleset, valid)
-    if len(members) < limits.POINTS_THAT_GROW or not len(basis):
+    time, present = times_of(observed)[members], np.ones((len(members), 1))
+    if len(members) < limits.POINTS_THAT_GROW or not np.all(np.diff(time) > 0.0):
         return None
-    time = times_of(observed)[members]
-    if not np.all(np.diff(time) > 0.0):
-        return None
-    test = stacked_test(
-        ruleset,
-        observed,
-        valid,
-        members[:, None],
-        np.ones((len(members), 1)),
-        wanders=limits.WANDERS,
-    )
-    if len(basis) >= limits.MANY_RESIDUALS:
-        if not named:
-            return None
-        one = test_of(ruleset, observed, valid, basis, members[len(members) // 2 :][:1])
+    test = stacked_test(ruleset, observed, valid, members[:, None], present, wanders=limits.WANDERS)
+    if len(test.basis) >= limits.MANY_RESIDUALS:
+        one = test_of(ruleset, observed, valid, test.basis, members[len(members) // 2 :][:1])
         some, shown = Contrasts(one, len(members)).basis(named)
         if not shown:
             return None
         test = test.seen_by(some)
     # For readings beyond all limits, rounding hides the errors.
-    if _whitener(test.spread.whole(test.members, None)[0]) is None:
-        return None
-    if not np.isfinite(test.residuals).all():
+    sound = len(test.basis) and _whitener(test.spread.whole(test.members, None)[0]) is not None
+    if not sound or not np.isfinite(test.residuals).all():
         return None
     return Stack(test=test, time=time, end=max(end, float(time[-1])))
 
@@ -404,32 +372,3 @@ def _whitener(covariance: Array) -> Array | None:
 def _log_density(residuals: Array, white: Array) -> float:
     """Logarithm of the density of white residuals, shape (m,), up to a constant."""
     return float(np.sum(np.log(np.diag(white)))) - 0.5 * float(residuals @ residuals)
-
-
-def _log_sum(values: Array) -> float:
-    top = float(np.max(values, initial=-np.inf))
-    return top + float(np.log(np.sum(np.exp(values - top)))) if np.isfinite(top) else -np.inf
-
-
-def _better(shapes: Shapes, growing: _Weighed, steps: _Weighed | None) -> _Weighed:
-    """Growth, if it explains much more than steps do; else these."""
-    grown = _log_sum(growing.gain[~shapes.constant])
-    constant = _log_sum(growing.gain[shapes.constant])
-    if steps is None or grown > max(constant, steps.total) + limits.GROWS:
-        return growing
-    return steps
-
-
-_AHEAD = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
-
-
-def _first_step(weighed: _Weighed) -> int:
-    """The point of the first significant step; an initial level near 0 is none."""
-    u = np.sqrt(np.diag(weighed.covariance[0]))
-    sure = np.abs(weighed.parts[0]) > common.COVERAGE * u
-    return int(weighed.columns[0][sure if sure.any() else slice(None)].min())
-
-
-def _steps_in_order(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:
-    pairs = zip(weighed.columns[0].tolist(), weighed.parts[0].tolist(), strict=True)
-    return tuple((float(time[k]), size) for k, size in sorted(pairs))

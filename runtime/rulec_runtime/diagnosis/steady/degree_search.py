@@ -139,47 +139,33 @@ class Trial:
     def moved(self, degree: Array) -> Array:
         """How far undoing the faults moves the touched flows, (touched, ..., points, n), m3/s, at
         degrees (faults, ..., points, n)."""
-        return self._moved(self._undone(degree, ()))
+        return self._undone(degree, ())[0]
 
     def moved_and_slopes(self, degree: Array) -> tuple[Array, Array]:
         """The same, and the slopes by each degree, shape (touched, faults, points, n); degrees
         (faults, points, n)."""
-        names = tuple(fault.id for fault in self.faults)
-        out = self._undone(degree, names)
-        none = np.zeros(degree.shape[1:])
-        slopes = [[out.get(f"dq:{o}:{name}", none) for name in names] for o in self.touched]
-        return self._moved(out), np.array(slopes) * self._kept[:, None]
+        return self._undone(degree, tuple(fault.id for fault in self.faults))
 
-    def _moved(self, out: Mapping[str, Array]) -> Array:
-        flows = (out[f"q:{o}"] for o in self.touched)
-        each = zip(flows, self._measured, self._kept, strict=True)
-        return np.array([(flow - measured) * kept for flow, measured, kept in each])
-
-    def _undone(self, degree: Array, slopes: tuple[str, ...]) -> dict[str, Array]:
-        """Outputs of the plan, (..., points, n) each, with `slopes` by the degrees of faults."""
+    def _undone(self, degree: Array, slopes: tuple[str, ...]) -> tuple[Array, Array]:
+        """The same with `slopes` by the degrees of some faults."""
         plan, shape = self.test.ruleset.undone(self.touched, slopes), degree.shape[1:]
-        unused = (name for name in plan.used_inputs if name.startswith("x:"))
-        inputs: dict[str, Array | float] = dict.fromkeys(unused, 0.0)
-        own = zip(self.faults, degree, strict=True)
-        inputs |= {f"x:{fault.id}": each.ravel() for fault, each in own}
+        inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
+        inputs |= {f"x:{f.id}": own.ravel() for f, own in zip(self.faults, degree, strict=True)}
         for name in plan.used_inputs & self._readings.keys():
             inputs[name] = np.broadcast_to(self._readings[name], shape).ravel()
-        return {name: out.reshape(shape) for name, out in plan.run(inputs).items()}
+        out = {name: one.reshape(shape) for name, one in plan.run(inputs).items()}
+        # The baseline leaves a share of each, as its correction scales with an estimate.
+        kept = self.test.kept(self.faults, self.touched)
+        each = zip(self.touched, self.test.flows[self.places], kept, strict=True)
+        moved = np.array([(out[f"q:{o}"] - flow) * share for o, flow, share in each])
+        none = np.zeros(shape)
+        steep = [[out.get(f"dq:{o}:{name}", none) for name in slopes] for o in self.touched]
+        return moved, np.array(steep) * kept[:, None] if slopes else none
 
     @cached_property
     def _readings(self) -> Mapping[str, Array]:
         """Readings per signal, shape (points, n), SI."""
         return self.test.readings(self.test.ruleset.undo.used_inputs)
-
-    @cached_property
-    def _measured(self) -> Array:
-        """Touched flows, shape (touched, points, n), m3/s."""
-        return np.asarray(self.test.flows[self.places])
-
-    @cached_property
-    def _kept(self) -> Array:
-        """Share of each that the baseline leaves, as its correction scales with an estimate."""
-        return self.test.kept(self.faults, self.touched)
 
     @cached_property
     def _range(self) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ is a glitch, and no event.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,21 +31,9 @@ from rulec_runtime.recordings.plant_calendar import ENDED
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, systematic_u, timeline_of
 
-
-@dataclass(frozen=True)
-class _Gaps:
-    """Samples ``first : last`` left out between two stretches, and the place of the stretch
-    before."""
-
-    first: np.ndarray
-    last: np.ndarray
-    before: np.ndarray
-
-    def of(self, chosen: np.ndarray) -> _Gaps:
-        return _Gaps(self.first[chosen], self.last[chosen], self.before[chosen])
-
-    def __len__(self) -> int:
-        return len(self.first)
+Gaps = np.ndarray
+"""Samples left out between two stretches, first and last (excluded), and the place of the stretch
+before: shape (gaps, 3)."""
 
 
 def events_of(
@@ -60,7 +48,7 @@ def events_of(
     gaps = _without_reason(recording, ruleset, stretches, noise)
     if len(gaps) < limits.FEWEST_EVENTS or not all(part.combined for part in evaluated):
         return
-    samples = np.concatenate([np.arange(a, b) for a, b in zip(gaps.first, gaps.last, strict=True)])
+    samples = np.concatenate([np.arange(a, b) for a, b, _ in gaps])
     alone = points_of_samples(recording, ruleset, noise).at(samples)
     for part in evaluated:
         if has_many(part.part.ruleset):
@@ -76,19 +64,16 @@ def events_of(
 
 def _without_reason(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
-) -> _Gaps:
+) -> Gaps:
     """Short gaps in which no setting changed, during the gap or across it."""
     first, last = stretches.last[:-1], stretches.first[1:]
     short = np.flatnonzero((last > first) & (last - first <= limits.LONGEST_EVENT))
-    gaps = _Gaps(first[short], last[short], short)
+    gaps = np.column_stack([first[short], last[short], short])
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
-        if signal.is_input and values is not None and len(gaps):
-            still = [
-                _held(signal, values[a - 1 : b + 1], noise[signal.id])
-                for a, b in zip(gaps.first, gaps.last, strict=True)
-            ]
-            gaps = gaps.of(np.array(still, dtype=bool))
+        if signal.is_input and values is not None:
+            held = [_held(signal, values[a - 1 : b + 1], noise[signal.id]) for a, b, _ in gaps]
+            gaps = gaps[np.array(held, dtype=bool)]
     return gaps
 
 
@@ -99,28 +84,27 @@ def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
     return bool(np.ptp(values) <= limit)
 
 
-def _events(gaps: _Gaps, evaluated: EvaluatedPoints, off: np.ndarray) -> _Gaps:
+def _events(gaps: Gaps, evaluated: EvaluatedPoints, off: np.ndarray) -> Gaps:
     """Samples that deviate, in gaps between sound stretches of a part of the plant."""
     sound = evaluated.isolation.judged & ~evaluated.isolation.deviating
     found = []
-    for a, b, before in zip(gaps.first, gaps.last, gaps.before, strict=True):
-        (there,) = np.nonzero(off[a:b])
+    for a, b, before in gaps:
+        there = np.flatnonzero(off[a:b])
         if len(there) and sound[before] and sound[before + 1]:
             found.append((a + there[0], a + there[-1] + 1, before))
-    table = np.array(found, dtype=np.intp).reshape(-1, 3)
-    return _Gaps(table[:, 0], table[:, 1], table[:, 2])
+    return np.array(found, dtype=np.intp).reshape(-1, 3)
 
 
 def _pooled(
     recording: Recording,
     ruleset: Ruleset,
-    events: _Gaps,
+    events: Gaps,
     noise: Mapping[str, float],
     evaluated: EvaluatedPoints,
     mode: str,
 ) -> Iterator[Finding]:
     """Findings by all events of a part of a plant together, beside its sound stretches."""
-    spans = Stretches(events.first, events.last)
+    spans = Stretches(events[:, 0], events[:, 1])
     sound = _sound(evaluated)
     own = points_of_stretches(recording, ruleset, spans, noise)
     both = evaluate_part(ruleset, evaluated.part, _behind(evaluated.points.at(sound), own), mode)
@@ -130,7 +114,7 @@ def _pooled(
             (timeline.since[len(sound) :] >= finding.since)
             & (timeline.until[len(sound) :] <= finding.until)
         )
-        summary = _summary(recording, ruleset, events.of(there), own.at(there))
+        summary = _summary(recording, ruleset, events[there], own.at(there))
         glitch = finding.fault.in_sensor and summary.samples < limits.LEAST_EVENT * summary.count
         if summary.count >= limits.FEWEST_EVENTS and not glitch and finding.behind is not ENDED:
             yield replace(
@@ -161,8 +145,8 @@ def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
     )
 
 
-def _summary(recording: Recording, ruleset: Ruleset, events: _Gaps, points: Points) -> Events:
-    samples = int((events.last - events.first).sum())
+def _summary(recording: Recording, ruleset: Ruleset, events: Gaps, points: Points) -> Events:
+    samples = int((events[:, 1] - events[:, 0]).sum())
     interval = float(recording.interval)
     whole = float(recording.time[-1] - recording.time[0]) + interval
     inputs = {

@@ -165,46 +165,54 @@ class Found:
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -> Found:
     """Join neighbouring stretches with the same verdict; blind ones do not interrupt a finding."""
-    verdicts = _verdicts(timeline, evaluated)
+    # Equal verdicts are shared.
+    same: dict[Verdict, Verdict] = {}
+    each = (verdict_at(evaluated, i) for i in range(len(timeline)))
+    verdicts = [same.setdefault(verdict, verdict) for verdict in each]
     found = Found([], [], _in_part(timeline, evaluated))
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
+    # Stretches in which a reading in use moves.
+    lag = (evaluated.points.lag.get(name) for name in ruleset.observed)
+    slow = {i for own in lag if own is not None for i in np.flatnonzero(own).tolist()}
     runs = []
-    for kind, members in runs_of(verdicts, evaluated.isolation, pauses, _slow(ruleset, evaluated)):
+    for kind, members in runs_of(verdicts, evaluated.isolation, pauses, slow):
         # Of other runs, which may be long, only the first and last stretch are needed.
+        brief = kind == "fault" and too_brief(evaluated, timeline, members)
         whole = kind in ("fault", "unknown")
-        runs.append((kind, members if whole else [members[0], members[-1]]))
-    faulty = [m for kind, m in runs if kind == "fault" and not too_brief(evaluated, timeline, m)]
-    fits = _fits(evaluated, faulty)
+        runs.append(("brief" if brief else kind, members if whole else [members[0], members[-1]]))
+    fits = _fits(evaluated, [members for kind, members in runs if kind == "fault"])
     for kind, members in runs:
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
-        text = verdicts[members[0]].text
-        if kind == "fault" and too_brief(evaluated, timeline, members):
-            fault = evaluated.part.ruleset.faults[verdicts[members[0]].faults[0]]
+        verdict = verdicts[members[0]]
+        if kind == "ok":
+            known = frozenset()
+        elif kind == "brief":
+            fault = evaluated.part.ruleset.faults[verdict.faults[0]]
             text = f"{fault.id} would fit, but a finding takes {common.PERSISTENCE} samples"
             found.not_judged.append(Period(since, until, text))
-        elif kind == "fault":
+        elif kind == "blind":
+            found.not_judged.append(Period(since, until, verdict.text, lost=verdict.lost))
+        elif kind != "fault":
+            off = disagreeing(evaluated, strongest_of(evaluated, members))
+            found.unknown.append(Period(since, until, verdict.text, off))
+        else:
             fitted = by_temperature(evaluated, members, _evident(evaluated, members, next(fits)))
             causes = causes_of(evaluated, members, fitted, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, evaluated, cause, members)
-                one = finding_of(ruleset, evaluated, cause, members, times)
-                behind = OVER if cause.when == ENDED else behind_of(timeline, evaluated, members)
-                if evaluated.combined and cause.when != ENDED and one.is_contradicted:
+                one, over = (
+                    finding_of(ruleset, evaluated, cause, members, times),
+                    cause.when == ENDED,
+                )
+                if evaluated.combined and not over and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
                     off = disagreeing(evaluated, strongest_of(evaluated, members))
                     found.unknown.append(Period(*times, text, off))
                 else:
+                    behind = OVER if over else behind_of(timeline, evaluated, members)
                     found.findings.append(replace(one, behind=behind))
-        elif kind == "blind":
-            lost = verdicts[members[0]].lost
-            found.not_judged.append(Period(since, until, text, lost=lost))
-        elif kind == "ok":
-            known = frozenset()
-        else:
-            off = disagreeing(evaluated, strongest_of(evaluated, members))
-            found.unknown.append(Period(since, until, text, off))
     return found
 
 
@@ -229,13 +237,6 @@ def _evident(evaluated: EvaluatedPoints, members: list[int], fits: Fits) -> Fits
         return not (alone and ruleset.faults[fit.faults[0]].id in against)
 
     return replace(fits, tried=[fit for fit in fits.tried if stands(fit)])
-
-
-def _verdicts(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Verdict]:
-    """The verdict of each stretch; equal ones are shared."""
-    known: dict[Verdict, Verdict] = {}
-    found = (verdict_at(evaluated, i) for i in range(len(timeline)))
-    return [known.setdefault(verdict, verdict) for verdict in found]
 
 
 def _when(
@@ -275,12 +276,6 @@ def _in_part(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Period]:
             found.append(Period(since, until, text, partly=True, lost=only_lost(evaluated, i)))
         last = text
     return found
-
-
-def _slow(ruleset: Ruleset, evaluated: EvaluatedPoints) -> set[int]:
-    """Stretches in which a reading in use moves."""
-    lag = evaluated.points.lag
-    return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
 def finding_of(

@@ -56,18 +56,17 @@ def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
     by_steps = None if course.grows else _rate_of_steps(course, time)
     rate = by_steps or _between(course.rate)
     growing = (course.grows or by_steps is not None) and rate[1] > 0.0
-    reaches = _reaches(fault, course, rate, time) if growing else None
+    now = np.clip(_between(course.now), fault.lowest, fault.highest).tolist()
+    path = zip(course.time.tolist(), course.degree.tolist(), course.u.tolist(), strict=True)
     return Growth(
         time=time,
-        degree=min(max(course.now[0], fault.lowest), fault.highest),
-        lower=max(_between(course.now)[1], fault.lowest),
-        upper=min(_between(course.now)[2], fault.highest),
+        degree=now[0],
+        lower=now[1],
+        upper=now[2],
         rate=rate,
         grows=course.grows,
-        reaches=reaches,
-        path=tuple(
-            zip(course.time.tolist(), course.degree.tolist(), course.u.tolist(), strict=True)
-        ),
+        reaches=_reaches(fault, course, rate, time) if growing else None,
+        path=tuple(path),
     )
 
 
@@ -79,11 +78,11 @@ def _between(value: Moments) -> tuple[float, float, float]:
 def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | None:
     """Growth of a degree that goes up in steps, as of steps at random times; None if a step goes
     down, or if there are too few."""
-    steps = [step for step in course.steps if step[0] > course.time[0]]
-    if len(steps) < limits.STEPS_THAT_GROW or min(size for _, size in steps) <= 0.0:
+    sizes = [size for at, size in course.steps if at > course.time[0]]
+    if len(sizes) < limits.STEPS_THAT_GROW or min(sizes) <= 0.0:
         return None
-    rate = sum(size for _, size in steps) / (time - float(course.time[0]))
-    wide = float(np.exp(common.COVERAGE / len(steps) ** 0.5))
+    rate = sum(sizes) / (time - float(course.time[0]))
+    wide = float(np.exp(common.COVERAGE / len(sizes) ** 0.5))
     return rate, rate / wide, rate * wide
 
 
@@ -95,19 +94,13 @@ def _reaches(
     if level >= fault.credible:
         return None
     if not course.grows:
-        ahead = level - course.now[0]
-        pause = time - course.steps[-1][0]
-        return Reaches(
-            degree=level, earliest=time, latest=time + ahead / rate[1] + pause, open_end=False
-        )
+        ahead, pause = (level - course.now[0]) / rate[1], time - course.steps[-1][0]
+        return Reaches(degree=level, earliest=time, latest=time + ahead + pause, open_end=False)
     later, middle, u = course.ahead
     soon, sure = (middle + sign * common.COVERAGE * u >= level for sign in (1.0, -1.0))
-    return Reaches(
-        degree=level,
-        earliest=float(later[int(np.argmax(soon)) if soon.any() else -1]),
-        latest=float(later[int(np.argmax(sure)) if sure.any() else -1]),
-        open_end=not sure.any(),
-    )
+    # The last of the times ahead if it is not reached by then.
+    earliest, latest = (float(later[np.argmax(x) if x.any() else -1]) for x in (soon, sure))
+    return Reaches(degree=level, earliest=earliest, latest=latest, open_end=not sure.any())
 
 
 def next_level(degree: float) -> float:

@@ -20,7 +20,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
-from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit
+from rulec_runtime.diagnosis.steady.degree_search import Faults, Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, gain_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
@@ -78,36 +78,32 @@ def quantile(chance: float) -> float:
 
 
 def isolate(
-    ruleset: Ruleset,
-    observed: Observed,
-    looks: int | None = None,
-    *,
-    all_tried: bool = False,
-    pairs: bool = True,
+    ruleset: Ruleset, observed: Observed, looks: int | None = None, *, singles: bool = False
 ) -> Isolation:
     """Judge every point on its own; points with the same usable observers together.
 
-    `looks` is the number of stretches that share one chance of a false alarm (default: all). Unless
-    `all_tried`, faults that cannot fit are skipped: their degrees and distances stay unknown.
-    Without `pairs`, two simultaneous faults are not tried.
+    `looks` is the number of stretches that share one chance of a false alarm (default: all). Faults
+    that cannot fit are skipped: their degrees and distances stay unknown. With `singles` every
+    single fault is tried, and no two simultaneous ones.
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     faults, n = len(ruleset.faults), len(observed)
+    unknown = np.full((faults, n), np.inf)
     result = Isolation(
         judged=np.zeros(n, dtype=bool),
         deviating=np.zeros(n, dtype=bool),
         misfit=np.zeros(n),
         freedom=np.zeros(n, dtype=int),
         degree=np.zeros((faults, n)),
-        u=np.full((faults, n), np.inf),
-        floor=np.full((faults, n), np.inf),
-        distance=np.full((faults, n), np.inf),
+        u=unknown,
+        floor=unknown.copy(),
+        distance=unknown.copy(),
         probability=np.zeros((faults, n)),
         pair=np.full((n, 2), -1),
         chance=chance,
     )
     for test in tests_of(ruleset, observed):
-        _judge_group(test, result, all_tried=all_tried, pairs=pairs)
+        _judge_group(test, result, singles=singles)
     return result
 
 
@@ -175,7 +171,7 @@ def _scaled(covariance: Array, factors: Array) -> Array:
     return np.asarray(covariance * factors.T[:, :, None] * factors.T[:, None, :])
 
 
-def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pairs: bool) -> None:
+def _judge_group(test: HypothesisTest, result: Isolation, *, singles: bool) -> None:
     members, rank = test.members[0], len(test.basis)
     chance = result.chance
     misfit = test.metric.value
@@ -195,18 +191,17 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pa
     result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
     if deviating.any():
-        gain = gain_of(pull, information)
-        own = test.at(deviating)
-        _explain(own, gain[:, deviating], result, all_tried=all_tried, pairs=pairs)
+        gain = gain_of(pull, information)[:, deviating]
+        _explain(test.at(deviating), gain, result, singles=singles)
 
 
-def _explain(
-    test: HypothesisTest, gain: Array, result: Isolation, *, all_tried: bool, pairs: bool
-) -> None:
-    """Single faults that fit deviating points, and pairs where none does."""
+def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, singles: bool) -> None:
+    """Single faults that fit deviating points, and pairs where none does; `gain` is each one's
+    decrease of chi-square to first order, (faults, n)."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
-    fits = _tried(test, gain, limit, all_tried=all_tried)
+    every = [(fault,) for fault in test.ruleset.faults]
+    fits = fit(test, every) if singles else _fitting(test, every, gain, limit)
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
@@ -216,7 +211,7 @@ def _explain(
     # A change of the liquid explains most pairs of faults too, so pairs are tried beside it.
     own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
     unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
-    if pairs and unexplained.any() and rank > 2:
+    if not singles and unexplained.any() and rank > 2:
         tried, found = _fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
         least = np.max(evidence[:, unexplained], axis=0, initial=-np.inf) + limits.SECOND_FAULT
         better = np.max(found.evidence, axis=0, initial=-np.inf) > least
@@ -225,28 +220,25 @@ def _explain(
             _take_pairs(tried, found, better, chosen[unexplained], test.ruleset.odds, result)
 
 
-def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
-    """Single faults that may fit; `gain` is each one's decrease of chi-square to first order,
-    (faults, n)."""
-    faults = test.ruleset.faults
-    hypotheses = [(fault,) for fault in faults]
+def _fitting(test: HypothesisTest, every: Sequence[Faults], gain: Array, limit: float) -> Outcomes:
+    """Single faults that may fit."""
     promising = beside_listed(gain, test.ruleset.is_listed, limits.GAIN_AT_FIRST)
-    if all_tried or not test.metric.is_large:
-        return fit(test, hypotheses, None if all_tried else may_fit(test, limit, promising))
+    if not test.metric.is_large:
+        return fit(test, every, may_fit(test, limit, promising))
     least = least_left(test, promising)
     may = promising & (least <= limits.ROUNDED_OTHERWISE * limit)
     # A fault that moves many flows leaves little in this bound, in which these are all free.
-    touched = np.array([len(test.touched((fault,))) for fault in faults])[:, None]
+    touched = np.array([len(test.touched(faults)) for faults in every])[:, None]
     order = np.argsort(np.where(may, least + 2.0 * touched, np.inf), axis=0, kind="stable")
     leading = np.zeros_like(may)
     np.put_along_axis(leading, order[: limits.LEADING], True, axis=0)
     leading &= may
-    found = fit(test, hypotheses, leading)
+    found = fit(test, every, leading)
     best = np.min(found.distance, axis=0, initial=np.inf)
     others = may & ~leading & (least <= best - 2.0 * np.log(limits.IMPROBABLE))
     enough = np.isinf(best) | (gain >= limits.GAIN_AT_FIRST * (test.metric.value - best))
     others &= enough | (touched <= limits.ROWS_OF_A_FAULT)
-    return found.where(others, fit(test, hypotheses, others))
+    return found.where(others, fit(test, every, others))
 
 
 def _within_range(test: HypothesisTest) -> np.ndarray:

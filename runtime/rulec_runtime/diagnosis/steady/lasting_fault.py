@@ -18,7 +18,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.degree_search import fit
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
 from rulec_runtime.diagnosis.steady.isolate import (
     Isolation,
     accepted,
@@ -49,7 +49,9 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bo
     if len(judged) < 2:
         return False
     chance = isolation.chance
-    test, own, every = _telling_most(whole, _named(isolation, judged))
+    # Faults that some stretch names alone are always compared.
+    named = np.any(isolation.probability[:, judged] > limits.NAMED_ALONE, axis=1)
+    test, own, every = _telling_most(whole, named)
     scores = np.where(ruleset.is_listed, every, 0.0)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return False
@@ -66,19 +68,13 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bo
     best = float((evidence + ruleset.doubted).max())
     if not best + limits.FAULT_FROM_START > _best_change(test, limit, own, deviating):
         return False
-    found = shares(evidence[:, None])
-    fitting = np.flatnonzero(np.isfinite(evidence))
+    fitting = np.ix_(np.isfinite(evidence), judged)
     isolation.deviating[judged] = True
-    isolation.degree[np.ix_(fitting, judged)] = fits.degree[0, fitting, :1]
-    isolation.u[np.ix_(fitting, judged)] = fits.u[0, fitting, :1]
-    isolation.probability[:, judged] = found
+    isolation.degree[fitting] = fits.degree[0, np.isfinite(evidence), :1]
+    isolation.u[fitting] = fits.u[0, np.isfinite(evidence), :1]
+    isolation.probability[:, judged] = shares(evidence[:, None])
     isolation.pair[judged] = -1
     return True
-
-
-def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
-    """Faults that some stretch names alone, shape (faults,): these are always compared."""
-    return np.asarray((isolation.probability[:, judged] > limits.NAMED_ALONE).any(axis=1))
 
 
 def _telling_most(
@@ -108,10 +104,7 @@ def _telling_most(
 def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
     """Degree over its standard uncertainty of each fault, or of some by their places, (faults,
     n)."""
-    pull, information = test.towards(chosen)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scores = np.maximum(pull, 0.0) / np.sqrt(information)
-    return np.where(information > 0.0, scores, 0.0)
+    return np.asarray(np.sqrt(gain_of(*test.towards(chosen))))
 
 
 def _best_change(

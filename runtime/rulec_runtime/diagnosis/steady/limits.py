@@ -35,11 +35,8 @@ assumed."""
 
 # Sensor health: a reading against the others -----------------------------------------------------
 
-FREED_FROM = 0.05
-"""Low end of the values tried, in references, where a sensor has no range. Origin: assumed."""
-
-FREED_TO = 3.0
-"""High end of the values tried, in references, where a sensor has no range. Origin: assumed."""
+FREED_FROM, FREED_TO = 0.05, 3.0
+"""Ends of the values tried, in references, where a sensor has no range. Origin: assumed."""
 
 STAND_IN_VALUES = 15
 """Values tried for a reading that was taken out, between the ends of its range. Origin: numerical,
@@ -69,11 +66,9 @@ with every second sample is. Origin: assumed."""
 NULL_SPACE = 1e-10
 """Singular value, over the largest, below which it counts as zero. Origin: numerical."""
 
-RIDGE = 1e-12
-"""Ridge of a covariance, relative to its trace, that keeps it regular. Origin: numerical."""
-
-RIDGE_OF_INFORMATION = 1e-14
-"""The same of an information matrix. Origin: numerical."""
+RIDGE, RIDGE_OF_INFORMATION = 1e-12, 1e-14
+"""Ridge of a covariance, and of an information matrix, relative to its trace, that keeps it
+regular. Origin: numerical."""
 
 # Baseline --------------------------------------------------------------------------------------
 

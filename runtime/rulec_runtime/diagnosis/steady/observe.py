@@ -9,9 +9,8 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, points_along
-from rulec_runtime.diagnosis.steady.errors import errors_of
 from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
 
@@ -98,8 +97,16 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     observers = ruleset.observers
     flows = np.array([out[f"q:{o.id}"] for o in observers])
     valid = np.isfinite(flows)
-    for i, observer in enumerate(observers):
-        valid[i] &= usable_by_readings(ruleset, observer, points.values, out)
+    # Readings reach their minimum, guards and the flow are positive.
+    with np.errstate(invalid="ignore"):
+        for usable, flow, observer in zip(valid, flows, observers, strict=True):
+            usable &= flow > 0
+            for guard in observer.guards:
+                usable &= out[guard.output] > 0
+            for signal in observer.signals:
+                minimum = ruleset.signal_by_id[signal].minimum
+                if minimum is not None and signal in points.values:
+                    usable &= points.values[signal] >= minimum
     units = dict.fromkeys(points.values, np.ones(n))
     slopes = ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, units))
     observed = with_errors(ruleset, points, flows, valid, slopes)
@@ -134,7 +141,7 @@ def with_errors(
     slopes : per name of `slope_names` an array, shape (n,): derivatives by readings, m3/s per SI,
         and by other errors times their standard uncertainty, m3/s.
     """
-    scatter, noise, lasting, shared, late = errors_of(ruleset, points, slopes, flows.shape)
+    scatter, noise, lasting, shared, late = _errors_of(ruleset, points, slopes, flows.shape)
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
@@ -153,6 +160,72 @@ def with_errors(
         residual_systematic=spreads(ruleset, covariance - scatter),
         extrapolated={},
     )
+
+
+Gradients = dict[str, dict[int, Array]]
+"""Per error the observers (places) it reaches: derivative times standard uncertainty, m3/s,
+(n,)."""
+
+
+def _errors_of(
+    ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], shape: tuple[int, int]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Covariances, shape (n, observers, observers), of the noise of readings, of everything new at
+    every point and of what lasts over a recording, gradients by the latter, shape (observers,
+    errors, n), and standard uncertainties by lags alone, of the `shape` (observers, n)."""
+    row = ruleset.observer_index
+    scatter: Gradients = {}
+    misfits: Gradients = {}
+    lasting: Gradients = {}
+    late = np.zeros(shape)
+    # A reading beyond all limits has no slope; its estimate is unusable.
+    with np.errstate(invalid="ignore"):
+        for name in slopes:
+            _, observer, error = name.split(":", 2)
+            if error in ruleset.misfits:
+                misfits.setdefault(error, {})[row[observer]] = slopes[name]
+                lasting.setdefault(error, {})
+                continue
+            systematic: Array | float = 1.0
+            if error in points.u:
+                systematic = points.systematic[error]
+                own = slopes[name] * points.statistical(error)
+                scatter.setdefault(error, {})[row[observer]] = own
+            if error in points.lag:
+                own = slopes[name] * points.lag[error]
+                lasting.setdefault(f"lag:{error}", {})[row[observer]] = own
+                late[row[observer]] += own**2
+            lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
+        read = _covariance(scatter, shape)
+        new = read + _covariance(misfits, shape)
+        return read, new, _covariance(lasting, shape), _stacked(lasting, shape), np.sqrt(late)
+
+
+def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
+    """Sum of the products of gradients by the same error, shape (n, observers, observers).
+
+    An error reaches few observers. Points are last in memory, so that sums run over them.
+    """
+    observers, n = shape
+    covariance = np.zeros((observers, observers, n))
+    for column in gradients.values():
+        places = np.array([*column], dtype=int)
+        table = np.array([*column.values()]).reshape(-1, n)
+        # Far outside of its law an estimate has an infinite variance.
+        with np.errstate(over="ignore"):
+            for i, own in zip(places, table, strict=True):
+                covariance[i, places] += own * table
+    return np.moveaxis(covariance, -1, 0)
+
+
+def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
+    """Gradients by all errors as one table, shape (observers, errors, n)."""
+    observers, n = shape
+    table = np.zeros((observers, len(gradients), n))
+    for place, error in enumerate(sorted(gradients)):
+        for i, gradient in gradients[error].items():
+            table[i, place] = gradient
+    return table
 
 
 def signed(ruleset: Ruleset, flows: Array) -> Array:
@@ -174,27 +247,6 @@ def spreads(ruleset: Ruleset, covariance: Array) -> Array:
         variance = np.einsum("i,ijn,j->n", signs, own, signs)
         result[i] = np.sqrt(np.maximum(variance, 0.0))
     return result
-
-
-def usable_by_readings(
-    ruleset: Ruleset,
-    observer: ObserverSpec,
-    readings: Mapping[str, Array | float],
-    out: Mapping[str, Array],
-) -> np.ndarray:
-    """Whether readings reach their minimum, and guards and the flow are positive: shape (n,).
-
-    `out` holds estimates (``q:``) and guards from the plan, shape (n,) each.
-    """
-    with np.errstate(invalid="ignore"):
-        usable: np.ndarray = out[f"q:{observer.id}"] > 0
-        for guard in observer.guards:
-            usable &= out[guard.output] > 0
-        for signal in observer.signals:
-            minimum = ruleset.signal_by_id[signal].minimum
-            if minimum is not None and signal in readings:
-                usable &= readings[signal] >= minimum
-    return usable
 
 
 def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:

@@ -5,13 +5,13 @@ one whose smallest degree is largest, and the bounds are minima too. docs/method
 mislabels and why its degrees are biased low.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Cell, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed, plan_inputs
 
 
@@ -35,58 +35,35 @@ class PaperResult:
 
 def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     """Apply Eqs. 17-19 to every point."""
-    n = len(observed)
-    names = [
-        f"{kind}:{_form(cell)}:{cell.fault}:{cell.residual}"
-        for cell in _ruled(ruleset)
+    # Cells with a rule: the paper has only faults of modules.
+    cells = [cell for cell in ruleset.cells if cell.forms]
+    forms = ["paper" if "paper" in cell.forms else "linear" for cell in cells]
+    keys = [f"{f}:{c.fault}:{c.residual}" for f, c in zip(forms, cells, strict=True)]
+    plan = ruleset.plan.select(f"{kind}:{key}" for key in keys for kind in ("x", "ux"))
+    results, count, n = plan.run(plan_inputs(observed.points)), len(ruleset.faults), len(observed)
+    x, u = (
+        np.array([np.broadcast_to(results[f"{kind}:{key}"], (n,)) for key in keys]).reshape(-1, n)
         for kind in ("x", "ux")
-    ]
-    results = ruleset.plan.select(names).run(plan_inputs(observed.points))
-    count = len(ruleset.faults)
-    degree, lower, upper = (np.full((count, n), np.inf) for _ in range(3))
-    triggered = np.ones((count, n), dtype=bool)
+    )
     rows = {f.id: i for i, f in enumerate(ruleset.faults)}
     columns = {r.id: i for i, r in enumerate(ruleset.residuals)}
-    sound = _sound(ruleset, observed)
+    own = np.array([rows[cell.fault] for cell in cells], dtype=int)
+    shown = np.array([columns[cell.residual] for cell in cells], dtype=int)
+    index = ruleset.observer_index
+    terms = [[index[t.observer] for t in residual.terms] for residual in ruleset.residuals]
+    sound = np.array([observed.valid[places].all(axis=0) for places in terms]).reshape(-1, n)
     with np.errstate(invalid="ignore"):
         fires = sound & (np.abs(observed.residuals) > limits.COVERAGE * observed.residual_u)
-    for cell in _ruled(ruleset):
-        key = f"{_form(cell)}:{cell.fault}:{cell.residual}"
-        i, j = rows[cell.fault], columns[cell.residual]
-        x = np.broadcast_to(results[f"x:{key}"], (n,))
-        half = limits.COVERAGE * np.broadcast_to(results[f"ux:{key}"], (n,))
         # Beyond the pole of a rule the degree jumps out of its range: no fault of this kind.
-        usable = sound[j] & np.isfinite(x) & np.isfinite(half)
-        usable &= (x > 0) & (x <= ruleset.faults[i].highest)
-        x, half = np.where(usable, x, 0.0), np.where(usable, half, 0.0)
-        degree[i] = np.minimum(degree[i], x)
-        lower[i] = np.minimum(lower[i], x - half)
-        upper[i] = np.minimum(upper[i], x + half)
-        triggered[i] &= fires[j]
-    for table in (degree, lower, upper):
-        table[~np.isfinite(table)] = 0.0
-    result = PaperResult(np.zeros(n, dtype=bool), degree, np.maximum(lower, 0.0), upper)
-    points = np.arange(n)
-    winner = result.winner()
+        highest = np.array([fault.highest for fault in ruleset.faults])[own, None]
+        usable = sound[shown] & np.isfinite(u) & (x > 0) & (x <= highest)
+    x, half = np.where(usable, x, 0.0), np.where(usable, limits.COVERAGE * u, 0.0)
+    tables = np.full((3, count, n), np.inf)
+    for table, values in zip(tables, (x, x - half, x + half), strict=True):
+        np.minimum.at(table, own, values)
+    degree, lower, upper = np.where(np.isfinite(tables), tables, 0.0)
+    triggered = np.ones((count, n), dtype=bool)
+    np.logical_and.at(triggered, own, fires[shown])
+    winner, points = np.argmax(degree, axis=0), np.arange(n)
     deviating = triggered[winner, points] & (degree[winner, points] > 0)
-    return replace(result, deviating=deviating)
-
-
-def _ruled(ruleset: Ruleset) -> list[Cell]:
-    """Cells with a rule: the paper has only faults of modules."""
-    return [cell for cell in ruleset.cells if cell.forms]
-
-
-def _sound(ruleset: Ruleset, observed: Observed) -> np.ndarray:
-    """Residuals whose observers are all usable, shape (residuals, n)."""
-    row = ruleset.observer_index
-    return np.array(
-        [
-            np.all([observed.valid[row[t.observer]] for t in residual.terms], axis=0)
-            for residual in ruleset.residuals
-        ]
-    ).reshape(-1, len(observed))
-
-
-def _form(cell: Cell) -> str:
-    return "paper" if "paper" in cell.forms else "linear"
+    return PaperResult(deviating, degree, np.maximum(lower, 0.0), upper)

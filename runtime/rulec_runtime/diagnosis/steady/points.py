@@ -76,13 +76,14 @@ class Points:
         systematic: Array | float = 0.0,
         *,
         at: np.ndarray | slice = EVERY,
+        stands_in: bool = False,
     ) -> Points:
         """The same with other values of a signal, SI, at some points, and their uncertainties."""
         tables = {"values": value, "u": u, "systematic": systematic, "bad": ~np.isfinite(value)}
         changed: dict[str, Any] = {}
-        for name, new in tables.items():
+        for name, new in (tables | {"stood_in": True} if stands_in else tables).items():
             columns = getattr(self, name)
-            blank = np.zeros(len(self), dtype=bool if name == "bad" else float)
+            blank = np.zeros(len(self), dtype=bool if name in ("bad", "stood_in") else float)
             column = np.array(columns.get(signal, blank))
             column[at] = new
             changed[name] = {**columns, signal: column}

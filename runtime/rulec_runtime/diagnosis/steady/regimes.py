@@ -6,6 +6,7 @@ their uncertainties (GUM); consecutive stretches are one finding.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from rulec_runtime.contract.ruleset import RegimeSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.observe import plan_inputs
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END, UNSETTLED
 from rulec_runtime.recordings.stationary import Timeline
 
@@ -46,9 +48,9 @@ def regimes_of(ruleset: Ruleset, timeline: Timeline, points: Points) -> tuple[Re
     found, out = [], _margins(ruleset, points)
     for regime in ruleset.regimes:
         there, sure = _held(ruleset, regime, points, out)
-        for first, last in _rows(there, timeline):
-            if timeline.samples[first : last + 1].sum() >= limits.PERSISTENCE:
-                found.append(_finding(regime, timeline, sure, first, last))
+        for first, behind in _rows(there, timeline):
+            if timeline.samples[first:behind].sum() >= limits.PERSISTENCE:
+                found.append(_finding(regime, timeline, sure, first, behind - 1))
     return tuple(found)
 
 
@@ -84,16 +86,11 @@ def _held(
 
 
 def _rows(there: np.ndarray, timeline: Timeline) -> Iterator[tuple[int, int]]:
-    """First and last of consecutive stretches in which something holds; a long pause ends a row."""
-    first: int | None = None
-    for i, holds in enumerate(there.tolist()):
-        if first is not None and (not holds or timeline.paused[i]):
-            yield first, i - 1
-            first = None
-        if holds and first is None:
-            first = i
-    if first is not None:
-        yield first, len(there) - 1
+    """First and end (excluded) of consecutive stretches in which something holds; a long pause ends
+    a row."""
+    for first, last in runs_where(there, 1):
+        pauses = first + 1 + np.flatnonzero(timeline.paused[first + 1 : last])
+        yield from pairwise([first, *pauses.tolist(), last])
 
 
 def _finding(

@@ -9,8 +9,6 @@ Source: own derivation; a nuisance parameter, eliminated by a wide prior (genera
 squares).
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
@@ -35,7 +33,10 @@ def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
             # Stand-ins are expensive, and a finding goes on without some of them.
             lost = thinned(np.flatnonzero(~np.isfinite(values)), limits.STAND_INS)
             value = _value(ruleset, points.at(lost).of(ruleset.observed), signal)
-            points = _filled(points, signal, lost, value)
+            found, (low, high) = np.isfinite(value), ends_tried(signal)
+            if found.any():
+                u, at = limits.STAND_IN_SPREAD * (high - low), lost[found]
+                points = points.put(signal.id, value[found], u, at=at, stands_in=True)
     return points
 
 
@@ -78,7 +79,9 @@ def _searched(
     values = np.repeat(np.linspace(low, high, limits.STAND_IN_VALUES + 2)[1:-1, None], n, axis=1)
     u = float(values[1, 0] - values[0, 0])
     for step in range(limits.STAND_IN_ROUNDS + 1):
-        tried = one_after_the_other([_tried(points, signal, one, u) for one in values])
+        tried = one_after_the_other(
+            [points.put(signal.id, one, u, stands_in=True) for one in values]
+        )
         chi, freedom = (
             table.reshape(values.shape)
             for table in agreement(ruleset, observe(ruleset, tried), beside_faults=beside_faults)
@@ -103,30 +106,10 @@ def ends_tried(signal: SignalSpec) -> tuple[float, float]:
     return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
 
 
-def _tried(points: Points, signal: SignalSpec, value: Array, u: float) -> Points:
-    """Points with independent values of a reading, shape (n,)."""
-    there = {**points.stood_in, signal.id: np.ones(len(value), dtype=bool)}
-    return replace(points.put(signal.id, value, u), stood_in=there)
-
-
-def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array) -> Points:
-    """Points some of which have a stand-in for a reading, shape (chosen,)."""
-    found = np.isfinite(value)
-    if not found.any():
-        return points
-    name, (low, high) = signal.id, ends_tried(signal)
-    there = points.stood_in.get(name, np.zeros(len(points), dtype=bool)).copy()
-    there[chosen[found]] = True
-    spread = limits.STAND_IN_SPREAD * (high - low)
-    points = points.put(name, value[found], spread, at=chosen[found])
-    return replace(points, stood_in={**points.stood_in, name: there})
-
-
 def of_samples(points: Points, stretches: Points, place: np.ndarray) -> Points:
     """Points of samples with the stand-ins of their stretches, by their places."""
     for name, flags in stretches.stood_in.items():
         lost = np.flatnonzero(flags[place] & ~np.isfinite(points.values[name]))
         value, u = (table[name][place[lost]] for table in (stretches.values, stretches.u))
-        points = points.put(name, value, u, at=lost)
-        points = replace(points, stood_in={**points.stood_in, name: flags[place]})
+        points = points.put(name, value, u, at=lost, stands_in=True)
     return points

@@ -80,24 +80,17 @@ def only_lost(evaluated: EvaluatedPoints, point: int) -> bool:
     values = evaluated.observed.points.values
     missing = {name for name, column in values.items() if not np.isfinite(column[point])}
     missing |= evaluated.part.ruleset.observed - values.keys()
-    observers = zip(
-        evaluated.part.ruleset.observers, evaluated.observed.valid[:, point], strict=True
-    )
-    return all(usable or not missing.isdisjoint(o.signals) for o, usable in observers)
+    unusable = np.flatnonzero(~evaluated.observed.valid[:, point])
+    observers = (evaluated.part.ruleset.observers[i] for i in unusable)
+    return all(not missing.isdisjoint(o.signals) for o in observers)
 
 
 def partly_blind(evaluated: EvaluatedPoints, point: int) -> str:
     """Which faults a judged point could not show, and why; empty if all."""
-    if not evaluated.isolation.judged[point]:
-        return ""
-    because = why_blind(evaluated, point)
-    unseen = [
-        fault.id
-        for fault, floor in zip(
-            evaluated.part.ruleset.faults, evaluated.isolation.floor[:, point], strict=True
-        )
-        if not (fault.unlisted or threshold_of(floor) < fault.highest)
-    ]
+    isolation = evaluated.isolation
+    because = why_blind(evaluated, point) if isolation.judged[point] else ""
+    floors = zip(evaluated.part.ruleset.faults, isolation.floor[:, point], strict=True)
+    unseen = [f.id for f, x in floors if not (f.unlisted or threshold_of(x) < f.highest)]
     if not because or not unseen:
         return ""
     names = ", ".join(unseen[:NAMED]) + (", ..." if len(unseen) > NAMED else "")
