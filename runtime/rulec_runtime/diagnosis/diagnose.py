@@ -1,6 +1,6 @@
 """From a recording to a diagnosis: the passes of the runtime in order."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,23 +91,49 @@ def assembled(
     recording = health.recording
     weather = [f for f in found.findings if is_ordinary(ruleset.liquid, f.fault.id, f.degree)]
     found = replace(found, findings=[f for f in found.findings if f not in weather])
-    notes = (*notes, *dict.fromkeys(f"{f.text}, as a change of the weather does" for f in weather))
+    ordinary = dict.fromkeys(f"{f.text}, as a change of the weather does" for f in weather)
     missing = (f"{name} is not in the recording" for name in recording.missing)
     hidden = blind_of(recording, ruleset)
-    blind = tuple(one for b in hidden if (one := b.but(found.without)).faults)
-    letters = {f.condition.status for f in health.findings} | {status_of(found, judged, blind)}
+    return in_order(
+        ruleset,
+        mode,
+        samples=len(recording),
+        judged=judged,
+        found=found,
+        notes=(*recording.notes, *missing, *notes, *ordinary),
+        sensors=health.findings,
+        calendar=recording.calendar,
+        blind=tuple(one for b in hidden if (one := b.but(found.without)).faults),
+    )
+
+
+def in_order(
+    ruleset: Ruleset,
+    mode: str,
+    *,
+    samples: int,
+    judged: int,
+    found: Found,
+    notes: tuple[str, ...],
+    sensors: tuple[SensorFinding, ...] = (),
+    calendar: Calendar | None,
+    blind: tuple[Blind, ...],
+) -> Diagnosis:
+    """A diagnosis in order of time, with the NE 107 letter of the whole."""
+    letters = {f.condition.status for f in sensors} | {f.fault.status for f in found.findings}
+    letters |= {r.regime.status for r in found.regimes} | ({"S"} if found.unknown else set())
     return Diagnosis(
         ruleset=ruleset,
         mode=mode,
-        samples=len(recording),
+        samples=samples,
         judged=judged,
-        status=worst(letters),
+        status=worst(letters if judged and not blind else letters | {"C"}),
         findings=tuple(sorted(found.findings, key=lambda f: f.since)),
         unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
         not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
-        notes=(*recording.notes, *missing, *notes),
-        sensors=health.findings,
-        calendar=recording.calendar,
+        notes=notes,
+        sensors=sensors,
+        calendar=calendar,
         latest=found.latest,
         regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
         blind=blind,
@@ -132,24 +158,16 @@ def told_of(
     """Number of judged samples, and what all parts of a plant show in settled stretches."""
     each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in evaluated]
     judged = np.any([part.isolation.judged for part in evaluated], axis=0)
-    found = joined(each, latest_of(ruleset, timeline, evaluated))
-    found = replace(
-        found,
-        regimes=regimes_of(ruleset, timeline, evaluated[0].points),
-        visited=visited_of(timeline, evaluated[0].points, judged),
-        without=frozenset(shown_without(evaluated)),
+    found = Found(
+        [f for own in each for f in own.findings],
+        [p for own in each for p in own.unknown],
+        [p for own in each for p in own.not_judged],
+        latest_of(ruleset, timeline, evaluated),
+        regimes_of(ruleset, timeline, evaluated[0].points),
+        visited_of(timeline, evaluated[0].points, judged),
+        frozenset(shown_without(evaluated)),
     )
     return int(timeline.samples[judged].sum()), found
-
-
-def joined(each: Iterable[Found], latest: Latest | None) -> Found:
-    """Results of the parts of a plant as one."""
-    found = Found([], [], [], latest)
-    for own in each:
-        found.findings.extend(own.findings)
-        found.unknown.extend(own.unknown)
-        found.not_judged.extend(own.not_judged)
-    return found
 
 
 def restless(samples: int) -> str:
@@ -159,13 +177,6 @@ def restless(samples: int) -> str:
         plural = "s" * (samples != 1)
         return f"the recording has {samples} sample{plural}; a settled stretch needs {needed}"
     return f"no settled stretch was found: no {needed} samples in a row without a jump"
-
-
-def status_of(found: Found, judged: int, blind: Sequence[Blind] = ()) -> str:
-    """NE 107 letter by physics."""
-    letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
-    letters |= {r.regime.status for r in found.regimes}
-    return worst(letters if judged and not blind else letters | {"C"})
 
 
 def worst(letters: set[str]) -> str:

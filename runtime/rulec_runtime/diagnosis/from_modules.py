@@ -12,8 +12,8 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
-from rulec_runtime.diagnosis.hidden_faults import Blind, blind_between
+from rulec_runtime.diagnosis.diagnose import Diagnosis, in_order, told_of
+from rulec_runtime.diagnosis.hidden_faults import blind_between
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_observed
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
@@ -53,39 +53,23 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         for part in parts_of(ruleset)
     ]
     judged, found = told_of(ruleset, timeline_of_results(results), evaluated)
-    blind = _blind(results, ruleset, points)
-    return Diagnosis(
-        ruleset=ruleset,
-        mode="default",
-        samples=int(results.samples.sum()),
-        judged=judged,
-        status=status_of(found, judged, blind),
-        findings=tuple(sorted(found.findings, key=lambda f: f.since)),
-        unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
-        not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
-        notes=tuple(notes),
-        calendar=results.calendar,
-        latest=found.latest,
-        regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
-        blind=blind,
-        visited=found.visited,
-    )
-
-
-def _blind(results: ModuleResults, ruleset: Ruleset, points: Points) -> tuple[Blind, ...]:
-    """Faults hidden in windows in which modules rejected readings."""
-    lost = {name: runs for name, flags in points.bad.items() if (runs := _runs(flags))}
+    lost = {name: runs for name, flags in points.bad.items() if (runs := runs_where(flags, 1))}
     still = {
-        s.id: _runs(results.readings[s.id] < s.minimum)
+        s.id: runs_where(results.readings[s.id] < s.minimum, 1)
         for s in ruleset.signals
         if s.minimum is not None and s.id in results.readings
     }
     times = results.since, results.until
-    return blind_between(ruleset, times, lost, still, points.why) if lost else ()
-
-
-def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    return runs_where(flags, 1)
+    return in_order(
+        ruleset,
+        "default",
+        samples=int(results.samples.sum()),
+        judged=judged,
+        found=found,
+        notes=tuple(notes),
+        calendar=results.calendar,
+        blind=blind_between(ruleset, times, lost, still, points.why),
+    )
 
 
 def points_of(results: ModuleResults, ruleset: Ruleset) -> Points:
@@ -162,16 +146,14 @@ def first_order(ruleset: Ruleset, results: ModuleResults) -> Plan:
     inputs = [*flows, *slopes, *degrees]
     place = {name: i for i, name in enumerate(inputs)}
     operations: list[Operation] = []
-    outputs = {name: place[name] for name in slopes}
-    for flow in flows:
-        total = place[flow]
-        for slope in slopes:
-            observer, fault = slope.split(":")[1], _fault(slope)
-            if f"q:{observer}" == flow and f"x:{fault}" in place:
-                operations.append(("mul", place[slope], place[f"x:{fault}"]))
-                operations.append(("add", total, len(inputs) + len(operations) - 1))
-                total = len(inputs) + len(operations) - 1
-        outputs[flow] = total
+    outputs = {name: place[name] for name in (*slopes, *flows)}
+    for slope in slopes:
+        flow, degree = f"q:{slope.split(':')[1]}", f"x:{_fault(slope)}"
+        if flow in outputs and degree in place:
+            last = len(inputs) + len(operations)
+            operations.append(("mul", place[slope], place[degree]))
+            operations.append(("add", outputs[flow], last))
+            outputs[flow] = last + 1
     return Plan(tuple(inputs), (), tuple(operations), outputs)
 
 

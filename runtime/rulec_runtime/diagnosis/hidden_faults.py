@@ -56,8 +56,6 @@ class Blind:
 def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:
     """Faults that the sound readings of a recording cannot show."""
     lost = {name: runs for name, runs in _lost(recording, ruleset) if runs}
-    if not lost:
-        return ()
     why = {name: (recording.unfit or {}).get(name, "no reading") for name in recording.values}
     still = {
         s.id: _runs(recording.values[s.id], partial(np.greater, s.minimum))
@@ -80,6 +78,8 @@ def blind_between(
     `times` are the first and last times of rows, s, shape (n,) each; `why` gives the reason for
     lost signals that were recorded.
     """
+    if not lost:
+        return ()
     (begin, end), count = times, len(times[0])
     periods: dict[tuple[int, int, tuple[str, ...]], set[str]] = {}
     for fault, first, last, readings in _spells(ruleset, count, lost, still):
@@ -147,16 +147,15 @@ def _segments(
     count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
 ) -> Iterator[tuple[int, int, frozenset[str], frozenset[str]]]:
     """Rows with the same lost and the same low signals: first, after last, these signals."""
-    changes: dict[int, list[tuple[int, str]]] = {0: [], count: []}
+    changes: dict[int, tuple[set[str], set[str]]] = {0: (set(), set()), count: (set(), set())}
     for side, table in enumerate((lost, still)):
         for name, runs in table.items():
             for edge in (edge for run in runs for edge in run):
-                changes.setdefault(edge, []).append((side, name))
-    now: tuple[set[str], set[str]] = (set(), set())
+                changes.setdefault(edge, (set(), set()))[side].add(name)
+    gone, low = frozenset[str](), frozenset[str]()
     for first, last in pairwise(sorted(changes)):
-        for side, name in changes[first]:
-            now[side].symmetric_difference_update({name})
-        yield first, last, frozenset(now[0]), frozenset(now[1])
+        gone, low = gone ^ changes[first][0], low ^ changes[first][1]
+        yield first, last, gone, low
 
 
 def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:

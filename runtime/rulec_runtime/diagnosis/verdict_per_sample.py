@@ -17,6 +17,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
 )
 from rulec_runtime.diagnosis.steady.verdict import verdict_at
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import flags_of
 
 
 @dataclass(frozen=True)
@@ -61,36 +62,36 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         known = evaluate_stretches(recording, ruleset, stretches, noise, mode, keep=True)
     names = tuple(dict.fromkeys([*(f.id for f in ruleset.faults), *_unlisted(known)]))
     rows = {name: row for row, name in enumerate(names)}
-    degree = np.zeros((len(rows), len(recording)))
-    half = np.zeros_like(degree)
-    if not known:
-        return Trace(recording.time, tuple(words), degree, degree, degree, names)
-    chosen = np.concatenate(
-        [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
-    )
-    for here, evaluated in evaluate_samples(recording, ruleset, noise, stretches, known, chosen):
+    degree, half = np.zeros((2, len(rows), len(recording)))
+    inside = flags_of(len(recording), stretches.first, stretches.last)
+    samples = np.flatnonzero(inside)
+    of_samples = evaluate_samples(recording, ruleset, noise, stretches, known, samples)
+    for here, evaluated in of_samples if known else ():
         sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in evaluated], axis=0)
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(evaluated, i)
         for one in evaluated:
             own = [i for i, f in enumerate(one.part.ruleset.faults) if f.id in rows]
             there = np.array([rows[one.part.ruleset.faults[i].id] for i in own], dtype=int)
-            at = np.ix_(there, here)
-            fits = one.isolation.probability[own] > 0
+            fits, at = one.isolation.probability[own] > 0, np.ix_(there, here)
             degree[at] += np.where(fits, one.isolation.degree[own], 0.0)
             half[at] += np.where(fits, limits.COVERAGE * one.isolation.u[own], 0.0)
-    return Trace(
-        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half, names
-    )
+    return _traced(recording, words, degree, half, names)
+
+
+def _traced(
+    recording: Recording, words: list[str], degree: Array, half: Array, names: tuple[str, ...]
+) -> Trace:
+    lower = np.maximum(degree - half, 0.0)
+    return Trace(recording.time, tuple(words), degree, lower, degree + half, names)
 
 
 def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
     for evaluated in known:
         faults = evaluated.part.ruleset.faults
         for point in np.flatnonzero(evaluated.isolation.deviating).tolist():
-            yield from (
-                faults[i].id for i in verdict_at(evaluated, point).faults if faults[i].unlisted
-            )
+            named = (faults[i] for i in verdict_at(evaluated, point).faults)
+            yield from (fault.id for fault in named if fault.unlisted)
 
 
 def _word(evaluated: Sequence[EvaluatedPoints], point: int) -> str:
@@ -112,34 +113,23 @@ def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
     # The integrator takes a second to load, and only plants that store need it.
     from rulec_runtime.diagnosis.stores.diagnose import judge_stores
 
-    result = judge_stores(recording, ruleset)
-    judged = result.judged
-    words = ["cannot judge"] * len(recording)
-    degree = np.zeros((len(ruleset.faults), len(recording)))
-    half = np.zeros_like(degree)
+    result, time = judge_stores(recording, ruleset), recording.time
+    words = ["cannot judge"] * len(time)
+    degree, half = np.zeros((2, len(ruleset.faults), len(time)))
     row = {f.id: i for i, f in enumerate(ruleset.faults)}
-    if judged:
-        middles = np.array([one.window.middle for one in judged])
-        order = np.argsort(middles, kind="stable")
-        edges = 0.5 * (middles[order][1:] + middles[order][:-1])
-        nearest = order[np.searchsorted(edges, recording.time)]
-        for sample in np.flatnonzero(result.covered).tolist():
-            one = judged[int(nearest[sample])]
-            if one.plain is not None:
-                words[sample] = "ok"
-            for name, test in one.tests.items():
-                if test.fits:
-                    degree[row[name], sample] = test.degree
-                    half[row[name], sample] = limits.COVERAGE * test.u
-    for period in result.found.unknown:
-        _say(words, recording, period.since, period.until, "unknown")
-    for finding in result.found.findings:
-        _say(words, recording, finding.since, finding.until, finding.fault.id)
-    lower = np.maximum(degree - half, 0.0)
-    return Trace(recording.time, tuple(words), degree, lower, degree + half, tuple(row))
-
-
-def _say(words: list[str], recording: Recording, since: float, until: float, word: str) -> None:
-    for i in np.flatnonzero((recording.time >= since) & (recording.time <= until)).tolist():
-        if words[i] != "cannot judge":
-            words[i] = word
+    judged = sorted(result.judged, key=lambda one: one.window.middle)
+    middles = np.array([one.window.middle for one in judged])
+    nearest = np.searchsorted(0.5 * (middles[1:] + middles[:-1]), time)
+    for sample in np.flatnonzero(result.covered).tolist():
+        one = judged[int(nearest[sample])]
+        if one.plain is not None:
+            words[sample] = "ok"
+        for name in one.fitting:
+            degree[row[name], sample] = one.tests[name].degree
+            half[row[name], sample] = limits.COVERAGE * one.tests[name].u
+    told = [(p.since, p.until, "unknown") for p in result.found.unknown]
+    told += [(f.since, f.until, f.fault.id) for f in result.found.findings]
+    for since, until, word in told:
+        for i in np.flatnonzero((time >= since) & (time <= until)).tolist():
+            words[i] = words[i] if words[i] == "cannot judge" else word
+    return _traced(recording, words, degree, half, tuple(row))
