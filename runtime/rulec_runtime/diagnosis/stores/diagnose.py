@@ -16,8 +16,7 @@ from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
-from rulec_runtime.diagnosis.stores.judge_windows import Judged
-from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
+from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed, weighed
 from rulec_runtime.diagnosis.stores.windows import NO_READING, windows_of
 from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 from rulec_runtime.recordings.recording import Recording

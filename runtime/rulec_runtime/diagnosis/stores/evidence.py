@@ -11,8 +11,7 @@ from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, windows_needed
-from rulec_runtime.diagnosis.stores.judge_windows import Judged
-from rulec_runtime.diagnosis.stores.misfit import Weighed
+from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed
 from rulec_runtime.simulation.balances import RanAway
 
 

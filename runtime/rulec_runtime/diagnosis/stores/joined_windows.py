@@ -13,8 +13,8 @@ import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.steady.causes import Other, rivals_of
 from rulec_runtime.diagnosis.steady.isolate import shares
-from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.judge_windows import Judged
 

@@ -8,11 +8,8 @@ SAMPLES_FITTED = 4096
 WINDOWS_SIDE_BY_SIDE = 8
 """Windows that a recording is cut into, where that leaves them long enough. Origin: assumed."""
 
-SHORT_WINDOW = 48
-"""Samples of a window at least, where a recording has them. Origin: assumed."""
-
-LONG_WINDOW = 256
-"""Samples of a window at most. Origin: assumed."""
+SHORT_WINDOW, LONG_WINDOW = 48, 256
+"""Samples of a window at least, where a recording has them, and at most. Origin: assumed."""
 
 FEWEST_IN_WINDOW = 24
 """Samples without a pause below which nothing is judged. Origin: assumed."""
@@ -52,11 +49,8 @@ HIDDEN_EFFECT = 1e-9
 """Share of a fault's effect that is left beside all errors below which it shows nothing. Origin:
 numerical."""
 
-SMALLEST_START = 0.02
-"""Smallest degree from which a fit of a fault starts. Origin: numerical."""
-
-LARGEST_START = 0.5
-"""Largest degree, as a share of the highest, from which a fit of a fault starts. Origin:
+SMALLEST_START, LARGEST_START = 0.02, 0.5
+"""Degrees between which a fit of a fault starts; the largest as a share of the highest. Origin:
 numerical."""
 
 WINDOWS_IN_A_ROW = 3
@@ -77,23 +71,13 @@ numerical."""
 WINDOW_STEPS = 40
 """Levenberg-Marquardt steps of a fit at most. Origin: numerical."""
 
-WINDOW_SETTLED = 1e-3
-"""A fit ends when chi-square falls by less than this. Origin: numerical."""
+WINDOW_SETTLED, WINDOW_SLIGHT = 1e-3, 1e-5
+"""A fit ends when chi-square falls by less than this, or by less than this share: what is far off
+is not worth the last step. Origin: numerical."""
 
-WINDOW_SLIGHT = 1e-5
-"""Or by less than this share: what is far off is not worth the last step. Origin: numerical."""
-
-FIRST_DAMPING = 1e-3
-"""Damping of the first step of a fit. Origin: numerical."""
-
-LESS_DAMPING = 0.2
-"""Factor on the damping after a step that led on. Origin: numerical."""
-
-MORE_DAMPING = 8.0
-"""Factor on the damping after a step that led away. Origin: numerical."""
-
-LARGEST_DAMPING = 1e6
-"""Damping beyond which no step leads on. Origin: numerical."""
+FIRST_DAMPING, LESS_DAMPING, MORE_DAMPING, LARGEST_DAMPING = 1e-3, 0.2, 8.0, 1e6
+"""Damping of the first step of a fit, the factors on it after a step that led on and after one that
+led away, and the damping beyond which no step leads on. Origin: numerical."""
 
 LARGEST_CHI_SQUARE = 1e15
 """Chi-square beyond which a course says nothing. Origin: numerical."""
@@ -102,17 +86,10 @@ LEAST_CURVATURE = 1e-12
 """Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
 numerical."""
 
-SIGNATURE_SAMPLES = 400
-"""Samples of the course in which effects of faults are compared. Origin: assumed."""
+SIGNATURE_SAMPLES, SIGNATURE_STEP = 400, 2.0
+"""Samples of the course in which effects of faults are compared, and seconds between them. Origin:
+assumed."""
 
-SIGNATURE_STEP = 2.0
-"""Seconds between them. Origin: assumed."""
-
-SIGNATURE_SWING = 0.2
-"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
-
-SIGNATURE_PACE = 40.0
-"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
-
-SIGNATURE_PACES_APART = 17.0
-"""Seconds per radian by which each further one is slower. Origin: assumed."""
+SIGNATURE_SWING, SIGNATURE_PACE, SIGNATURE_PACES_APART = 0.2, 40.0, 17.0
+"""Share of its reference by which each given reading swings in that course, seconds per radian of
+the first of them, and by how many each further one is slower. Origin: assumed."""

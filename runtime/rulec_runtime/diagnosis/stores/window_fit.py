@@ -1,23 +1,68 @@
 """Fit balances to one window: initial states, lasting errors, and degrees of faults.
 
+Lasting errors of parameters, inputs and sensors are unknowns with a standard normal prior. A
+non-zero parameter has it on a logarithmic scale: it keeps its sign, however uncertain it is.
+Correlations of parameters are neglected. Windows without a fault narrow the errors, and later ones
+are judged with these.
+
 Source: Gauss-Newton with damping (Levenberg 1944, Marquardt 1963); maximum a posteriori.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.diagnosis.steady.baseline import remembered
 from rulec_runtime.diagnosis.stores import limits
-from rulec_runtime.diagnosis.stores.errors import KnownErrors, LastingError, lasting_errors
-from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
+from rulec_runtime.diagnosis.stores.free_balances import error_of, start_of, with_free_states
 from rulec_runtime.diagnosis.stores.windows import Window
+from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import Balances, RanAway
+
+
+@dataclass(frozen=True)
+class LastingError:
+    """A lasting error: `input` is its plan input, or `output` the number of the reading it shifts.
+
+    An error of 1 multiplies `value` by exp(`size`), or adds `size` (SI) if `value` is 0.
+    """
+
+    input: str
+    output: int
+    value: float
+    size: float
+
+    def at(self, error: float) -> float:
+        """Value at an error."""
+        if self.value:
+            return float(self.value * np.exp(self.size * error))
+        return self.size * error
+
+    def slope(self, error: float) -> float:
+        """Derivative of the value by the error."""
+        return self.size * self.at(error) if self.value else self.size
+
+
+@dataclass(frozen=True)
+class KnownErrors:
+    """What is known about all errors: mean and covariance, at a time, from so many windows."""
+
+    mean: Array
+    covariance: Array
+    time: float = 0.0
+    windows: int = 0
+
+    def later(self, time: float, drifts: Array) -> KnownErrors:
+        """What is still known at a later time; `drifts` flags those that return to their prior."""
+        kept = np.where(drifts, remembered(time - self.time), 1.0)
+        covariance = self.covariance * np.outer(kept, kept) + np.diag(1.0 - kept**2)
+        return replace(self, mean=kept * self.mean, covariance=covariance, time=time)
 
 
 @dataclass(frozen=True)
@@ -141,12 +186,24 @@ class Model:
 
 
 def model_of(ruleset: Ruleset, spread: Array, level: Array) -> Model:
-    """The model of a plant with all its lasting errors; `spread` and the median `level` of each
-    output, SI, shape (outputs,)."""
-    assert ruleset.dynamics is not None
-    balances = with_free_states(ruleset.dynamics)
-    errors = lasting_errors(ruleset, balances.plan.used_inputs, level)
-    return Model(ruleset, tuple(errors), spread, balances)
+    """The model of a plant with all lasting errors that affect a measured value; `spread` and the
+    median `level` of each output, SI, shape (outputs,)."""
+    dynamics, signals = ruleset.dynamics, ruleset.signal_by_id
+    assert dynamics is not None
+    balances = with_free_states(dynamics)
+    reached, errors = balances.plan.used_inputs, list[LastingError]()
+    for name, value in dynamics.values.items():
+        u = dynamics.uncertainties[name]
+        if name in reached:
+            size = float(np.log1p(u / abs(value))) if value else u
+            errors.append(LastingError(name, -1, value, size))
+    for name in dynamics.inputs:
+        if error_of(name) in reached:
+            u = float(systematic_u(signals[name], signals[name].reference))
+            errors.append(LastingError(error_of(name), -1, 0.0, u))
+    for i, name in enumerate(dynamics.outputs):
+        errors.append(LastingError("", i, 0.0, float(systematic_u(signals[name], level[i]))))
+    return Model(ruleset, tuple(e for e in errors if e.size > 0.0), spread, balances)
 
 
 def inverse(information: Array) -> Array:
