@@ -134,8 +134,11 @@ STEPS_THAT_GROW = 2
 """Steps up from which on a fault is told to grow. Origin: assumed."""
 
 COURSES_TRIED = 4
-"""Faults whose courses are worked out, besides those that are named: those that explain most to
-first order. Origin: assumed."""
+"""Faults whose courses are worked out, besides those that are named and those that explain as much:
+those that explain most to first order. Origin: assumed."""
+
+TIED = 1e-6
+"""Difference of gains, nats, within which faults explain as much. Origin: numerical."""
 
 PARTS_OF_A_COURSE = 3
 """Degrees of freedom of a course: where it begins, how large it is and how fast it grows. Origin:
