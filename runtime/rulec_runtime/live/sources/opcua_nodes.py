@@ -11,7 +11,7 @@ from asyncua import Client, ua
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel, Server
-from rulec_runtime.live.sources.opcua_session import bounded, connected, discard, is_gone
+from rulec_runtime.live.sources.opcua_session import bounded, connected, discard, is_gone, parts_of
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.reading_unit import conversion, parse_unit
 
@@ -31,9 +31,8 @@ async def attributes_of(
 ) -> list[ua.DataValue]:
     """An attribute of each node, read in requests small enough for small controllers."""
     found: list[ua.DataValue] = []
-    for i in range(0, len(nodes), limits.NODES_PER_CALL):
-        part = list(nodes[i : i + limits.NODES_PER_CALL])
-        found += await client.uaclient.read_attributes(part, attribute)
+    for part in parts_of(nodes):
+        found += await client.uaclient.read_attributes([*part], attribute)
     return found
 
 
@@ -137,25 +136,17 @@ def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> t
 
 async def _units(client: Client, nodes: Sequence[ua.NodeId]) -> list[str]:
     """The text of the property EngineeringUnits of each node; empty without one."""
-    asked = []
-    for node in nodes:
-        properties = ua.BrowseDescription()
-        properties.NodeId = node
-        properties.BrowseDirection = ua.BrowseDirection.Forward
-        properties.ReferenceTypeId = ua.NodeId(ua.ObjectIds.HasProperty)
-        properties.IncludeSubtypes = True
-        properties.ResultMask = ua.BrowseResultMask.BrowseName
-        asked.append(properties)
+    of_property = ua.NodeId(ua.ObjectIds.HasProperty)
+    mask, forward = ua.BrowseResultMask.BrowseName, ua.BrowseDirection.Forward
+    asked = [
+        ua.BrowseDescription(node, forward, of_property, IncludeSubtypes=True, ResultMask=mask)
+        for node in nodes
+    ]
     units: list[ua.NodeId | None] = []
-    for i in range(0, len(asked), limits.NODES_PER_CALL):
-        parameters = ua.BrowseParameters()
-        parameters.NodesToBrowse = asked[i : i + limits.NODES_PER_CALL]
-        parameters.RequestedMaxReferencesPerNode = 0
-        for result in await client.uaclient.browse(parameters):
-            found = (
-                r.NodeId for r in result.References or () if r.BrowseName.Name == "EngineeringUnits"
-            )
-            units.append(next(found, None))
+    for part in parts_of(asked):
+        for result in await client.uaclient.browse(ua.BrowseParameters(NodesToBrowse=[*part])):
+            named = {r.BrowseName.Name: r.NodeId for r in result.References or ()}
+            units.append(named.get("EngineeringUnits"))
     known = [unit for unit in units if unit is not None]
     values = iter(await attributes_of(client, known, ua.AttributeIds.Value) if known else [])
     return [_unit_text(next(values)) if unit is not None else "" for unit in units]

@@ -92,6 +92,12 @@ def _check_dates(server: Server, client: Client) -> None:
             )
 
 
+def parts_of(items: Sequence[T]) -> list[Sequence[T]]:
+    """Parts of a list for requests small enough for small controllers."""
+    most = limits.NODES_PER_CALL
+    return [items[i : i + most] for i in range(0, len(items), most)]
+
+
 async def subscribed(
     client: Client, interval: float, published: Callable[[Message], None]
 ) -> tuple[int, float]:
@@ -99,12 +105,12 @@ async def subscribed(
 
     Without changes the server sends a keep-alive message once per publishing interval.
     """
-    parameters = ua.CreateSubscriptionParameters()
-    parameters.RequestedPublishingInterval = interval * 1000
-    parameters.RequestedLifetimeCount = 10_000
-    parameters.RequestedMaxKeepAliveCount = 1
-    parameters.PublishingEnabled = True
-
+    parameters = ua.CreateSubscriptionParameters(
+        RequestedPublishingInterval=interval * 1000,
+        RequestedLifetimeCount=10_000,
+        RequestedMaxKeepAliveCount=1,
+        PublishingEnabled=True,
+    )
     granted = await client.uaclient.create_subscription(
         parameters, lambda result: published(_message(result))
     )
@@ -116,24 +122,19 @@ async def monitored(
     client: Client, subscription: int, nodes: Mapping[int, ua.NodeId], interval: float
 ) -> dict[int, str]:
     """Subscribe to nodes, given by the index of their channel; returns the failures by index."""
-    failed = {}
-    indexes = list(nodes)
-    for i in range(0, len(indexes), limits.NODES_PER_CALL):
-        part = indexes[i : i + limits.NODES_PER_CALL]
-        asked = ua.CreateMonitoredItemsParameters()
-        asked.SubscriptionId = subscription
-        asked.TimestampsToReturn = ua.TimestampsToReturn.Both
-        asked.ItemsToCreate = []
-        for k in part:
-            item = ua.MonitoredItemCreateRequest()
-            item.ItemToMonitor.NodeId = nodes[k]
-            item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
-            item.MonitoringMode = ua.MonitoringMode.Reporting
-            item.RequestedParameters.ClientHandle = k
-            item.RequestedParameters.SamplingInterval = interval * 1000
-            item.RequestedParameters.QueueSize = 1
-            item.RequestedParameters.DiscardOldest = True
-            asked.ItemsToCreate.append(item)
+    failed, of_value, every = {}, ua.AttributeIds.Value, interval * 1000
+    for part in parts_of([*nodes]):
+        items = [
+            ua.MonitoredItemCreateRequest(
+                ua.ReadValueId(NodeId=nodes[k], AttributeId=of_value),
+                ua.MonitoringMode.Reporting,
+                ua.MonitoringParameters(
+                    ClientHandle=k, SamplingInterval=every, QueueSize=1, DiscardOldest=True
+                ),
+            )
+            for k in part
+        ]
+        asked = ua.CreateMonitoredItemsParameters(subscription, ua.TimestampsToReturn.Both, items)
         results = await client.uaclient.create_monitored_items(asked)
         for k, result in zip(part, results, strict=True):
             if not result.StatusCode.is_good():
