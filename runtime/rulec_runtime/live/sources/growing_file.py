@@ -249,11 +249,9 @@ class GrowingFile(TextSource):
                 return
             if head is None:
                 continue
-            self._table.begin(head)
+            self._table.begin(head, begun=self._clock.begun)
             self._cutter = LineCutter(encoding, offset)
             file.seek(offset)
-            if self._clock.begun:
-                self._table.resume()
             self._clock.begins = False
             return
         self.close()

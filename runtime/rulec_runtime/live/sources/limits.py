@@ -117,9 +117,6 @@ CHECKING = 15.0
 """Seconds for all requests that check the nodes of a server. Origin: assumed; 200 nodes need four
 requests."""
 
-LONGEST_STAMP = 64
-"""Most characters of a date. Origin: standard, ISO 8601: 35 with microseconds and zone."""
-
 EARLIEST, LATEST = 1e9, 1e10
 """Range of stamps, s since 1970: from 2001 to 2286, so that s, ms, us and ns can be distinguished.
 Origin: numerical."""

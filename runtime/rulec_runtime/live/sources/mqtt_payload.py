@@ -115,7 +115,7 @@ def _stamp(data: dict[str, Any], keys: Sequence[str]) -> float | None:
             continue
         if isinstance(found, int | float):
             return scaled(float(found)) if abs(found) < 1e300 else None
-        if isinstance(found, str) and len(found) < limits.LONGEST_STAMP:
+        if isinstance(found, str):
             try:
                 date = datetime.fromisoformat(found.strip())
                 return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

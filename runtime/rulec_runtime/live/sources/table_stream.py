@@ -73,12 +73,10 @@ class TableStream:
         self._titles: tuple[str, ...] = ()
         self._zone: ZoneClock | None = None
 
-    def resume(self) -> None:
-        """Mark the table as already begun by an earlier process."""
-        self._begun = True
-
-    def begin(self, head: TableHead) -> None:
-        """Read the head. Raises `RecordingRefused` for a table of another plant."""
+    def begin(self, head: TableHead, begun: bool = False) -> None:
+        """Read the head; an earlier process may have `begun` to read the rows. Raises
+        `RecordingRefused` for a table of another plant."""
+        self._begun = begun
         notes = list(left_out_above(head.above))
         header = assign(self._path, head.titles, self._ruleset, notes, head.units)
         places = places_of(self._path, head.titles, self._form)

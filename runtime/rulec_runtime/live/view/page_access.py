@@ -82,15 +82,21 @@ class Gate:
             return name != "" and name in {known.lower() for known in own}
         return True
 
-    def is_token(self, text: str) -> bool:
-        """Whether a text is the token; takes the same time for any wrong text."""
-        return self.token is not None and same(text, self.token)
-
-    def lets_in(self, bearer: str | None, cookie: str) -> bool:
-        """Whether a request may see the plant."""
+    def lets_in(self, request: Request) -> bool:
+        """Whether a request may see the plant; takes the same time for any wrong token."""
         if self.token is None:
             return True
-        return same(cookie, self.pass_) if bearer is None else self.is_token(bearer)
+        given = request.headers.getlist("authorization")
+        if not given:
+            return same(request.cookies.get(self.cookie, ""), self.pass_)
+        kind, _, token = given[0].partition(" ")
+        return len(given) == 1 and kind.lower() == "bearer" and same(token.strip(), self.token)
+
+    def token_in(self, request: Request) -> bool:
+        """Whether the address of the page contains the token."""
+        if self.token is None or (request.method, request.scope["path"]) != ("GET", "/"):
+            return False
+        return any(same(text, self.token) for text in request.query_params.getlist("token"))
 
     def is_own_form(self, headers: Mapping[str, str], seal: str, bearer: bool) -> bool:
         """Whether a form comes from a page of ours, or from a program that has the token."""
@@ -152,27 +158,14 @@ class Door:
         if not gate.knows_host(request.headers.getlist("host")):
             text = "this page is not known by that name; use the machine's address\n"
             return PlainTextResponse(text, 421)
-        if request.method == "GET" and request.scope["path"] == "/" and _token_in(request, gate):
+        if gate.token_in(request):
             # A redirect removes the token from the address.
             cookie = f"{gate.cookie}={gate.pass_}; HttpOnly; SameSite=Lax; Path=/"
             return Response(status_code=303, headers={"location": "./", "set-cookie": cookie})
-        if gate.lets_in(_bearer(request), request.cookies.get(gate.cookie, "")):
+        if gate.lets_in(request):
             return self._inner
         text = "a token is needed: open /?token=TOKEN, or send Authorization: Bearer TOKEN\n"
         return PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
-
-
-def _token_in(request: Request, gate: Gate) -> bool:
-    """Whether the address contains the token."""
-    return any(gate.is_token(text) for text in request.query_params.getlist("token"))
-
-
-def _bearer(request: Request) -> str | None:
-    given = request.headers.getlist("authorization")
-    if not given:
-        return None
-    kind, _, token = given[0].partition(" ")
-    return token.strip() if kind.lower() == "bearer" and len(given) == 1 else ""
 
 
 class Visitor(H11Protocol):
