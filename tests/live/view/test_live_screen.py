@@ -241,7 +241,7 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
     out = io.StringIO()
     with LiveScreen(nobody, terminal(out), told=2) as live:
         live.show(replace(now, past=now.past[:2]))
-    assert "1 events in between" in out.getvalue()
+    assert "1 event in between stands in the journal" in out.getvalue()
     assert 4 == len(out.getvalue().splitlines())
     assert "\x1b" not in out.getvalue()
 

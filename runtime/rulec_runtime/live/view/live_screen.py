@@ -23,6 +23,7 @@ from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
+from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.wording import status_in_words
 
@@ -245,7 +246,9 @@ def event_lines(now: Now, last: int) -> Iterator[Text]:
     """Events after number `last`, oldest first."""
     new = [event for event in reversed(now.past) if event.number > last]
     if new and last and new[0].number > last + 1:
-        yield styled("[dim]{} events in between stand in the journal[/]", new[0].number - last - 1)
+        gone = new[0].number - last - 1
+        told = plural(gone, "event in between stands", "events in between stand")
+        yield styled("[dim]{} in the journal[/]", told)
     for event in new:
         yield line_of(event, now.calendar)
 
