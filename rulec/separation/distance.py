@@ -14,9 +14,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit
+from rulec_runtime.diagnosis.steady.hypothesis import stacked_test
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.diagnosis.steady.stacked_stretches import stacked_test
 from rulec_runtime.limits import BELOW_HIGHEST, BEYOND_CALIBRATED, STATISTICAL_SHARE
 from rulec_runtime.recordings.stationary import systematic_u
 

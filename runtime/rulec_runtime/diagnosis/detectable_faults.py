@@ -18,8 +18,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
+from rulec_runtime.diagnosis.steady.hypothesis import test_of
 from rulec_runtime.diagnosis.steady.independent_parts import Part, parts_of
-from rulec_runtime.diagnosis.steady.isolate import test_of
 from rulec_runtime.diagnosis.steady.observe import observe_part
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import free_flows, vanishing
@@ -132,7 +132,7 @@ def _parts(ruleset: Ruleset) -> Iterator[Sighted]:
         own, observed = part.ruleset, observe_part(ruleset, part, points)
         valid, point = observed.valid[:, 0], np.zeros(1, dtype=int)
         slopes = np.zeros((len(own.observers), len(own.faults)))
-        each = test_of(own, observed, valid, np.zeros((0, 0)), point).each
+        each = test_of(own, observed, valid, point).each
         for column, (places, slope) in each.items():
             slopes[np.flatnonzero(valid)[places], column] = slope[:, 0, 0]
         covariance = observed.covariance_at(point)[0]

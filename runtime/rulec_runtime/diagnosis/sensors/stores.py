@@ -8,8 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import Found, dead_in, stuck_in
 from rulec_runtime.diagnosis.sensors.dead import at_zero
@@ -30,45 +29,30 @@ def silent_readings(recording: Recording, ruleset: Ruleset) -> Iterator[Found]:
         return
     if not any(np.nanstd(recording.values[n]) > 0 for n in dynamics.inputs):
         return
-    predicted, every = _predicted(recording, ruleset, dynamics), slice(0, len(recording))
+    # Every output by the balances as they are; none without inputs.
+    table = np.column_stack([filled(recording.values[n]) for n in dynamics.inputs])
+    starts = zip(dynamics.states, nominal_starts(dynamics).tolist(), strict=True)
+    values = {**dynamics.values, **{start_of(s.id): start for s, start in starts}}
+    held = np.array([ruleset.signal_by_id[n].between == "hold" for n in dynamics.inputs])
+    found = with_free_states(dynamics).run(recording.time, table, held, values).shown
+    predicted, every = dict(zip(dynamics.outputs, found.T, strict=True)), slice(0, len(recording))
     for name in silent:
-        signal, course = ruleset.signal_by_id[name], predicted.get(name)
-        if course is None:
+        signal, course = ruleset.signal_by_id[name], predicted[name]
+        if not np.isfinite(course).all():
             continue
-        values = recording.values[name]
+        shown = recording.values[name][np.isfinite(recording.values[name])]
         low, high = signal.lowest, signal.highest
-        span = abs(signal.reference) if low is None or high is None else high - low
-        if at_zero(signal, values[np.isfinite(values)]).all():
+        if at_zero(signal, shown).all():
+            span = abs(signal.reference) if low is None or high is None else high - low
             end = signal.offset if low is None else low
             if np.median(course) > end + limits.LEVEL_THERE * span:
                 because = "the balances show that it is not empty"
                 yield dead_in(recording, every, signal, because)
-            continue
-        shown = float(values[np.isfinite(values)][0])
-        if (high is None or shown < high) and _should_move(signal, shown, course):
-            because = "it never moves, while the balances say that it should"
-            yield stuck_in(recording, every, signal, because)
-
-
-def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
-    """Whether the balances move a reading by more than its sensor and its display hide."""
-    u = float(np.median(systematic_u(signal, course)))
-    digit = last_digit(signal.shown(shown)) * abs(signal.factor)
-    hidden = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
-    return bool(np.ptp(course) > hidden)
-
-
-def _predicted(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:
-    """Every output by the balances as they are, shape (n,), SI; none without inputs."""
-    table = [filled(recording.values[n]) for n in dynamics.inputs]
-    begins = zip(dynamics.states, nominal_starts(dynamics).tolist(), strict=True)
-    values = {**dynamics.values, **{start_of(s.id): start for s, start in begins}}
-    held = np.array([ruleset.signal_by_id[n].between == "hold" for n in dynamics.inputs])
-    found = (
-        with_free_states(dynamics).run(recording.time, np.column_stack(table), held, values).shown
-    )
-    return {
-        name: course
-        for name, course in zip(dynamics.outputs, found.T, strict=True)
-        if np.isfinite(course).all()
-    }
+        elif high is None or shown[0] < high:
+            # The balances must move it by more than its sensor and its display hide.
+            u = float(np.median(systematic_u(signal, course)))
+            digit = last_digit(signal.shown(float(shown[0]))) * abs(signal.factor)
+            hidden = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
+            if np.ptp(course) > hidden:
+                because = "it never moves, while the balances say that it should"
+                yield stuck_in(recording, every, signal, because)

@@ -19,12 +19,15 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import Baselines
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit, pair_starts
-from rulec_runtime.diagnosis.steady.hypothesis import gain_of
-from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
+from rulec_runtime.diagnosis.steady.hypothesis import gain_of, stacked_test, test_of
+from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import (
+    chi_square_limit,
+    spread_evenly,
+    thinned,
+)
 from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
-from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test, thinned
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is present: in the run only, also in the baseline, or in the baseline only."""
@@ -88,7 +91,7 @@ def fits_of(
     """Fit hypotheses to all stretches of each run; `observed` is not shifted by baselines."""
     alike: dict[tuple[bytes, int, int], list[_Stack]] = {}
     for run, members in enumerate(runs):
-        points, valid = spread_evenly(observed, members)
+        points, valid = spread_evenly(observed.valid, members)
         learned = baselines.learned_at(members[0])
         usable = learned[observed.valid[:, learned][valid].all(axis=0)]
         stack = _Stack(run, members, thinned(usable), points, valid)
@@ -191,7 +194,7 @@ def _contrasts(
     least = share * float(chance.max(initial=0.0))
     most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > least[i]]
     point, valid = stacks[0].points[:1], stacks[0].valid
-    one = test_of(ruleset, observed, valid, residual_basis(ruleset, valid), point)
+    one = test_of(ruleset, observed, valid, point)
     return Contrasts(one, len(stacks[0].learned) + len(stacks[0].points)).basis(most)
 
 

@@ -23,10 +23,9 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import times_of
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.degree_search import Trial
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.isolate import test_of
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, stacked_test, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test
+from rulec_runtime.diagnosis.steady.redundancy import spread_evenly
 
 Moments = tuple[float, float]
 """A number with its standard uncertainty."""
@@ -340,13 +339,13 @@ def stack_of(
     the combinations that show the `named` faults."""
     if len(points) < limits.POINTS_THAT_GROW:
         return None
-    members, valid = spread_evenly(observed, points, limits.POINTS_OF_A_COURSE)
+    members, valid = spread_evenly(observed.valid, points, limits.POINTS_OF_A_COURSE)
     time, present = times_of(observed)[members], np.ones((len(members), 1))
     if len(members) < limits.POINTS_THAT_GROW or not np.all(np.diff(time) > 0.0):
         return None
     test = stacked_test(ruleset, observed, valid, members[:, None], present, wanders=limits.WANDERS)
     if len(test.basis) >= limits.MANY_RESIDUALS:
-        one = test_of(ruleset, observed, valid, test.basis, members[len(members) // 2 :][:1])
+        one = test_of(ruleset, observed, valid, members[len(members) // 2 :][:1])
         some, shown = Contrasts(one, len(members)).basis(named)
         if not shown:
             return None

@@ -25,8 +25,7 @@ from rulec_runtime.diagnosis.steady.points import (
     points_of_samples,
     points_of_stretches,
 )
-from rulec_runtime.diagnosis.steady.redundancy import has_many
-from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
+from rulec_runtime.diagnosis.steady.redundancy import has_many, thinned
 from rulec_runtime.recordings.plant_calendar import ENDED
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, systematic_u, timeline_of
@@ -53,10 +52,9 @@ def events_of(
     for part in evaluated:
         if has_many(part.part.ruleset):
             continue
-        sound = _sound(part)
-        both = evaluate_part(ruleset, part.part, _behind(part.points.at(sound), alone), mode)
+        both, before = _beside_sound(ruleset, part, alone, mode)
         off = np.zeros(len(recording), dtype=bool)
-        off[samples] = both.isolation.deviating[len(sound) :]
+        off[samples] = both.isolation.deviating[before:]
         events = _events(gaps, part, off)
         if len(events) >= limits.FEWEST_EVENTS:
             yield from _pooled(recording, ruleset, events, noise, part, mode)
@@ -105,15 +103,20 @@ def _pooled(
 ) -> Iterator[Finding]:
     """Findings by all events of a part of a plant together, beside its sound stretches."""
     spans = Stretches(events[:, 0], events[:, 1])
-    sound = _sound(evaluated)
     own = points_of_stretches(recording, ruleset, spans, noise)
-    both = evaluate_part(ruleset, evaluated.part, _behind(evaluated.points.at(sound), own), mode)
-    timeline = _one_after_the_other(timeline_of(recording.time, spans), len(sound))
+    both, before = _beside_sound(ruleset, evaluated, own, mode)
+    times = timeline_of(recording.time, spans)
+    # All sound stretches came before.
+    earlier = np.full(before, times.since[0] - 1.0)
+    timeline = Timeline(
+        since=np.concatenate([earlier, times.since]),
+        until=np.concatenate([earlier, times.until]),
+        samples=np.concatenate([np.full(before, common.PERSISTENCE), times.samples]),
+        later=np.concatenate([np.full(before, times.later[0]), times.later]),
+        paused=np.zeros(before + len(times), dtype=bool),
+    )
     for finding in findings_of(timeline, ruleset, both).findings:
-        there = np.flatnonzero(
-            (timeline.since[len(sound) :] >= finding.since)
-            & (timeline.until[len(sound) :] <= finding.until)
-        )
+        there = np.flatnonzero((times.since >= finding.since) & (times.until <= finding.until))
         summary = _summary(recording, ruleset, events[there], own.at(there))
         glitch = finding.fault.in_sensor and summary.samples < limits.LEAST_EVENT * summary.count
         if summary.count >= limits.FEWEST_EVENTS and not glitch and finding.behind is not ENDED:
@@ -122,27 +125,15 @@ def _pooled(
             )
 
 
-def _sound(evaluated: EvaluatedPoints) -> np.ndarray:
+def _beside_sound(
+    ruleset: Ruleset, evaluated: EvaluatedPoints, own: Points, mode: str
+) -> tuple[EvaluatedPoints, int]:
+    """Events, which are too short for lags, judged behind sound stretches of a part of the plant,
+    and the number of these."""
     sound = np.flatnonzero(evaluated.isolation.judged & ~evaluated.isolation.deviating)
-    return thinned(sound, common.STRETCHES_LOOKED_AT)
-
-
-def _behind(sound: Points, own: Points) -> Points:
-    """Sound stretches followed by events, which are too short for lags."""
-    return one_after_the_other([sound, replace(own, lag={})])
-
-
-def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
-    """A timeline of events after so many sound stretches, all of which came before."""
-    begin = own.since[0] - 1.0
-    before = np.full(sound, begin)
-    return Timeline(
-        since=np.concatenate([before, own.since]),
-        until=np.concatenate([before, own.until]),
-        samples=np.concatenate([np.full(sound, common.PERSISTENCE), own.samples]),
-        later=np.concatenate([np.full(sound, own.later[0]), own.later]),
-        paused=np.zeros(sound + len(own), dtype=bool),
-    )
+    some = evaluated.points.at(thinned(sound, common.STRETCHES_LOOKED_AT))
+    both = one_after_the_other([some, replace(own, lag={})])
+    return evaluate_part(ruleset, evaluated.part, both, mode), len(both) - len(own)
 
 
 def _summary(recording: Recording, ruleset: Ruleset, events: Gaps, points: Points) -> Events:

@@ -51,18 +51,15 @@ def evidence_at(
     """All residuals of a part at a point, beside those that a fault predicts: 0 without one."""
     ruleset, observed = evaluated.part.ruleset, evaluated.observed
     cells = () if fault is None else ruleset.cells_of_fault[fault.id]
-    signs = {c.residual: c.sign for c in cells}
-    index = ruleset.observer_index
+    signs = {c.residual: {1: "+", -1: "-"}.get(c.sign, "0") for c in cells}
+    tables = observed.residuals, observed.residual_u, observed.residual_systematic
     rows = []
     for i, residual in enumerate(ruleset.residuals):
-        expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
-        value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
-        shared = float(observed.residual_systematic[i, point])
-        usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
-        verdict = "invalid"
-        if usable and np.isfinite(value) and np.isfinite(u):
-            verdict = sign_of(value, u)
-        else:
-            value, u, shared = 0.0, 0.0, 0.0
+        value, u, shared = (float(table[i, point]) for table in tables)
+        places = [ruleset.observer_index[t.observer] for t in residual.terms]
+        verdict = sign_of(value, u)
+        if not (observed.valid[places, point].all() and np.isfinite(value) and np.isfinite(u)):
+            value, u, shared, verdict = 0.0, 0.0, 0.0, "invalid"
+        expected = signs.get(residual.id, "0")
         rows.append(Evidence(residual.id, value, u, shared, threshold_of(u), verdict, expected))
     return tuple(rows)

@@ -18,8 +18,8 @@ from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.liquid import by_temperature, with_temperature
 from rulec_runtime.diagnosis.steady.persistence import runs_of, strongest_of, too_brief
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.redundancy import thinned
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
-from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
 from rulec_runtime.diagnosis.steady.verdict import (
     Off,
     Verdict,

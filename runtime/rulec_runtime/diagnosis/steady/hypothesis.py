@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady.baseline import remembered, times_of
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, metric_of
 from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
 
 
 @dataclass(frozen=True)
@@ -25,15 +27,75 @@ class Scales:
     lasting: Array
 
 
-class Spread(Protocol):
-    """Uncertainty of the residuals of problems; `members` have the shape (points, n)."""
+Wanders = tuple[tuple[float, float], ...]
+"""Time constants of lasting errors, s, with their shares of the variance."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Uncertainty of the residuals of problems; `members` have the shape (points, n).
+
+    Without `wanders` the points are on their own, relative to their baselines.
+    """
+
+    observed: Observed
+    valid: np.ndarray
+    basis: Array
+    wanders: Wanders = ()
+    known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
         """Covariance of the residuals, as measured or with scaled errors: shape (n, points * rank,
         points * rank), (m3/s)^2."""
+        basis, rank, (points, n) = self.basis, len(self.basis), members.shape
+        if not self.wanders:
+            return self._alone(members[0], scales)
+        shared, noise = self._errors(members)
+        if scales is not None:
+            shared = shared * scales.lasting[:, None]
+            noise = noise * scales.noise[:, None] * scales.noise
+        gradients = (
+            np.tensordot(basis, shared, axes=1).transpose(3, 2, 0, 1).reshape(n, -1, len(shared[0]))
+        )
+        time = times_of(self.observed)[members]
+        kept = sum(part * remembered(time[:, None] - time, each) for each, part in self.wanders)
+        lasts = np.asarray(kept).transpose(2, 0, 1)
+        whole = (gradients @ gradients.transpose(0, 2, 1)).reshape(n, points, rank, points, rank)
+        whole *= lasts[:, :, None, :, None]
+        half = np.tensordot(basis, noise, axes=1)
+        own = np.tensordot(basis, half, axes=(1, 1)).transpose(3, 2, 0, 1)
+        for point in range(points):
+            whole[:, point, :, point] += own[:, point]
+        return whole.reshape(n, points * rank, points * rank)
 
-    def seen_by(self, basis: Array) -> Spread:
-        """The same of other residuals."""
+    def _alone(self, points: np.ndarray, scales: Scales | None) -> Array:
+        if scales is None:
+            return covariance_of(self.basis, self.observed.covariance, self.valid, points)
+        noise, both = (
+            table[points][:, self.valid][:, :, self.valid]
+            for table in (self.observed.noise, self.observed.covariance)
+        )
+        scaled = (
+            table * factors[:, 0].T[:, :, None] * factors[:, 0].T[:, None, :]
+            for table, factors in ((noise, scales.noise), (both - noise, scales.lasting))
+        )
+        return np.asarray(self.basis @ sum(scaled) @ self.basis.T)
+
+    def _errors(self, members: np.ndarray) -> tuple[Array, Array]:
+        """Slopes of the usable flows by lasting errors, and the covariance of errors new at each
+        point, points and problems last."""
+        key = members.tobytes()
+        if key not in self.known:
+            # Kept for the same problems with other residuals, which follow next.
+            self.known.clear()
+            own, every = np.flatnonzero(self.valid), members.ravel()
+            shared = self.observed.shared[..., every][own]
+            noise = np.moveaxis(self.observed.noise[every][:, own][:, :, own], 0, -1)
+            self.known[key] = (
+                shared.reshape(*shared.shape[:2], *members.shape),
+                noise.reshape(*noise.shape[:2], *members.shape),
+            )
+        return self.known[key]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +174,7 @@ class HypothesisTest:
 
     def seen_by(self, basis: Array) -> HypothesisTest:
         """The same problems in other combinations of the flows, shape (rank, usable flows)."""
-        found = replace(self, basis=basis, spread=self.spread.seen_by(basis), known=None)
+        found = replace(self, basis=basis, spread=replace(self.spread, basis=basis), known=None)
         # These do not depend on the combinations, so they are worked out once.
         for name in ("flows", "offsets", "each"):
             found.__dict__[name] = getattr(self, name)
@@ -217,3 +279,32 @@ def in_a_row(table: Array) -> Array:
     """A table of touched flows, shape (touched, ..., points, n), as that of the problems, one point
     after the other: shape (points * touched, ..., n)."""
     return np.moveaxis(table, -2, 0).reshape(-1, *table.shape[1:-2], table.shape[-1])
+
+
+def test_of(
+    ruleset: Ruleset, observed: Observed, valid: np.ndarray, members: np.ndarray
+) -> HypothesisTest:
+    """Test of points on their own, with their covariance."""
+    return stacked_test(ruleset, observed, valid, members[None], np.ones((1, len(members))), ())
+
+
+def stacked_test(
+    ruleset: Ruleset,
+    observed: Observed,
+    valid: np.ndarray,
+    members: np.ndarray,
+    present: Array,
+    wanders: Wanders = ((limits.LASTING, 1.0),),
+) -> HypothesisTest:
+    """Test of stacks, n of them, of points: a degree that fits one of them must fit all. `members`
+    and `present` of shape (points, n)."""
+    basis = residual_basis(ruleset, valid)
+    return HypothesisTest(
+        ruleset=ruleset,
+        observed=observed,
+        valid=valid,
+        basis=basis,
+        members=members,
+        present=present,
+        spread=Spread(observed, valid, basis, wanders),
+    )

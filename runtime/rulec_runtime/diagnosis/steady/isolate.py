@@ -11,7 +11,7 @@ Source: own derivation, see docs/method.md; generalised least squares as in any 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from statistics import NormalDist
 
 import numpy as np
@@ -21,9 +21,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
 from rulec_runtime.diagnosis.steady.degree_search import Faults, Outcomes, fit
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, gain_of
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, groups_of
 from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
 
 
@@ -109,8 +109,8 @@ def isolate(
 
 def tests_of(ruleset: Ruleset, observed: Observed) -> Iterator[HypothesisTest]:
     """Tests of all points on their own whose estimates check each other."""
-    for valid, members, basis in groups_of(ruleset, observed.valid):
-        yield test_of(ruleset, observed, valid, basis, members)
+    for valid, members, _ in groups_of(ruleset, observed.valid):
+        yield test_of(ruleset, observed, valid, members)
 
 
 def agreement(
@@ -128,47 +128,6 @@ def agreement(
         chi[test.members[0]] = np.where(np.isfinite(found), found, np.inf)
         freedom[test.members[0]] = len(test.basis)
     return chi, freedom
-
-
-def test_of(
-    ruleset: Ruleset, observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
-) -> HypothesisTest:
-    """Test of points on their own, with their covariance."""
-    return HypothesisTest(
-        ruleset=ruleset,
-        observed=observed,
-        valid=valid,
-        basis=basis,
-        members=members[None],
-        present=np.ones((1, len(members))),
-        spread=_Alone(observed, valid, basis),
-    )
-
-
-@dataclass(frozen=True)
-class _Alone:
-    """Uncertainty of the residuals of points on their own."""
-
-    observed: Observed
-    valid: np.ndarray
-    basis: Array
-
-    def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
-        (points,) = members
-        if scales is None:
-            return covariance_of(self.basis, self.observed.covariance, self.valid, points)
-        noise = self.observed.noise[points][:, self.valid][:, :, self.valid]
-        lasting = self.observed.covariance[points][:, self.valid][:, :, self.valid] - noise
-        own = _scaled(noise, scales.noise[:, 0]) + _scaled(lasting, scales.lasting[:, 0])
-        return np.asarray(self.basis @ own @ self.basis.T)
-
-    def seen_by(self, basis: Array) -> _Alone:
-        return replace(self, basis=basis)
-
-
-def _scaled(covariance: Array, factors: Array) -> Array:
-    """Covariances, shape (n, flows, flows), of flows times factors, shape (flows, n)."""
-    return np.asarray(covariance * factors.T[:, :, None] * factors.T[:, None, :])
 
 
 def _judge_group(test: HypothesisTest, result: Isolation, *, singles: bool) -> None:

@@ -18,17 +18,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.degree_search import fit
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
-from rulec_runtime.diagnosis.steady.isolate import (
-    Isolation,
-    accepted,
-    quantile,
-    shares,
-    test_of,
-)
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of, stacked_test, test_of
+from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, quantile, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.redundancy import spread_evenly
 from rulec_runtime.diagnosis.steady.screen import leading, may_fit
-from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test
 
 
 def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bool:
@@ -42,7 +36,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> bo
     judged = np.flatnonzero(isolation.judged)
     if len(judged) < 2:
         return False
-    points, valid = spread_evenly(observed, judged)
+    points, valid = spread_evenly(observed.valid, judged)
     whole = stacked_test(ruleset, observed, valid, points[:, None], np.ones((len(points), 1)))
     # Only stretches with the same usable estimates.
     judged = judged[(observed.valid[:, judged] == valid[:, None]).all(axis=0)]
@@ -87,7 +81,7 @@ def _telling_most(
     if len(whole.basis) < limits.MANY_RESIDUALS:
         return whole, every, _scores(whole)[:, 0]
     middle = whole.members[len(whole.members) // 2]
-    one = test_of(whole.ruleset, whole.observed, whole.valid, whole.basis, middle)
+    one = test_of(whole.ruleset, whole.observed, whole.valid, middle)
     scores, best, own = np.zeros(len(every)), whole, every
     for basis, shown in Contrasts(one, len(whole.members)).groups():
         test = whole.seen_by(basis)

@@ -12,9 +12,10 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.steady.hypothesis import stacked_test
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import slope_names
-from rulec_runtime.diagnosis.steady.stacked_stretches import spread_evenly, stacked_test
+from rulec_runtime.diagnosis.steady.redundancy import spread_evenly
 from rulec_runtime.diagnosis.steady.verdict import disagreeing
 from rulec_runtime.recordings.stationary import Timeline
 
@@ -58,7 +59,7 @@ def _explains(evaluated: EvaluatedPoints, judged: np.ndarray) -> bool:
     errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
     known = {*plain.points.u, *lags, *ruleset.misfits}
     reach = np.array([1.0 if name in known else limits.SHEET_REACH for name in errors])
-    points, valid = spread_evenly(plain, judged)
+    points, valid = spread_evenly(plain.valid, judged)
     wide = replace(plain, shared=plain.shared * reach[:, None])
     test = stacked_test(ruleset, wide, valid, points[:, None], np.ones((len(points), 1)))
     limit = accepted(test.freedom, 0, evaluated.isolation.chance)

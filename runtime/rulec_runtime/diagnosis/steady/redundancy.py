@@ -1,6 +1,6 @@
 """Redundancy: what several estimates of the same flows say beyond the flows themselves."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -109,6 +109,25 @@ def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     patterns, group = np.unique(valid, axis=1, return_inverse=True)
     for i, pattern in enumerate(patterns.T):
         yield pattern, np.flatnonzero(np.ravel(group) == i)
+
+
+def spread_evenly(
+    valid: np.ndarray, members: Sequence[int] | np.ndarray, most: int = limits.STACKED
+) -> tuple[np.ndarray, np.ndarray]:
+    """Some stretches of a run, spread evenly, that share their usable observers, and flags of
+    these; `valid` flags those of all stretches, shape (observers, n)."""
+    chosen = np.asarray(members)
+    patterns, group, counts = np.unique(
+        valid[:, chosen], axis=1, return_inverse=True, return_counts=True
+    )
+    usual = int(np.argmax(counts))
+    return thinned(chosen[np.ravel(group) == usual], most), patterns[:, usual]
+
+
+def thinned(points: np.ndarray, most: int = limits.STACKED) -> np.ndarray:
+    """At most so many points, spread evenly."""
+    places = np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int)
+    return np.asarray(points[places])
 
 
 def groups_of(

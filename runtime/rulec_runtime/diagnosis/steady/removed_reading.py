@@ -18,8 +18,7 @@ from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
-from rulec_runtime.diagnosis.steady.redundancy import at_once, chi_square_limit, has_many
-from rulec_runtime.diagnosis.steady.stacked_stretches import thinned
+from rulec_runtime.diagnosis.steady.redundancy import at_once, chi_square_limit, has_many, thinned
 
 
 def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
