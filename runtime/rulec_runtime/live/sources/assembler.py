@@ -86,7 +86,8 @@ class _Missing:
 class Assembler:
     """Rows from values; `place_of` names the place of each signal.
 
-    A source that is not read is reported as a whole, not by its signals.
+    A source that is not read is reported as a whole, not by its signals; a signal that comes on its
+    own and is silent while others are not, by itself.
     """
 
     def __init__(
@@ -185,22 +186,31 @@ class Assembler:
             now, found = clocks.monotonic(), []
             if self._pending and now - self._first >= self._interval:
                 self._end_row()
-            silent = [place for place, silence in self._silence.items() if silence.begins()]
+            silent = {p: s.lasts for p, s in self._silence.items() if s.begins()}
             for place in silent:
                 self.lost(place)
+            # Silent alone, while others still come, is a matter of that signal.
+            others = any(self._silence[place].lasts < self._stale / 2 for place in self._heard)
+            alone = {
+                place: silent.pop(place) for place in [*silent] if others and self._single(place)
+            }
             if silent:
-                seconds = max(self._silence[place].lasts for place in silent)
                 names = f"{', '.join(silent)}: " if any(silent) else ""
-                text = f"{names}no value for {seconds:.0f} s"
+                text = f"{names}no value for {max(silent.values()):.0f} s"
                 found.append(notice("stale", clocks.time(), text))
             for signal, one in self._missing.items():
-                lasts = now - (one.since if one.told else one.first)
-                read = self._place_of[signal] in self._heard
-                if read and lasts >= self._stale and one.told != one.why:
+                place = self._place_of[signal]
+                lasts = alone.get(place, now - (one.since if one.told else one.first))
+                heard = place in self._heard and lasts >= self._stale and one.told != one.why
+                if heard or place in alone:
                     one.told = one.why
                     text = f"{signal} has had no reading for {lasts:.0f} s: {one.why}"
                     found.append(notice("stale", clocks.time(), text, signal=signal))
             self._hand.notices(found)
+
+    def _single(self, place: str) -> bool:
+        """Whether a place is one signal among others."""
+        return list(self._place_of.values()).count(place) == 1
 
     def _end_row(self) -> None:
         """Hand out the row if it is later than the last; otherwise the next row has its values."""
