@@ -23,6 +23,7 @@ from tests.conftest import ROOT, compiled
 from tests.rig.follower.agreement import first_rows
 from tests.rig.follower.plants import part_of
 from tests.runtime.tanks import made, plant
+from tests.runtime.test_courses import DEGREE, coming, read
 
 
 def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
@@ -223,6 +224,16 @@ def test_no_reading_of_a_healthy_tank_is_beyond_its_threshold() -> None:
         assert diagnosis.status == "ok"
         assert {e.verdict for e in diagnosis.latest.residuals} == {"0"}
     assert odd
+
+
+def test_a_fault_that_comes_and_goes_is_told_as_in_a_recording() -> None:
+    """Shorter than a settled stretch each time: one alarm, however often it comes again."""
+    rules, recording = compiled("abc"), read(coming(6, 60, DEGREE), 1)
+    told = followed(rules, recording, range(60, 361, 60))
+    assert told[-1].diagnosis.findings == diagnose(recording, rules).findings
+    assert told[-1].diagnosis.findings[0].events is not None
+    happened = [(e.what, e.episode.subject) for e in events_of(told)]
+    assert happened == [("began", "A.leakage"), ("ended", "A.leakage")]
 
 
 SIGHT = Horizon(np.arange(401.0), 400.0)

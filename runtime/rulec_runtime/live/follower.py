@@ -3,8 +3,8 @@ whole recording.
 
 The latest rows are judged like a recording. Older rows are reduced to operating points
 (`history.py`), so memory is bounded and a fault that lasts for days is still compared with the
-readings before it. As long as no row was dropped, what settled stretches show equals the diagnosis
-of the whole recording to the last digit; events shorter than a stretch are told by that alone.
+readings before it. As long as no row was dropped, the result equals the diagnosis of the whole
+recording to the last digit.
 """
 
 from collections.abc import Iterator, Sequence

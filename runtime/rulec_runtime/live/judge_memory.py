@@ -17,6 +17,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     evaluate_points,
     judgeable,
 )
+from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.findings import Found, Period
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined, some
@@ -50,6 +51,9 @@ def judged_memory(ruleset: Ruleset, memory: Memory) -> tuple[Diagnosis, float | 
         return diagnosis, None, _bounded(memory, whole, stretches, np.zeros(0, dtype=bool))
     evaluated = evaluate_points(ruleset, whole.points, whole.halves, "default")
     samples, found = told_of(ruleset, whole.timeline, evaluated)
+    dropped = len(whole) - len(stretches)
+    events = events_of(recording, ruleset, stretches, noise, evaluated, "default", dropped)
+    found.findings.extend(events)
     found.not_judged.extend(_unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
     over = _over(whole.timeline, evaluated, diagnosis)

@@ -42,9 +42,11 @@ def events_of(
     noise: Mapping[str, float],
     evaluated: list[EvaluatedPoints],
     mode: str,
+    earlier: int = 0,
 ) -> Iterator[Finding]:
-    """One finding per intermittent fault."""
+    """One finding per intermittent fault; `earlier` points came before the first stretch."""
     gaps = _without_reason(recording, ruleset, stretches, noise)
+    gaps[:, 2] += earlier
     if len(gaps) < limits.FEWEST_EVENTS or not all(part.combined for part in evaluated):
         return
     samples = np.concatenate([np.arange(a, b) for a, b, _ in gaps])
