@@ -22,11 +22,7 @@ from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit, pair_sta
 from rulec_runtime.diagnosis.steady.hypothesis import gain_of, stacked_test, test_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import (
-    chi_square_limit,
-    spread_evenly,
-    thinned,
-)
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, spread_evenly, thinned
 from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"

@@ -47,8 +47,7 @@ def fit(
     Parameters
     ----------
     tried : shape (hypotheses, n), which of them to try on which problems; default all.
-    starts : initial degrees, of a shape that broadcasts to (faults, starts, hypotheses, n); default
-        by the faults.
+    starts : initial degrees, shape (faults, starts, hypotheses, n); default by the faults.
     """
     shape = (len(hypotheses), len(test))
     count = len(hypotheses[0]) if hypotheses else 1
@@ -56,7 +55,7 @@ def fit(
     found = Outcomes(degree, u, np.full(shape, np.inf), np.full(shape, -np.inf))
     size = max(limits.TABLE // max(test.freedom**2, 1), 1)
     for i, faults in enumerate(hypotheses):
-        begin = _starts(faults) if starts is None else starts[:, :, min(i, starts.shape[2] - 1)]
+        begin = _starts(faults) if starts is None else starts[:, :, i]
         begin = np.broadcast_to(begin, (*begin.shape[:2], len(test)))
         touched = test.touched(faults)
         # Not where a fault would affect a reading that was removed.

@@ -21,12 +21,7 @@ from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
-from rulec_runtime.diagnosis.stores.window_fit import (
-    Fitted,
-    KnownErrors,
-    Model,
-    model_of,
-)
+from rulec_runtime.diagnosis.stores.window_fit import Fitted, KnownErrors, Model, model_of
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
 from rulec_runtime.recordings.robust_statistics import memory_of
 
