@@ -136,8 +136,8 @@ class NoMessage(ValueError):
     """The bytes are not a valid message."""
 
 
-_VARINT, _BYTES, _REALS = 0, 2, {1: "<d", 5: "<f"}
-"""Wire types; those of reals with their form."""
+_WIRE_TYPES = {0: "varint", 1: "<d", 2: "bytes", 5: "<f"}
+"""Kinds of fields; those of reals by their form."""
 
 _OTHER = {
     str: "a name is no text",
@@ -171,17 +171,17 @@ def fields(data: bytes) -> Iterator[tuple[int, int | float | bytes]]:
         number, kind = tag >> 3, tag & 7
         if not number:
             raise NoMessage("a field has number 0")
-        if kind == _VARINT:
+        form = _WIRE_TYPES.get(kind)
+        if form is None:
+            raise NoMessage("a field is of an unknown kind")
+        if form == "varint":
             yield number, varint()
             continue
-        if kind != _BYTES and kind not in _REALS:
-            raise NoMessage("a field is of an unknown kind")
-        form = _REALS.get(kind, "")
-        size = struct.calcsize(form) if form else varint()
+        size = varint() if form == "bytes" else struct.calcsize(form)
         if size > len(data) - at:
             raise NoMessage("a field is longer than the message")
         part, at = data[at : at + size], at + size
-        yield number, struct.unpack(form, part)[0] if form else part
+        yield number, part if form == "bytes" else struct.unpack(form, part)[0]
 
 
 def _known(data: bytes, names: Mapping[int, tuple[str, type]]) -> Iterator[tuple[str, Any]]:

@@ -102,8 +102,8 @@ def explanation_of(now: Now, place: int) -> RenderableType:
 def _card(card: Card, selected: bool, width: int) -> RenderableType:
     """A mark, and beside it some lines, of which the longest may wrap twice."""
     letter = card.episode.status
-    badge = f"[bold {_colour(letter)}]{STATUS[letter][0]} {letter}[/]"
-    mark = styled(f"{{}} {badge}", ">" if selected else " ")
+    pointer, symbol = ">" if selected else " ", STATUS[letter][0]
+    mark = styled("{} [bold {}]{} {}[/]", pointer, _colour(letter), symbol, letter)
     style = "bold reverse" if selected else "bold"
     size = f"{card.episode.subject} {card.size}, " if card.size else ""
     rest = width - mark.cell_len - 1
@@ -128,10 +128,10 @@ def _bars(residuals: tuple[Bar, ...]) -> Table:
     for justify in ("left", "right", "right", "left", "left"):
         table.add_column(justify=justify, no_wrap=True)
     for bar in residuals:
-        template = "[bold]{}[/]" if bar.beyond else "[dim]{}[/]"
-        row = [styled(template, part) for part in (bar.value, drawn(bar), bar.words)]
+        style = "bold" if bar.beyond else "dim"
+        row = [styled("[{}]{}[/]", style, part) for part in (bar.value, drawn(bar), bar.words)]
         row.insert(1, styled("[dim]{}[/]", bar.threshold))
-        table.add_row(styled(f"  {template}", bar.name), *row)
+        table.add_row(styled("  [{}]{}[/]", style, bar.name), *row)
     return table
 
 
