@@ -17,37 +17,34 @@ from rulec.mismatch.result import Confounded, Course, Errors, Fit, Series
 
 
 def profile(line: Line) -> tuple[float, float]:
-    """95 % interval of a value by its profile likelihood, SI.
+    """95 % interval of a value by its profile likelihood, SI: where the likelihood has fallen by
+    enough on each side, within the range.
 
     Source: Venzon and Moolgavkar 1988.
     """
-    low, high = (_end(line, side) for side in (-1.0, 1.0))
-    return low, high
-
-
-def _end(line: Line, side: float) -> float:
-    """Where the likelihood has fallen by enough on one side, within the range."""
-    reach = line.value - line.lowest if side < 0 else line.highest - line.value
-    pace = line.pace
-    step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
-    for _ in range(pace.steps):
-        if step <= 0.0:
-            break
-        fall = line.fall(side * step)
-        if fall < common.DROP:
-            inside = step
-            if step >= reach:
+    pace, ends = line.pace, []
+    for side, reach in ((-1.0, line.value - line.lowest), (1.0, line.highest - line.value)):
+        step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
+        for _ in range(pace.steps):
+            if step <= 0.0:
                 break
-            ratio = float(np.sqrt(common.DROP / fall)) if fall > 0 else pace.uphill
-            grow = float(np.clip(ratio, pace.shortest, limits.LONGEST_STEP))
-            between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
-            step = min(step * grow, reach, between)
-        else:
-            outside = step
-            step = max(step * float(np.sqrt(common.DROP / fall)), 0.25 * (inside + outside))
-        if abs(fall - common.DROP) < pace.near:
-            break
-    return float(line.value + side * step)
+            fall = line.fall(side * step)
+            if fall < common.DROP:
+                inside = step
+                if step >= reach:
+                    break
+                ratio = float(np.sqrt(common.DROP / fall)) if fall > 0 else pace.uphill
+                grow = float(np.clip(ratio, pace.shortest, limits.LONGEST_STEP))
+                between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
+                step = min(step * grow, reach, between)
+            else:
+                outside = step
+                step = max(step * float(np.sqrt(common.DROP / fall)), 0.25 * (inside + outside))
+            if abs(fall - common.DROP) < pace.near:
+                break
+        ends.append(float(line.value + side * step))
+    low, high = ends
+    return low, high
 
 
 def confounded(
@@ -165,13 +162,17 @@ def fit_of(
         )
         for part, size, own in zip(inside, noise, explained, strict=True)
     )
+    # Negative if the repair makes it worse; NaN if nothing was held out or explainable.
+    explainable = heldout.recalibrated**2 - heldout.noise**2
+    gained = heldout.recalibrated**2 - heldout.repaired**2
+    closed = np.clip(gained / explainable, -1.0, 1.0) if explainable > 0 else np.nan
     return Fit(
         signal=signal.id,
         unit=signal.unit,
         estimation=estimation,
         heldout=heldout,
         gain_interval=gain_interval(shown[1][inside[1]], shown[2][inside[1]]),
-        closed=closed_share(heldout),
+        closed=float(closed),
     )
 
 
@@ -195,13 +196,3 @@ def gain_interval(before: Array, after: Array) -> tuple[float, float]:
     gain = 1.0 - np.sqrt(totals[1] / np.maximum(totals[0], 1e-300))
     low, high = np.quantile(gain, [0.025, 0.975])
     return float(low), float(high)
-
-
-def closed_share(errors: Errors) -> float:
-    """Share of the explainable squared error that the repair explains.
-
-    Negative if the repair makes it worse; NaN if nothing was held out or explainable.
-    """
-    explainable = errors.recalibrated**2 - errors.noise**2
-    gained = errors.recalibrated**2 - errors.repaired**2
-    return float(np.clip(gained / explainable, -1.0, 1.0)) if explainable > 0 else float("nan")

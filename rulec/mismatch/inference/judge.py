@@ -69,21 +69,9 @@ class Judge:
         return np.array([c.candidate.id for c in self.columns], dtype=str)
 
     @cached_property
-    def _solved(self) -> Array:
-        """Maps residuals to the values fitted to them, shape (values, rows)."""
-        table, weights, (normal, unit) = self.model.table, self.model.weights, self.model.normal
-        scaled = normal + 1e-12 * np.eye(len(unit))
-        solution = np.linalg.solve(scaled, (table / unit * weights[:, None]).T)
-        return np.asarray(-solution / unit[:, None])
-
-    def _free(self, columns: Array) -> Array:
-        """Columns, shape (rows, columns), weighted, without the part that values can fit."""
-        fitted = self.model.table @ (self._solved @ columns)
-        return np.asarray(self.model.weights[:, None] * (columns + fitted))
-
-    @cached_property
     def _shown(self) -> Array:
-        return self._free(self.rows)
+        """All columns, weighted, without the part that values can fit."""
+        return self.model.alone(self.rows)
 
     @cached_property
     def _gram(self) -> Array:
@@ -202,7 +190,7 @@ class Judge:
         direction of each term, and prior log odds of the terms, shape (terms, 1)."""
         ways, shown, own, odds = Counter((t.spot, t.driver) for t in self.terms), [], [], []
         for term, columns in zip(self.terms, self._terms, strict=True):
-            free = self._free(columns)
+            free = self.model.alone(columns)
             known, turned = np.linalg.eigh(columns.T @ free)
             shown.append(free @ turned)
             own.append(np.maximum(known, 0.0))

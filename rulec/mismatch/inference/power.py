@@ -6,14 +6,14 @@ recording decides here: only its inputs, its noise, and prior knowledge.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.evidence import Column, Evidence, Random, id_of
+from rulec.mismatch.evidence.evidence import Column, Evidence, Random, amplitudes_of, id_of
 from rulec.mismatch.inference import limits
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.result import Detectability, SelfProof
@@ -62,28 +62,20 @@ def without_explanations(evidence: Evidence, model: Model) -> Model:
     )
 
 
-@dataclass(frozen=True)
-class Replayer:
-    """Draws replays of the whitened rows by a model without explanations."""
+def drawn(judge: Judge, count: int, shift: Array, seed: int = 0) -> Array:
+    """Replays of the whitened rows: residuals at the means of the values, shape (rows, count).
 
-    evidence: Evidence
-    model: Model
-
-    def drawn(self, count: int, shift: Array, seed: int = 0) -> Array:
-        """Residuals at the means of the values, shape (rows, count).
-
-        `shift`, shape (rows, 1) or (rows, count), is the effect of a concealed explanation on them.
-        """
-        model = self.model
-        rng = np.random.default_rng(seed)
-        # Parameters of a plant have very different units: their precision is scaled first.
-        unit = np.sqrt(np.diag(model.precision))
-        lower = np.linalg.cholesky(model.precision / np.outer(unit, unit))
-        normal = rng.standard_normal((len(unit), count))
-        values = np.linalg.solve(lower.T, normal) / unit[:, None]
-        size = self.evidence.expected_weights(model.noise) ** -0.5
-        noise = size[:, None] * rng.standard_normal((len(size), count))
-        return np.asarray(noise - model.table @ values - shift)
+    `shift`, shape (rows, 1) or (rows, count), is the effect of a concealed explanation on them.
+    """
+    model, rng = judge.model, np.random.default_rng(seed)
+    # Parameters of a plant have very different units: their precision is scaled first.
+    unit = np.sqrt(np.diag(model.precision))
+    lower = np.linalg.cholesky(model.precision / np.outer(unit, unit))
+    normal = rng.standard_normal((len(unit), count))
+    values = np.linalg.solve(lower.T, normal) / unit[:, None]
+    size = judge.evidence.expected_weights(model.noise) ** -0.5
+    noise = size[:, None] * rng.standard_normal((len(size), count))
+    return np.asarray(noise - model.table @ values - shift)
 
 
 NAMELESS = "something without a name"
@@ -108,14 +100,14 @@ def asked_of(
     rng = np.random.default_rng(1)
     own = np.array(concealed)
     share = np.exp(judge.odds[own] - judge.odds[own].max())
-    drawn = rng.choice(own, count, p=share / share.sum())
-    replays = Replayer(judge.evidence, judge.model).drawn(count, judge.rows[:, drawn] * size)
+    hidden = rng.choice(own, count, p=share / share.sum())
+    replays = drawn(judge, count, judge.rows[:, hidden] * size)
     verdicts = replay_verdicts(judge, judge.judged(replays))
     best, sure = verdicts.best, verdicts.sure
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
     named = best < len(judge.columns)
     known = np.where(named, best, 0)
-    right = named & ((names[best] == judge.owner[own[0]]) | judge.alike[known, drawn])
+    right = named & ((names[best] == judge.owner[own[0]]) | judge.alike[known, hidden])
     titles = {c.candidate.id: titled_with_module(c.candidate) for c in judge.columns}
     other = Counter(titles.get(str(names[b]), NAMELESS) for b in best[sure & ~right])
     return int((sure & right).sum()), other
@@ -149,45 +141,36 @@ def seen_from(judge: Judge, concealed: Sequence[int], usual: float) -> float | N
 
 def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
     """Columns of explanations by id, as found in the most probable set with them, each with its
-    size, SI: laws are linearised at that size."""
+    size, SI: laws are linearised at that size, along their first amplitude."""
     found: dict[str, tuple[Column, float]] = {}
-    odds = posterior.odds
+    odds, evidence = posterior.odds, posterior.evidence
     for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
-        for candidate in posterior.models[names].setting.joined:
-            if candidate.id not in found:
-                one = _as_found(posterior.evidence, posterior.models[names], candidate)
-                found |= {candidate.id: one} if one is not None else {}
+        model = posterior.models[names]
+        for candidate in (c for c in model.setting.joined if c.id not in found):
+            first = next((u for u in amplitudes_of(candidate) if places_of(model, u.id)), None)
+            if first is None:
+                continue
+            null = first.null or 0.0
+            off = [float(model.at[i] - null) for i in places_of(model, first.id)]
+            size = max(off, key=abs)
+            if size == 0.0:
+                continue
+            setting = model.setting.leaving(candidate.id)
+            prior = evidence.prior(setting)
+            without = evidence.evaluated(setting, prior, prior.of(setting.values))
+            shift = model.point.residual - without.residual
+            if np.isfinite(shift).all() and shift.any():
+                courses = model.setting.courses
+                column = Column(
+                    candidate=candidate,
+                    amplitude=first,
+                    values={},
+                    fixed={},
+                    rows=shift / size,
+                    course=next((c for c in courses if c.unknown == first.id), None),
+                )
+                found[candidate.id] = column, size
     return found
-
-
-def _as_found(
-    evidence: Evidence, model: Model, candidate: Candidate
-) -> tuple[Column, float] | None:
-    """The effect of an explanation in a model that has it, as one column of its first amplitude."""
-    first, size = None, 0.0
-    for unknown in (u for u in candidate.unknowns if u.null is not None and not u.fixed):
-        for i in places_of(model, unknown.id):
-            off = float(model.at[i] - (unknown.null or 0.0))
-            first = first or unknown
-            size = off if unknown is first and abs(off) > abs(size) else size
-    if first is None or size == 0.0:
-        return None
-    setting = model.setting.leaving(candidate.id)
-    prior = evidence.prior(setting)
-    without = evidence.evaluated(setting, prior, prior.of(setting.values))
-    shift = model.point.residual - without.residual
-    if not (np.isfinite(shift).all() and shift.any()):
-        return None
-    course = next((c for c in model.setting.courses if c.unknown == first.id), None)
-    column = Column(
-        candidate=candidate,
-        amplitude=first,
-        values={},
-        fixed={},
-        rows=shift / size,
-        course=course,
-    )
-    return column, size
 
 
 def judge_of(posterior: Posterior) -> Judge:
@@ -218,8 +201,7 @@ def self_proof(
     judge, found = judge_of(posterior), found_columns(posterior)
     possible = {id_of(name) for name, p in names.items() if p >= common.REPORTED}
     sizes = {id_: size for id_, (_, size) in found.items() if id_ in possible}
-    none = np.zeros((len(judge.model.left), 1))
-    replays = Replayer(judge.evidence, judge.model).drawn(limits.REPLAYS, none)
+    replays = drawn(judge, limits.REPLAYS, np.zeros((len(judge.model.left), 1)))
     titles = {c.id: titled_with_module(c) for c in every}
     return SelfProof(
         replays=limits.REPLAYS,
@@ -238,7 +220,11 @@ def _detectability(judge: Judge, id_: str, found: Mapping[str, float], title: st
     # The column as found comes first.
     same = [i for i in own if judge.columns[i].amplitude.id == first.amplitude.id]
     concealed = same if size is None else own[:1]
-    usual = _usual(judge, own[0], size)
+    prior, (low, high) = judge.evidence.size(first.candidate, first.amplitude), judge.ends
+    # The usual size has the sign found, else a possible one.
+    sign = size if size is not None else 1.0 if high[own[0]] > 0.0 else -1.0
+    usual = np.copysign(prior.usual or prior.scale, sign)
+    usual = float(np.clip(usual, low[own[0]], high[own[0]]))
     at = usual if size is None else size
     told, other = asked_of(judge, concealed, at, limits.REPLAYS)
     told_usual = told if size is None else asked_of(judge, concealed, usual, limits.REPLAYS)[0]
@@ -256,12 +242,3 @@ def _detectability(judge: Judge, id_: str, found: Mapping[str, float], title: st
         seen_from=None if least is None else abs(least) / factor,
         found=size is not None,
     )
-
-
-def _usual(judge: Judge, column: int, found: float | None) -> float:
-    """The usual size of an amplitude, SI, with the sign found, else a possible one."""
-    one, (low, high) = judge.columns[column], judge.ends
-    size = judge.evidence.size(one.candidate, one.amplitude)
-    most = size.usual or size.scale
-    sign = found if found is not None else 1.0 if high[column] > 0.0 else -1.0
-    return float(np.clip(np.copysign(most, sign), low[column], high[column]))

@@ -6,8 +6,6 @@ number of samples.
 Source: sandwich covariance (White 1982; with autocorrelation Newey and West 1987).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust_statistics import white_noise
@@ -39,41 +37,29 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
     at = np.linspace(low, high, limits.CURVE_POINTS)
     there = drawn.functions_at(at)
     covariance = _covariance(drawn, *drawn.rows)[-count:, -count:]
-    axis = axis_of(drawn)
+    driver, axis, shown = axis_of(drawn)
     return CurveFound(
         place=place.spot,
-        driver=axis.name,
-        at=axis.over(at),
+        driver=driver,
+        at=np.interp(at, axis, shown),
         value=there @ drawn.amounts,
         covariance=there @ covariance @ there.T,
         branches=_branches(drawn),
     )
 
 
-@dataclass(frozen=True)
-class Axis:
-    """The axis of a curve: `shown`, shape (k,), SI, at values `at` of its driver."""
-
-    name: str
-    at: Array
-    shown: Array
-
-    def over(self, driver: Array) -> Array:
-        """Values of the driver on this axis, SI, shape of `driver`."""
-        return np.asarray(np.interp(driver, self.at, self.shown))
-
-
-def axis_of(drawn: FittedCurve) -> Axis:
-    """The reading of a state, the time of the recording, or the driver itself."""
+def axis_of(drawn: FittedCurve) -> tuple[str, Array, Array]:
+    """The axis of a curve: its name, and values of the driver, shape (k,), with what the axis shows
+    there, SI: the reading of a state, the time of the recording, or the driver itself."""
     driver, bench = drawn.place.driver, drawn.fitted.bench
-    at, order = np.unique(drawn.fitted.course(drawn.place.driver), return_index=True)
+    at, order = np.unique(drawn.fitted.course(driver), return_index=True)
     if driver == TIME:
-        return Axis(driver, at, at + float(bench.record.time[0]))
+        return driver, at, at + float(bench.record.time[0])
     for name in () if driver in bench.record.inputs else bench.signals:
         shown = drawn.fitted.course(name)[order]
         if (np.diff(shown) > 0.0).all():
-            return Axis(name, at, shown)
-    return Axis(driver, at, at)
+            return name, at, shown
+    return driver, at, at
 
 
 def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:

@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import Column, Evidence, Names, id_of
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.posterior import Posterior, likeliest_of, posterior
+from rulec.mismatch.search.posterior import Posterior, likeliest_of
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.scan import Alike, beside, holds, nameless, scan
 
@@ -77,7 +77,7 @@ class Search:
 
     def posterior(self) -> Posterior:
         """The posterior over all sets."""
-        return posterior(self.evidence, self.models, self.odds)
+        return Posterior(self.evidence, dict(self.models), dict(self.odds))
 
 
 def grown(

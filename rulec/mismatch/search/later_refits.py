@@ -4,7 +4,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.join_recordings import part_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import listed
@@ -12,14 +11,13 @@ from rulec_runtime.report.text import listed
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration, Course, Span
-from rulec.mismatch.evidence.evidence import Names, id_of, name_of
+from rulec.mismatch.evidence.evidence import id_of
 from rulec.mismatch.evidence.model import HELDOUT
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, settled
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
-from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.result import CandidateSet, Likely, Moved, Presence
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.grow_sets import Progress
@@ -75,19 +73,26 @@ def by_recording(
     count = len(recording.sources)
     if count < 2:
         return None
-    known: dict[frozenset[int], Posterior | None] = {frozenset(range(count)): posterior}
+    known = {frozenset(range(count)): _likely(posterior)}
 
-    def on(numbers: Collection[int]) -> Posterior | None:
+    def on(numbers: Collection[int]) -> tuple[str, dict[str, Likely]]:
         chosen = frozenset(numbers)
         if chosen not in known:
             progress(f"searching {listed([recording.sources[i] for i in sorted(chosen)])} alone")
             rows = _rows_of(part_of(recording, chosen), system, heldout)
-            known[chosen] = explain(rows, lambda text: None) if rows is not None else None
+            own = None if rows is None else explain(rows, lambda text: None)
+            known[chosen] = ("cannot judge", {}) if own is None else _likely(own)
         return known[chosen]
 
-    each = tuple(SingleRecording(number, *_result(on({number}))) for number in range(count))
-    moved = {n: _moved(on(range(n)), on(range(n + 1))) for n in range(1, count)}
-    return ByRecording(each, moved)
+    alone, moved = [], {}
+    for number in range(count):
+        verdict, every = on({number})
+        likely = [one for one in every.values() if one.probability >= common.MENTIONED]
+        likely.sort(key=lambda one: -one.probability)
+        alone.append(SingleRecording(number, verdict, tuple(likely)))
+    for number in range(1, count):
+        moved[number] = _moved(on(range(number))[1], on(range(number + 1))[1])
+    return ByRecording(tuple(alone), moved)
 
 
 def _rows_of(
@@ -101,58 +106,44 @@ def _rows_of(
     return rows if rows.groups >= common.FEWEST_POINTS else None
 
 
-def _result(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
-    """The verdict by probabilities only, and the likely explanations, the likeliest first."""
-    if found is None:
-        return "cannot judge", ()
-    every, sorts = _explanations(found)
-    kept = [one for one in every.values() if one.probability >= common.MENTIONED]
-    return _verdict(every, sorts), tuple(sorted(kept, key=lambda one: -one.probability))
+def _likely(posterior: Posterior) -> tuple[str, dict[str, Likely]]:
+    """The verdict by probabilities only, and all explanations by id: one for a fault with any
+    course, and for terms without a name over one driver.
 
-
-def _key(name: str) -> str:
-    """One key for a fault with any course, and for terms without a name over one driver."""
-    _, mark, driver = name.rpartition(TERM)
-    return TERM + driver if mark else id_of(name)
-
-
-def _explanations(posterior: Posterior) -> tuple[dict[str, Likely], dict[str, str]]:
-    """All explanations and their sorts, by id; as in a finding, that errors of laws and sensors
-    alone explain the misfit counts against those of the best set."""
-    titles, sorts = {NOTHING: "nothing left out"}, {NOTHING: "none"}
-    for names, model in posterior.models.items():
-        for candidate in model.setting.joined:
-            key, title = _key(name_of(model.setting, candidate)), titled_with_module(candidate)
-            lower = title[:1].lower() + title[1:] if title[1:2].islower() else title
-            titles[key], sorts[key] = lower, candidate.sort
-        for key in (_key(name) for name in names if TERM in name):
-            driver = key.removeprefix(TERM)
-            follows = "time" if driver == TIME else driver
-            titles[key], sorts[key] = f"something without a name over {follows}", "free"
-    shares = {NOTHING: posterior.sets.get(frozenset(), 0.0)}
+    As in a finding, that errors of laws and sensors alone explain the misfit counts against
+    explanations of the best set.
+    """
+    titles, sorts, shares = {NOTHING: "nothing left out"}, dict[str, str](), dict[str, float]()
+    for candidate in candidates_of(posterior).values():
+        key, title = candidate.id, titled_with_module(candidate)
+        lower = title[:1].lower() + title[1:] if title[1:2].islower() else title
+        titles[key], sorts[key] = lower, candidate.sort
     for names, probability in posterior.sets.items():
-        for key in {_key(name) for name in names}:
+        keys = {id_of(name) for name in names if TERM not in name}
+        for driver in {name.rpartition(TERM)[2] for name in names if TERM in name}:
+            follows = "time" if driver == TIME else driver
+            titles[TERM + driver] = f"something without a name over {follows}"
+            keys.add(TERM + driver)
+        for key in keys or {NOTHING}:
             shares[key] = shares.get(key, 0.0) + probability
     exact = posterior.tolerance.stand_out
-    inexact = {k: limits.INEXACT * (1.0 - exact.get(k, 1.0)) for k in shares}
-    return {k: Likely(k, titles[k], p * (1.0 - inexact[k])) for k, p in shares.items()}, sorts
-
-
-def _verdict(found: Mapping[str, Likely], sorts: Mapping[str, str]) -> str:
+    found = {
+        key: Likely(key, titles[key], p * (1.0 - limits.INEXACT * (1.0 - exact.get(key, 1.0))))
+        for key, p in shares.items()
+    }
     if found[NOTHING].probability >= limits.LIKELIER:
-        return "none"
+        return "none", found
     best = max(found.keys() - {NOTHING}, key=lambda key: (found[key].probability, key))
-    sort = SORTED.get(sorts[best], "unnamed")
+    sort = SORTED.get(sorts.get(best, ""), "unnamed")
     unsure = sort != "unnamed" and found[best].probability < common.CERTAIN
-    return "ambiguous" if unsure else sort
+    return "ambiguous" if unsure else sort, found
 
 
-def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ...]:
+def _moved(first: Mapping[str, Likely], last: Mapping[str, Likely]) -> tuple[Moved, ...]:
     """Probabilities before and after of explanations that are likely in either; None before the
     first recording that could be judged."""
-    first, last = ({} if found is None else _explanations(found)[0] for found in (before, after))
     found = []
-    for key, one in (first | last).items():
+    for key, one in {**first, **last}.items():
         old = first[key].probability if key in first else 0.0 if first else None
         new = last[key].probability if key in last else 0.0
         if max(old or 0.0, new) >= common.MENTIONED:
@@ -202,36 +193,35 @@ def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
 
 def possible_sets(posterior: Posterior) -> tuple[CandidateSet, ...]:
     """The sets that are still possible, the likeliest first."""
+    found, known = [], candidates_of(posterior)
     sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
-    likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= common.REPORTED]
-    return tuple(_candidate_set(posterior, names, probability) for names, probability in likely)
-
-
-def _candidate_set(posterior: Posterior, names: Names, probability: float) -> CandidateSet:
-    model, known = posterior.models[names], candidates_of(posterior)
-    setting = model.setting
-    titles = {term.name: _in_words(term) for term in model.terms}
-    titles |= {name: titled_with_module(known[name]) for name in names if name in known}
-    return CandidateSet(
-        names=tuple(sorted(names)),
-        titles=tuple(titles[name] for name in sorted(names)),
-        probability=probability,
-        joined=tuple(c.id for c in setting.joined),
-        values={name: float(value) for name, value in setting.values.items()},
-        fixed={name: float(value) for name, value in setting.fixed.items()},
-        periods=tuple(
-            Presence(c.unknown, tuple((s.since, s.until, s.level) for s in c.periods), c.grows)
-            for c in setting.courses
-        ),
-        terms=tuple((term.name, term.basis.length) for term in model.terms),
-    )
-
-
-def _in_words(term: Term) -> str:
-    where = f"{term.changed.module}.{term.changed.place}"
-    if term.basis.says:
-        return f"{where} {term.basis.says}"
-    return f"{where} follows {term.driver} in a way without a name"
+    for names, probability in sets[: limits.SETS_STANDING]:
+        if probability < common.REPORTED:
+            continue
+        model = posterior.models[names]
+        setting, titles = (
+            model.setting,
+            {n: titled_with_module(known[n]) for n in names & known.keys()},
+        )
+        for term in model.terms:
+            follows = f"follows {term.driver} in a way without a name"
+            where = f"{term.changed.module}.{term.changed.place}"
+            titles[term.name] = f"{where} {term.basis.says or follows}"
+        one = CandidateSet(
+            names=tuple(sorted(names)),
+            titles=tuple(titles[name] for name in sorted(names)),
+            probability=probability,
+            joined=tuple(c.id for c in setting.joined),
+            values={name: float(value) for name, value in setting.values.items()},
+            fixed={name: float(value) for name, value in setting.fixed.items()},
+            periods=tuple(
+                Presence(c.unknown, tuple((s.since, s.until, s.level) for s in c.periods), c.grows)
+                for c in setting.courses
+            ),
+            terms=tuple((term.name, term.basis.length) for term in model.terms),
+        )
+        found.append(one)
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -268,19 +258,17 @@ def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
 
 
 def _setting(evidence: SteadyEvidence, one: CandidateSet) -> Configuration:
-    system = evidence.system
-    known = {candidate.id: candidate for candidate in system.builder.candidates}
+    time, courses = evidence.system.data.time, []
+    for period in one.periods:
+        spans = tuple(Span(*span) for span in period.spans)
+        lasts = spans[-1].until >= float(time[-1])
+        end = np.array([spans[-1].level if lasts else -1])
+        risen = np.zeros(1) if period.grows else None
+        courses.append(Course(period.unknown, end, spans, risen=risen).at_times(time))
+    known = {candidate.id: candidate for candidate in evidence.system.builder.candidates}
     return Configuration(
         joined=tuple(known[id_] for id_ in one.joined),
         values=one.values,
         fixed=one.fixed,
-        courses=tuple(_course(period, system.data.time) for period in one.periods),
+        courses=tuple(courses),
     )
-
-
-def _course(period: Presence, time: Array) -> Course:
-    spans = tuple(Span(*span) for span in period.spans)
-    lasts = spans[-1].until >= float(time[-1])
-    end = np.array([spans[-1].level if lasts else -1])
-    risen = np.zeros(1) if period.grows else None
-    return Course(period.unknown, end, spans, risen=risen).at_times(time)

@@ -1,6 +1,6 @@
 """The posterior over sets of explanations, and what it says of each explanation."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,12 +26,17 @@ def likeliest_of(odds: Mapping[Names, float]) -> Names:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Models of the refitted sets, their log odds, nats, and their probabilities."""
+    """Models of the refitted sets, and their log odds, nats."""
 
     evidence: Evidence
     models: Mapping[Names, Model]
     odds: Mapping[Names, float]
-    sets: Mapping[Names, float]
+
+    @cached_property
+    def sets(self) -> Mapping[Names, float]:
+        """Their probabilities."""
+        weight = np.exp(np.array(list(self.odds.values())) - max(self.odds.values()))
+        return dict(zip(self.odds, (weight / weight.sum()).tolist(), strict=True))
 
     @property
     def best(self) -> Names:
@@ -51,19 +56,18 @@ class Posterior:
     @cached_property
     def tolerance(self) -> Tolerance:
         """How far readings may be off under the set `told`."""
-        return self._tolerance(self.told)
+        return Tolerance(self.evidence, self.models[self.told])
 
-    def _tolerance(self, names: Names) -> Tolerance:
-        return Tolerance(self.evidence, self.models[names])
-
-    @property
-    def _likely(self) -> dict[Names, float]:
-        return {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
+    @cached_property
+    def _likely(self) -> dict[Names, Tolerance]:
+        """The tolerance of each likely set."""
+        likely = [n for n, p in self.sets.items() if n and p > limits.LIKELY_SET]
+        return {n: Tolerance(self.evidence, self.models[n]) for n in likely}
 
     @cached_property
     def within(self) -> tuple[Names, ...]:
         """Likely sets of terms that are within the errors of laws and sensors."""
-        return tuple(n for n in self._likely if n == self._tolerance(n).within)
+        return tuple(n for n, tolerance in self._likely.items() if n == tolerance.within)
 
     @property
     def unseen(self) -> float:
@@ -72,13 +76,11 @@ class Posterior:
         It includes sets of terms within the errors of laws and sensors and, unless another set is
         likely enough to be mentioned, those that move no reading by more than these errors.
         """
-        others = {n: p for n, p in self._likely.items() if n not in self.within}
-        nothing = self.nothing + sum(self._likely[names] for names in self.within)
+        others = {n: self.sets[n] for n in self._likely if n not in self.within}
+        nothing = self.nothing + sum(self.sets[n] for n in self.within)
         if max(others.values(), default=0.0) >= common.MENTIONED:
             return nothing
-        shown = (self._tolerance(n).shows for n in others)
-        hidden = (p * (1.0 - share) for p, share in zip(others.values(), shown, strict=True))
-        return nothing + sum(hidden)
+        return nothing + sum(p * (1.0 - self._likely[n].shows) for n, p in others.items())
 
     @property
     def names(self) -> dict[str, float]:
@@ -86,15 +88,6 @@ class Posterior:
         sets = self.sets
         every = sorted({name for names in sets for name in names})
         return {name: sum(p for names, p in sets.items() if name in names) for name in every}
-
-
-def posterior(
-    evidence: Evidence, models: Mapping[Names, Model], odds: Mapping[Names, float]
-) -> Posterior:
-    """The posterior over refitted sets."""
-    weight = np.exp(np.array(list(odds.values())) - max(odds.values()))
-    sets = dict(zip(odds, (weight / weight.sum()).tolist(), strict=True))
-    return Posterior(evidence, dict(models), dict(odds), sets)
 
 
 def reported_names(posterior: Posterior) -> Names:
@@ -126,13 +119,19 @@ def reported_setting(posterior: Posterior) -> Configuration:
 
 
 def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
-    """An explanation of the best set, with the odds of alternatives to it."""
-    best, sets = posterior.told, posterior.sets
-    alike = alike_names(posterior, name)
+    """An explanation of the best set, with the odds of alternatives to it.
+
+    Terms without a name that contain it as a special case are no other explanation.
+    """
+    best, sets, models = posterior.told, posterior.sets, posterior.models
+    rest, known, alike = best - {name}, candidates_of(posterior), alike_names(posterior, name)
+    model = models[best]
+    here = next((c for c in model.setting.joined if name_of(model.setting, c) == name), None)
+    slopes = [] if here is None else slopes_of(model, here)
+    every = {t.name: t for m in models.values() for t in m.terms} if slopes else {}
+    curves = {n for n, t in every.items() if all(holds([t], s) for s in slopes)} - best
     own = sum(p for names, p in sets.items() if names & alike)
-    known = candidates_of(posterior)
-    others: dict[str, float] = {}
-    shapeless, curves = 0.0, _curves_like(posterior, name)
+    others, shapeless = dict[str, float](), 0.0
     for names, probability in sets.items():
         if names & alike:
             continue
@@ -143,20 +142,51 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
             if other in known:
                 others[other] = others.get(other, 0.0) + probability
     ranked = sorted(others.items(), key=lambda o: -o[1])
+    same = []
+    for other, probability in ranked:
+        there = models.get(rest | {other})
+        if probability >= common.REPORTED and here is not None and there is not None:
+            joined = there.setting.joined
+            rival = next(c for c in joined if name_of(there.setting, c) == other)
+            if coincide(posterior.evidence, model, here, there, rival):
+                same.append(known[other].id)
     odds = tuple((known[n], p / own) for n, p in ranked)
-    named = sum(p for _, p in odds)
     stands_out = posterior.tolerance.stand_out.get(candidate.id, 1.0)
-    same = [n for n, p in ranked if p >= common.REPORTED and _coincides(posterior, name, n)]
+    beside = max(odds for names, odds in posterior.odds.items() if names <= rest)
     return Accepted(
         candidate,
-        max(posterior.odds[best] - _beside(posterior, name), limits.LEAST_GAIN),
+        max(posterior.odds[best] - beside, limits.LEAST_GAIN),
         odds,
-        tuple(_rivals(posterior, name)),
-        unnamed=max((1.0 - shapeless) / own - 1.0 - named, 0.0),
+        _rivals(posterior, name, beside),
+        unnamed=max((1.0 - shapeless) / own - 1.0 - sum(p for _, p in odds), 0.0),
         shapeless=shapeless / own,
         inexact=limits.INEXACT * (1.0 - stands_out),
-        same={known[n].id: {} for n in same},
+        same={id_: {} for id_ in same},
     )
+
+
+def _rivals(posterior: Posterior, name: str, beside: float) -> tuple[Rival, ...]:
+    """The best alternative to an explanation, and its gain in the same place over the log odds
+    `beside` of the other members of the best set.
+
+    For a name it is a term without a name, for such a term the best name.
+    """
+    rest, term = posterior.told - {name}, "~" in name
+    there = {
+        names: odds
+        for names, odds in posterior.odds.items()
+        if name not in names
+        and (rest < names if term else names - rest)
+        and all(("~" in n) is not term for n in names - rest)
+    }
+    if not there:
+        return ()
+    names = max(there, key=lambda n: there[n])
+    title = "an unnamed term at the same place"
+    if term:
+        known = candidates_of(posterior)
+        title = " and ".join(sorted(titled_with_module(known[n]) for n in names - rest))
+    return (Rival(title, there[names] - beside),)
 
 
 def alike_names(posterior: Posterior, name: str) -> frozenset[str]:
@@ -173,66 +203,13 @@ def alike_names(posterior: Posterior, name: str) -> frozenset[str]:
     return frozenset(n for names in posterior.odds for n in names if n.endswith(mark + driver))
 
 
-def _curves_like(posterior: Posterior, name: str) -> frozenset[str]:
-    """Terms without a name that contain an explanation of the best set as a special case."""
-    best = posterior.told
-    model = posterior.models[best]
-    own = [c for c in model.setting.joined if name_of(model.setting, c) == name]
-    slopes = [column for candidate in own for column in slopes_of(model, candidate)]
-    every = {t.name: t for m in posterior.models.values() for t in m.terms}
-    if not slopes:
-        return frozenset()
-    return frozenset(n for n, t in every.items() if all(holds([t], s) for s in slopes)) - best
-
-
-def _coincides(posterior: Posterior, name: str, other: str) -> bool:
-    """Does another explanation show the same as the one of the best set that it replaces?"""
-    best = posterior.told
-    rest = (best - {name}) | {other}
-    if rest not in posterior.models:
-        return False
-    model, there = posterior.models[best], posterior.models[rest]
-    own = next((c for c in model.setting.joined if name_of(model.setting, c) == name), None)
-    rival = next(c for c in there.setting.joined if name_of(there.setting, c) == other)
-    return own is not None and coincide(posterior.evidence, model, own, there, rival)
-
-
 def candidates_of(posterior: Posterior) -> dict[str, Candidate]:
     """All candidates of any set, by their names there."""
     settings = [model.setting for model in posterior.models.values()]
     return {name_of(setting, c): c for setting in settings for c in setting.joined}
 
 
-def _beside(posterior: Posterior, name: str) -> float:
-    """Largest log odds of a set of other members of the best set."""
-    rest = posterior.told - {name}
-    return max(odds for names, odds in posterior.odds.items() if names <= rest)
-
-
 def titled_with_module(candidate: Candidate) -> str:
     """A title that names the module once."""
     title, module = candidate.title, candidate.module
     return title if f"{module}." in title else f"{title} in {module}"
-
-
-def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
-    """The best alternative to an explanation, and its gain in the same place.
-
-    For a name it is a term without a name, for such a term the best name.
-    """
-    rest = posterior.told - {name}
-    term = "~" in name
-    there = {
-        names: odds
-        for names, odds in posterior.odds.items()
-        if name not in names
-        and (rest < names if term else names - rest)
-        and all(("~" in n) is not term for n in names - rest)
-    }
-    if there:
-        names = max(there, key=lambda n: there[n])
-        title = "an unnamed term at the same place"
-        if term:
-            known = candidates_of(posterior)
-            title = " and ".join(sorted(titled_with_module(known[n]) for n in names - rest))
-        yield Rival(title, there[names] - _beside(posterior, name))

@@ -80,26 +80,28 @@ class Model:
 
     def rest(self) -> Array:
         """The residual after a linear refit, shape (rows,)."""
-        scaled, unit = self.normal
-        moment = self.table.T @ (self.weights * self.left) / unit
-        return np.asarray(self.off - self.raw @ (np.linalg.solve(scaled, moment) / unit))
+        return np.asarray(self.off + self.raw @ self.solved[0])
 
     @cached_property
-    def _imitating(self) -> tuple[Array, Array]:
-        """Map from whitened rows to what all unknowns imitate of them, shape (unknowns, rows), and
-        that of the residual, shape (unknowns,)."""
+    def _imitating(self) -> Array:
+        """Map from whitened rows to what all unknowns imitate of them, shape (unknowns, rows)."""
         scaled, unit = self.normal
         factor = np.linalg.cholesky(scaled + 1e-12 * np.eye(len(unit)))
-        imitating = solve_triangular(factor, (self.table / unit).T * self.weights, lower=True)
-        return imitating, imitating @ self.left
+        return np.asarray(
+            solve_triangular(factor, (self.table / unit).T * self.weights, lower=True)
+        )
+
+    def alone(self, rows: Array) -> Array:
+        """Further whitened columns, shape (rows, n), weighted, without what all unknowns of the
+        model imitate of them."""
+        imitating = self._imitating
+        return np.asarray(rows * self.weights[:, None] - imitating.T @ (imitating @ rows))
 
     def beside(self, rows: Array) -> tuple[Array, Array]:
         """Normal matrix and moment of further whitened columns, shape (rows, n), with all unknowns
         of the model refitted beside them."""
-        imitating, known = self._imitating
-        imitated, weights = imitating @ rows, self.weights
-        gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
-        return gram, rows.T @ (self.left * weights) - imitated.T @ known
+        alone = self.alone(rows)
+        return rows.T @ alone, alone.T @ self.left
 
     @property
     def setting(self) -> Configuration:
@@ -121,9 +123,7 @@ class Model:
     def solved(self) -> tuple[Array, Array]:
         """All unknowns less their prior means, shape (unknowns,), and their covariance, shape
         (unknowns, unknowns)."""
-        scaled, unit = self.normal
-        inverse = np.linalg.inv(scaled) / np.outer(unit, unit)
-        return -inverse @ (self.table.T @ (self.left * self.weights)), inverse
+        return -self.inverse @ (self.table.T @ (self.left * self.weights)), self.inverse
 
     def columns_of(self, term: Term) -> NDArray[np.intp]:
         """Indices of a term's functions among the unknowns: behind values and errors of form and of
@@ -211,7 +211,7 @@ def refitted(
     damping, cost = 1e-3, np.inf
     for step in range(limits.REFIT_STEPS):
         if step in (0, 4):
-            found = problem.chosen(now, (at, forms, sizes, noise), held, fresh=fresh, anew=True)
+            found = problem.chosen(now, (at, forms, sizes, noise), held, fresh=fresh)
             sizes, noise, forms, fresh = found.sizes, found.noise, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
             cost = problem.cost(now, at, forms, loads, noise)
@@ -275,13 +275,11 @@ class _Problem:
         pressed: NDArray[np.bool_],
         effects: Array | None = None,
         fresh: Collection[int] = (),
-        *,
-        anew: bool = False,
     ) -> _Chosen:
         """Sizes of random columns and noise under which the recording is most probable.
 
-        The search climbs from the given noise or, `anew`, from one that the residual makes likely,
-        if that is likelier. `effects` are columns of errors of form of effects. `fresh` are axes
+        The search climbs from the given noise or from one that the residual makes likely, if that
+        is likelier. `effects` are columns of errors of form of effects. `fresh` are axes
         whose sizes are not known from a similar model: all their values are tried, the other axes
         are climbed. Values that are `pressed` against an end of their range stay there.
         """
@@ -333,7 +331,7 @@ class _Problem:
             return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
 
         rest = left + table @ start
-        likely = (noise, *(evidence.likely_noises(rest) if anew else ()))
+        likely = (noise, *evidence.likely_noises(rest))
         ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
         first = max(
             (tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score
@@ -358,7 +356,7 @@ class _Problem:
         evidence, prior, random = self.evidence, self.prior, self.random
         at = begin[0]
         more = evidence.effect_forms(now)
-        found = self.chosen(now, begin, pressed, more, anew=True)
+        found = self.chosen(now, begin, pressed, more)
         known = prior.near(at)
         off = (at - known.mean) * ~pressed
         left = now.residual - now.jacobian @ off

@@ -34,65 +34,49 @@ def alike_faults(found: Sequence[Column]) -> Alike:
 
 
 def scan(
-    evidence: Evidence,
-    model: Model,
-    every: Sequence[Column],
-    alike: Alike,
-    most: int,
+    evidence: Evidence, model: Model, every: Sequence[Column], alike: Alike, most: int
 ) -> list[Proposal]:
-    """The best single columns and pairs beside a model, by three views of the recording.
+    """The best single columns and pairs beside a model, by several views of the recording.
 
     One has the weights of the model. One weights all rows alike, which shows large and rare errors.
-    One ignores all calibrations, as each may have been made with the effect present.
+    One has the prior of the data sheets and ignores all calibrations, as each may have been made
+    with the effect present. Beside nothing, one has smaller errors of laws and of sensors that
+    move, and calibrations as firm as stated: where a large effect is missing these replace it, so
+    that no explanation would gain anything beside them.
     """
-    alone = not model.setting.joined and not model.terms
+    alone, n = not model.setting.joined and not model.terms, len(model.at)
     noises = evidence.levels(model.noise, model.rest, alone=alone)
     levels = [model.under(evidence, noise) for noise in noises]
-    views = [(model, most), *((level, most // 2) for level in levels)]
-    views.append((_by_sheet(model), most // 2))
-    found = [f for view, count in views for f in _scanned(evidence, view, every, count)]
+    sheet, precision, mean = model.prior.belief.by_sheet, model.precision.copy(), model.mean.copy()
+    k = len(sheet.mean)
+    precision[:k, :k], mean[:k] = sheet.precision, sheet.mean
+    left = model.left + model.table[:, :n] @ (mean - model.mean)
+    views = [(model, most, limits.PAIRED_COLUMNS)]
+    others = (*levels, replace(model, precision=precision, left=left))
+    views += [(other, most // 2, limits.PAIRED_COLUMNS) for other in others]
     if alone:
         # Far from the model slopes hardly predict the gain of a large effect: more are tried.
         count = limits.FIRST_SETS if len(levels) == 1 else most
-        found += _scanned(evidence, levels[0], every, count, 0)
-        found += _scanned(evidence, _with_exact_laws(evidence, model), every, count, 0)
-    found = [f for f in found if not _has_alike_faults(f, alike)]
-    return sorted(found, key=lambda f: -f.gain)
-
-
-def _has_alike_faults(found: Proposal, alike: Alike) -> bool:
-    ids = [column.candidate.id for column, _ in found.starts]
-    return any(b in alike.get(a, ()) for a, b in combinations(ids, 2))
-
-
-def _with_exact_laws(evidence: Evidence, model: Model) -> Model:
-    """A model with smaller errors of laws and of sensors that move, and calibrations as firm as
-    stated: where a large effect is missing these replace it, so that no explanation would gain
-    anything beside them."""
-    table, n = model.table.copy(), len(model.at)
-    table[:, n : n + evidence.forms.shape[1] + evidence.moving.shape[1]] *= limits.STIFF
-    precision = model.precision.copy()
-    precision[:n, :n] = model.prior.near(model.mean).precision
-    return replace(model, table=table, precision=precision)
-
-
-def _by_sheet(model: Model) -> Model:
-    """A model with the prior of the data sheets, without calibrations."""
-    known, n = model.prior.belief.by_sheet, len(model.at)
-    k = len(known.mean)
-    precision, mean = model.precision.copy(), model.mean.copy()
-    precision[:k, :k], mean[:k] = known.precision, known.mean
-    left = model.left + model.table[:, :n] @ (mean - model.mean)
-    return replace(model, precision=precision, left=left)
+        table, precision = model.table.copy(), model.precision.copy()
+        table[:, n : n + evidence.forms.shape[1] + evidence.moving.shape[1]] *= limits.STIFF
+        precision[:n, :n] = model.prior.near(model.mean).precision
+        views.append((levels[0], count, 0))
+        views.append((replace(model, table=table, precision=precision), count, 0))
+    found = [one for view in views for one in _scanned(evidence, every, *view)]
+    ids = [[column.candidate.id for column, _ in one.starts] for one in found]
+    allowed = (
+        one
+        for one, own in zip(found, ids, strict=True)
+        if not any(b in alike.get(a, ()) for a, b in combinations(own, 2))
+    )
+    return sorted(allowed, key=lambda f: -f.gain)
 
 
 def _scanned(
-    evidence: Evidence,
-    model: Model,
-    every: Sequence[Column],
-    most: int,
-    paired: int = limits.PAIRED_COLUMNS,
+    evidence: Evidence, every: Sequence[Column], model: Model, most: int, paired: int
 ) -> list[Proposal]:
+    """The best columns beside a model, and the best pairs of the `paired` best ones: of two
+    candidates, or two amplitudes of one, whose prior counts once."""
     if not every:
         return []
     usual = [evidence.size(c.candidate, c.amplitude) for c in every]
@@ -103,7 +87,8 @@ def _scanned(
     # the usual size, a wider one costs as much as the tail.
     wide = limits.WIDER * np.abs(moment) / np.maximum(np.diag(gram), 1e-12)
     wide = np.maximum(wide, 1.0)
-    odds = _odds(every) - np.array([u.freedom for u in usual]) * np.log(wide)
+    prior = _odds(every)
+    odds = prior - np.array([u.freedom for u in usual]) * np.log(wide)
     gram, moment, size = gram * np.outer(wide, wide), moment * wide, scale * wide
     null = np.array([c.amplitude.null or 0.0 for c in every])
     low = (np.array([c.amplitude.lowest for c in every]) - null) / size
@@ -111,62 +96,30 @@ def _scanned(
     own = 1.0 + np.maximum(np.diag(gram), 0.0)
     alone = np.clip(-moment / own, low, high)
     single = -(0.5 * own * alone**2 + moment * alone) - 0.5 * np.log(own) + odds
-    sets: list[tuple[float, tuple[int, ...]]] = [
-        (float(single[i]), (int(i),)) for i in np.argsort(-single)[: 4 * most]
-    ]
-    if paired:
-        sets += _pairs_of(every, single, gram, moment, own, odds, (low, high), 4 * most, paired)
+    ids, kept = np.array([c.candidate.id for c in every]), np.argsort(-single)[:paired]
+    i, j = (kept[at] for at in np.triu_indices(len(kept), 1))
+    one = ids[i] == ids[j]
+    legal = ~one
+    legal[one] = [_is_one(every[a], every[b]) for a, b in zip(i[one], j[one], strict=True)]
+    i, j, one = i[legal], j[legal], one[legal]
+    both = gram[i, j]
+    determinant = np.maximum(own[i] * own[j] - both**2, 1e-12)
+    first = -(own[j] * moment[i] - both * moment[j]) / determinant
+    second = -(own[i] * moment[j] - both * moment[i]) / determinant
+    pair = -0.5 * (moment[i] * first + moment[j] * second + np.log(determinant))
+    pair += odds[i] + odds[j] - np.where(one, prior[j], 0.0)
+    within = (first >= low[i]) & (first <= high[i]) & (second >= low[j]) & (second <= high[j])
+    pair = np.where(within, pair, -np.inf)
+    cap = 4 * most
+    sets = [(single[k], [(k, alone[k])]) for k in np.argsort(-single)[:cap]]
+    sets += [(pair[k], [(i[k], first[k]), (j[k], second[k])]) for k in np.argsort(-pair)[:cap]]
     result: dict[Names, Proposal] = {}
     for score, members in sorted(sets, key=lambda s: -s[0]):
-        chosen = np.array(members)
-        inner = np.eye(len(chosen)) + gram[np.ix_(chosen, chosen)]
-        try:
-            amplitudes = np.clip(-np.linalg.solve(inner, moment[chosen]), low[chosen], high[chosen])
-        except np.linalg.LinAlgError:  # Columns that coincide are no pair.
-            continue
-        begins = tuple(
-            (every[i], float(null[i] + a * size[i]))
-            for i, a in zip(members, amplitudes, strict=True)
-        )
-        found = Proposal(score, begins)
         if np.isfinite(score) and score > limits.WORTH_A_REFIT:
+            begins = tuple((every[k], float(null[k] + at * size[k])) for k, at in members)
+            found = Proposal(float(score), begins)
             result.setdefault(found.names, found)
     return list(result.values())[:most]
-
-
-def _pairs_of(
-    every: Sequence[Column],
-    single: Array,
-    gram: Array,
-    moment: Array,
-    own: Array,
-    odds: Array,
-    bounds: tuple[Array, Array],
-    most: int,
-    paired: int,
-) -> list[tuple[float, tuple[int, ...]]]:
-    """The best pairs of columns and their gain in log odds: of two candidates, or two amplitudes of
-    one, whose prior counts once."""
-    low, high = bounds
-    kept = np.argsort(-single)[:paired]
-    first, second = (kept[i] for i in np.triu_indices(len(kept), 1))
-    ids = np.array([c.candidate.id for c in every])
-    apart, whole = ids[first] != ids[second], np.zeros(len(first), dtype=bool)
-    for k in np.flatnonzero(~apart):
-        whole[k] = _is_one(every[first[k]], every[second[k]])
-    legal = apart | whole
-    first, second, whole = first[legal], second[legal], whole[legal]
-    both = gram[first, second]
-    determinant = np.maximum(own[first] * own[second] - both**2, 1e-12)
-    one = -(own[second] * moment[first] - both * moment[second]) / determinant
-    other = -(own[first] * moment[second] - both * moment[first]) / determinant
-    gain = -0.5 * (moment[first] * one + moment[second] * other) - 0.5 * np.log(determinant)
-    gain += odds[first] + odds[second] - np.where(whole, _odds(every)[second], 0.0)
-    legal = (one >= low[first]) & (one <= high[first])
-    legal &= (other >= low[second]) & (other <= high[second])
-    gain = np.where(legal, gain, -np.inf)
-    best = np.argsort(-gain)[:most]
-    return [(float(gain[i]), (int(first[i]), int(second[i]))) for i in best]
 
 
 def _is_one(a: Column, b: Column) -> bool:
@@ -202,11 +155,16 @@ def holds(terms: Iterable[Term], slopes: Array) -> bool:
 def beside(model: Model, every: Sequence[Term]) -> list[Term]:
     """The terms that neither contain nor are contained in a law or a term of a model."""
     laws = [slopes for candidate in model.setting.joined for slopes in slopes_of(model, candidate)]
+
+    def whole(term: Term, other: Term) -> bool:
+        """Does one term contain another, as at two places that show alike?"""
+        return all(holds([term], column) for column in other.columns.T)
+
     return [
         term
         for term in every
         if not any(holds([term], slopes) for slopes in laws)
-        and not any(_whole(term, own) or _whole(own, term) for own in model.terms)
+        and not any(whole(term, own) or whole(own, term) for own in model.terms)
     ]
 
 
@@ -238,11 +196,6 @@ def places_of(model: Model, unknown: str) -> list[int]:
     """Columns of an unknown, with all its levels, in the table of a model."""
     names = enumerate(model.prior.names)
     return [i for i, name in names if name.partition("#")[0] == unknown]
-
-
-def _whole(term: Term, other: Term) -> bool:
-    """Does one term contain another, as at two places that show alike?"""
-    return all(holds([term], column) for column in other.columns.T)
 
 
 def slopes_of(model: Model, candidate: Candidate) -> list[Array]:

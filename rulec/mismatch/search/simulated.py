@@ -1,7 +1,7 @@
 """The search by simulation in a plant that stores, and the most probable set fitted to the end."""
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,8 +98,9 @@ class Unnamed:
 
 
 def likeliest_curve(found: Found) -> Unnamed | None:
-    """The curve that gains most beside the plain model, of all terms that were refitted; None if
-    none is likelier than the plain model."""
+    """The curve that gains most beside the plain model, of all terms that were refitted, with the
+    places over its driver that fit as well, and the effects that lost to it; None if none is
+    likelier than the plain model."""
     posterior = found.posterior
     with_terms = [names for names, model in posterior.models.items() if model.terms]
     if max((posterior.odds[n] for n in with_terms), default=-np.inf) < posterior.odds[frozenset()]:
@@ -108,7 +109,21 @@ def likeliest_curve(found: Found) -> Unnamed | None:
     ways = {t.name: (t.changed, t.driver) for n in with_terms for t in posterior.models[n].terms}
     curves = [fitted_curve(found.plain, *way) for way in ways.values()]
     every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
-    return _first_of(found, every) if every else None
+    if not every:
+        return None
+    first = every[0]
+    before, after = (_squares(f) for f in (found.plain, first.fitted))
+    least = first.gain + float(np.log(common.MENTIONED))
+    driver, own = first.place.driver, first.place.spot
+    near = (c.place for c in every if c.gain > least)
+    places = (p.spot for p in near if p.driver == driver and p.spot is not own)
+    curve = replace(
+        curve_of(first),
+        elsewhere=tuple(f"{spot.module}.{spot.place}" for spot in places),
+        lost=_lost(found, first, after),
+    )
+    share = 1.0 - float(np.sum(after) / max(np.sum(before), 1e-300))
+    return Unnamed(curve, max(share, 0.0))
 
 
 def curves_of(found: Found) -> tuple[CurveTerm, ...]:
@@ -125,24 +140,6 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
     return tuple(curves)
 
 
-def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
-    """The first of some curves, with the places over its driver that fit as well, and the effects
-    that lost to it."""
-    first = every[0]
-    before, after = (_squares(f) for f in (found.plain, first.fitted))
-    least = first.gain + float(np.log(common.MENTIONED))
-    driver, own = first.place.driver, first.place.spot
-    near = (c.place for c in every if c.gain > least)
-    places = (p.spot for p in near if p.driver == driver and p.spot is not own)
-    curve = replace(
-        curve_of(first),
-        elsewhere=tuple(f"{spot.module}.{spot.place}" for spot in places),
-        lost=_lost(found, first),
-    )
-    share = 1.0 - float(np.sum(after) / max(np.sum(before), 1e-300))
-    return Unnamed(curve, max(share, 0.0))
-
-
 def _squares(fitted: Fitted) -> Array:
     """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
     total, measured = np.zeros(len(fitted.bench.time)), fitted.bench.record.measured
@@ -152,18 +149,19 @@ def _squares(fitted: Fitted) -> Array:
     return total
 
 
-def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
-    """Effects that were tried alone and gain less than a curve, by rising loss."""
-    driver = axis_of(first).over(first.fitted.course(first.place.driver))
-    own, lost = _squares(first.fitted), list[RejectedCandidate]()
-    models, alone = found.posterior.models, found.alone
+def _lost(found: Found, first: FittedCurve, own: Array) -> tuple[RejectedCandidate, ...]:
+    """Effects that were tried alone and gain less than a curve, by rising loss; `own`, shape (n,),
+    are the squared errors with the curve."""
+    _, axis, shown = axis_of(first)
+    driver = np.interp(first.fitted.course(first.place.driver), axis, shown)
+    lost, models, alone = dict[str, RejectedCandidate](), found.posterior.models, found.alone
     every = (models[frozenset({n})].setting for n in sorted(alone, key=lambda n: -alone[n]))
     for setting in [s for s in every if s.joined][: limits.WEIGHED]:
         single = refit(found.plain, setting.joined, {**setting.values, **setting.fixed})
-        nats = float(first.gain - single.gain(found.plain))
-        if nats > 0.0:
+        nats, (candidate,) = float(first.gain - single.gain(found.plain)), single.joined
+        known = lost.get(candidate.name)
+        if nats > 0.0 and (known is None or nats < known.nats):
             worse = np.maximum(_squares(single) - own, 0.0)
-            lost.append(RejectedCandidate(single.joined[0], nats, *where_most(driver, worse)))
-    lost.sort(key=lambda one: one.nats)
-    nearest = {one.candidate.name: one for one in reversed(lost)}
-    return tuple(sorted(nearest.values(), key=lambda one: one.nats))
+            one = RejectedCandidate(candidate, nats, *where_most(driver, worse))
+            lost[candidate.name] = one
+    return tuple(sorted(lost.values(), key=lambda one: one.nats))

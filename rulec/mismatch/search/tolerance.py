@@ -15,9 +15,10 @@ from scipy.special import ndtr
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import ERROR
-from rulec.mismatch.evidence.evidence import Evidence
+from rulec.mismatch.evidence.evidence import Evidence, amplitudes_of
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.scan import places_of
 
 
 @dataclass(frozen=True)
@@ -29,14 +30,23 @@ class Tolerance:
 
     @cached_property
     def stand_out(self) -> dict[str, float]:
-        """Probability that each explanation, by id, moves some output by more than `off_by`."""
-        setting = self.model.setting
+        """Probability that each explanation, by id, moves some output by more than `off_by`.
+
+        Its slopes are those from the null to its value: at the value itself a stop or an open
+        relief valve has hardly any.
+        """
+        model, setting = self.model, self.model.setting
         begun = {setting.candidate_of(course).id for course in setting.courses}
         readings = {c.id for c in setting.joined if self.evidence.of_reading(c)}
         found: dict[str, float] = {}
         for i, id_, start in self._amplitudes:
-            own = self.off_by[id_ in readings, id_ in begun]
-            least = least_beyond(self.evidence, self._moved_by(i, start), own)
+            slopes = model.point.jacobian[:, i]
+            if model.at[i] != start:
+                without = np.where(np.arange(len(model.at)) == i, start, model.at)
+                rest = self.evidence.evaluated(setting, model.prior, without).residual
+                moved = (model.point.residual - rest) / (model.at[i] - start)
+                slopes = moved if np.isfinite(moved).all() else slopes
+            least = least_beyond(self.evidence, slopes, self.off_by[id_ in readings, id_ in begun])
             found[id_] = max(found.get(id_, 0.0), self._beyond(i, start, least))
         return found
 
@@ -61,18 +71,6 @@ class Tolerance:
             own = model.columns_of(term) - len(model.at)
             yield term, term.columns @ (size * model.forms[own])
 
-    def _moved_by(self, i: int, start: float) -> Array:
-        """Change of the residuals from the null to a value, per unit of it, shape (rows,): at the
-        value itself a stop or an open relief valve has hardly any slope."""
-        model = self.model
-        if model.at[i] != start:
-            without = np.where(np.arange(len(model.at)) == i, start, model.at)
-            rest = self.evidence.evaluated(model.setting, model.prior, without).residual
-            slopes: Array = (model.point.residual - rest) / (model.at[i] - start)
-            if np.isfinite(slopes).all():
-                return slopes
-        return model.point.jacobian[:, i]
-
     @property
     def shows(self) -> float:
         """Probability that the joined candidates move some output by more than `allowed`."""
@@ -89,10 +87,12 @@ class Tolerance:
     @cached_property
     def _amplitudes(self) -> list[tuple[int, str, float]]:
         """Number, id of the explanation and null of each value that has a null."""
-        joined, names = self.model.setting.joined, self.model.prior.names
-        null = {u.id: (c.id, u.null) for c in joined for u in c.unknowns if not u.fixed}
-        own = [null.get(name.partition("#")[0], ("", None)) for name in names]
-        return [(i, id_, start) for i, (id_, start) in enumerate(own) if start is not None]
+        every = (
+            (c.id, u, start)
+            for c in self.model.setting.joined
+            for u, start in amplitudes_of(c).items()
+        )
+        return [(i, id_, start) for id_, u, start in every for i in places_of(self.model, u.id)]
 
     def _beyond(self, i: int, start: float, least: float) -> float:
         """Probability that a value is at least `least` away from its null `start`, SI."""
@@ -118,11 +118,17 @@ class Tolerance:
         terms = [m for t, m in self._moved_by_terms if not evidence.of_reading(t.changed)]
         laws, sensors = np.column_stack([laws, *terms]), self._of_sensors
         return {
-            (of_sensor, begun): _allowed(
-                evidence, *([] if begun else [laws]), *(sensors if of_sensor else ())
+            (of_sensor, begun): self._allowed(
+                *([] if begun else [laws]), *(sensors if of_sensor else ())
             )
             for of_sensor, begun in product((False, True), repeat=2)
         }
+
+    @property
+    def allowed(self) -> dict[str, float]:
+        """Error of each output that sensors within their class and laws within their accuracy
+        explain in 19 of 20 recordings, SI."""
+        return self._allowed(self.evidence.forms, *self._of_sensors)
 
     @property
     def _of_sensors(self) -> tuple[Array, ...]:
@@ -130,18 +136,11 @@ class Tolerance:
         errors = [i for i, name in enumerate(self.model.prior.names) if name.startswith(ERROR)]
         return self.model.point.jacobian[:, errors], *self.evidence.of_class
 
-    @property
-    def allowed(self) -> dict[str, float]:
-        """Error of each output that sensors within their class and laws within their accuracy
-        explain in 19 of 20 recordings, SI."""
-        return _allowed(self.evidence, self.evidence.forms, *self._of_sensors)
-
-
-def _allowed(evidence: Evidence, *errors: Array) -> dict[str, float]:
-    """Largest error of each output in 19 of 20 recordings, SI, by errors of unit size, shape (rows,
-    errors) each."""
-    every = np.concatenate([np.zeros((evidence.count, 0)), *errors], axis=1)
-    return {n: common.NORMAL_95 * u for n, u in evidence.shown(every).items()}
+    def _allowed(self, *errors: Array) -> dict[str, float]:
+        """Largest error of each output in 19 of 20 recordings, SI, by errors of unit size, shape
+        (rows, errors) each."""
+        every = np.concatenate([np.zeros((self.evidence.count, 0)), *errors], axis=1)
+        return {n: common.NORMAL_95 * u for n, u in self.evidence.shown(every).items()}
 
 
 def least_beyond(evidence: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:

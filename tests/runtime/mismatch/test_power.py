@@ -6,7 +6,7 @@ import pytest
 from rulec.cli import main
 from rulec.mismatch.evidence.steady.evidence import settled
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
-from rulec.mismatch.inference.power import Replayer, asked_of, called_missing, judge_of, self_proof
+from rulec.mismatch.inference.power import asked_of, called_missing, drawn, judge_of, self_proof
 from rulec.mismatch.search.grow_sets import join_columns
 from rulec.mismatch.search.operating_states import begun
 from rulec.mismatch.search.posterior import Posterior
@@ -43,9 +43,9 @@ def columns_of(judge: Judge, candidate: str) -> list[int]:
 
 
 def test_replays_scatter_as_the_model_says(judge: Judge) -> None:
-    replayer, none = Replayer(judge.evidence, judge.model), np.zeros((len(judge.model.left), 1))
-    first = replayer.drawn(2000, none)
-    assert np.array_equal(first, replayer.drawn(2000, none))
+    none = np.zeros((len(judge.model.left), 1))
+    first = drawn(judge, 2000, none)
+    assert np.array_equal(first, drawn(judge, 2000, none))
     assert called_missing(judge, first) < 100
     model = judge.model
     spread = model.table @ np.linalg.solve(model.precision, model.table.T)
@@ -62,7 +62,7 @@ def test_coinciding_explanations_are_told_as_one(judge: Judge) -> None:
     assert told > 190
     assert other.total() < 10
     shift = judge.rows[:, own[:1]] * size
-    judged = judge.judged(Replayer(judge.evidence, judge.model).drawn(REPLAYS, shift))
+    judged = judge.judged(drawn(judge, REPLAYS, shift))
     for name in (LEAK, LATE):
         share = judged.columns[judge.owner == name].sum(axis=0)
         assert 0.1 < np.median(share) < 0.9
@@ -76,11 +76,11 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
     """Explanations drawn as likely as they are before, of sizes as they are before."""
     count, rng = 3000, np.random.default_rng(2)
     odds = np.exp(np.append(0.0, judge.odds))
-    drawn = rng.choice(len(odds), count, p=odds / odds.sum()) - 1
-    own, missing = np.maximum(drawn, 0), drawn >= 0
+    hidden = rng.choice(len(odds), count, p=odds / odds.sum()) - 1
+    own, missing = np.maximum(hidden, 0), hidden >= 0
     sizes = np.array([_size(judge, i, rng) for i in own]) * missing
     shift = judge.rows[:, own] * sizes
-    judged = judge.judged(Replayer(judge.evidence, judge.model).drawn(count, shift, seed=3))
+    judged = judge.judged(drawn(judge, count, shift, seed=3))
     told = replay_verdicts(judge, judged)
     best = np.minimum(told.best, len(judge.columns) - 1)
     right = missing & (best == told.best)

@@ -27,7 +27,7 @@ from rulec.mismatch.search import simulated
 from rulec.mismatch.search.curve_by_simulation import curve_of
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.grow_sets import prune
-from rulec.mismatch.search.posterior import posterior
+from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.simulated import begun, curves_of, likeliest_curve, search
 from rulec.mismatch.stores import Explanation, _gained, explanation, prove, until_of
 from tests.conftest import ROOT
@@ -234,7 +234,7 @@ def test_no_tick_where_an_explanation_gains(
         of_search, "Tolerance", lambda evidence, model: SimpleNamespace(shows=1.0, within=none)
     )
     odds = {none: was.odds[none], other: was.odds[none] + more}
-    now = posterior(was.evidence, {**was.models, other: shown}, odds)
+    now = Posterior(was.evidence, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)
     assert expected == verdict(explanation(plain.recording, plain.model, found))
 
