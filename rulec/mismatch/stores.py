@@ -156,8 +156,7 @@ class Explanation(Explained[Fitted]):
         judged = replace(independent(bench, best.noise), known=known)
         first = repaired = _refitted(bench, (), [plain.values, {}], judged)
         if taken:
-            alike = {n: v for a in self.accepted for own in a.same.values() for n, v in own.items()}
-            values = {**alike, **best.values}
+            values = dict(best.values)
             values |= {u.id: u.factor for c in taken if c.sort == "curve" for u in c.unknowns}
             own = {u.id: values[u.id] for c in taken for u in c.unknowns}
             starts = [values, {**first.values, **own}]

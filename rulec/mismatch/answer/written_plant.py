@@ -213,8 +213,7 @@ def written(found: Explained[F], proofs: Sequence[Proof]) -> tuple[Refits[F], Pl
 def _refitted(found: Explained[F], sure: set[str], curves: Sequence[Candidate]) -> Refits[F]:
     """Refits with what may be written, and `curves` in place of what has no name.
 
-    Of explanations with the same signature, the most probable one that may be written represents
-    all. If one is certain, uncertain ones are left out, as the plant would keep them.
+    If one explanation is certain, uncertain ones are left out, as the plant would keep them.
     """
     builder, taken, left_out = found.model.builder, list[Candidate](), []
     for candidate in found.model.joined:
@@ -224,16 +223,10 @@ def _refitted(found: Explained[F], sure: set[str], curves: Sequence[Candidate]) 
             left_out.append((candidate, UNSURE))
             continue
         why = _why_not(candidate, builder)
-        instead: Candidate | None = candidate
         if why:
-            own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
-            alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
-            instead = next((c for c in alike if not _why_not(c, builder)), None)
-        if instead is not None:
-            taken.append(instead)
-        if why:
-            same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
-            left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
+            left_out.append((candidate, why))
+        else:
+            taken.append(candidate)
     return found.refitted([*taken, *curves], left_out)
 
 

@@ -11,7 +11,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.model import where_most
-from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, settled
+from rulec.mismatch.evidence.steady.evidence import settled
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import spot_column, suspect_at
 from rulec.mismatch.evidence.steady.terms import driver_of
@@ -26,7 +26,6 @@ from rulec.mismatch.search.curve_found import (
 )
 from rulec.mismatch.search.grow_sets import without
 from rulec.mismatch.search.posterior import Posterior, alike_names
-from rulec.mismatch.search.refit import Model
 
 
 def curve_of(posterior: Posterior, term: Term) -> CurveFound:
@@ -74,15 +73,12 @@ def lost_to(posterior: Posterior, term: Term) -> tuple[RejectedCandidate, ...]:
         nats = posterior.odds[best] - posterior.odds[names]
         for candidate in new if len(names) == len(best) else ():
             if candidate.id not in found or nats < found[candidate.id].nats:
-                worse = np.maximum(_lost(evidence, other) - _lost(evidence, model), 0.0)
-                region = where_most(driver, worse)
+                after, before = (
+                    evidence.lost(m.left + m.table @ m.solved[0], m.scale) for m in (other, model)
+                )
+                region = where_most(driver, np.maximum(after - before, 0.0))
                 found[candidate.id] = RejectedCandidate(candidate, float(nats), *region)
     return tuple(sorted(found.values(), key=lambda lost: lost.nats))
-
-
-def _lost(evidence: SteadyEvidence, model: Model) -> Array:
-    left = model.left + model.table @ model.solved[0]
-    return evidence.lost(left, model.scale)
 
 
 def elsewhere(posterior: Posterior, term: Term) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """A term without a name as found: its values over its driver, and their uncertainty."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -77,9 +77,9 @@ class Accepted:
 
     `others` are explanations in its place, each with its odds. `unnamed` are the odds of terms
     without a name, and of nothing; `shapeless` those of curves without a name that contain its law
-    as a special case. `curve` describes an explanation without a name. `same` holds, by id, those
-    of `others` that predict exactly the same, with the values at which they do, SI by id. `inexact`
-    is the probability that errors of laws and sensors alone explain the misfit.
+    as a special case. `curve` describes an explanation without a name. `same` are ids of those of
+    `others` that predict exactly the same. `inexact` is the probability that errors of laws and
+    sensors alone explain the misfit.
     """
 
     candidate: Candidate
@@ -90,7 +90,7 @@ class Accepted:
     shapeless: float = 0.0
     inexact: float = 0.0
     curve: CurveFound | None = None
-    same: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    same: frozenset[str] = frozenset()
 
     @property
     def probability(self) -> float:

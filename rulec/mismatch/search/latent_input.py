@@ -19,20 +19,8 @@ from rulec.mismatch.evidence.steady.screen import (
     parameter_at,
     spot_column,
 )
-from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.intermittent_fault import degree_course
-
-
-def spot_of(system: System, candidate: Candidate) -> DisturbanceLocation:
-    """The place of a candidate that represents an unrecorded driver."""
-    spots = system.builder.spots
-    known = next((s for s in spots if s.id == candidate.id), None)
-    if known is not None:
-        return known
-    here = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
-    (unknown,) = candidate.unknowns
-    return parameter_at(here, candidate.id, unknown.id, unknown.unit, unknown.factor)
 
 
 def free_course(fitted: Fitted, suspect: Suspect, length: float) -> InitialCandidate:
@@ -110,7 +98,13 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     """
     system = fitted.rows.system
     course = next(c for c in fitted.setting.courses if fitted.setting.candidate_of(c).id == name)
-    spot = spot_of(system, fitted.setting.candidate_of(course))
+    candidate = fitted.setting.candidate_of(course)
+    place = candidate.module, candidate.place
+    here = [s for s in system.builder.spots if (s.module, s.place) == place]
+    spot = next((s for s in here if s.id == candidate.id), None)
+    if spot is None:
+        (unknown,) = candidate.unknowns
+        spot = parameter_at(here[0], candidate.id, unknown.id, unknown.unit, unknown.factor)
     column = spot_column(fitted, spot)
     level = course.degrees(fitted.setting.values)
     if column is None:

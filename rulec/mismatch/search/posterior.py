@@ -161,7 +161,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
         unnamed=max((1.0 - shapeless) / own - 1.0 - sum(p for _, p in odds), 0.0),
         shapeless=shapeless / own,
         inexact=limits.INEXACT * (1.0 - stands_out),
-        same={id_: {} for id_ in same},
+        same=frozenset(same),
     )
 
 

@@ -100,7 +100,14 @@ def _scanned(
     i, j = (kept[at] for at in np.triu_indices(len(kept), 1))
     one = ids[i] == ids[j]
     legal = ~one
-    legal[one] = [_is_one(every[a], every[b]) for a, b in zip(i[one], j[one], strict=True)]
+    # Two columns of one candidate are a pair if they are amplitudes of one permanent shape of it.
+    legal[one] = [
+        a.course is None
+        and b.course is None
+        and a.amplitude.id != b.amplitude.id
+        and a.values == b.values
+        for a, b in ((every[a], every[b]) for a, b in zip(i[one], j[one], strict=True))
+    ]
     i, j, one = i[legal], j[legal], one[legal]
     both = gram[i, j]
     determinant = np.maximum(own[i] * own[j] - both**2, 1e-12)
@@ -120,13 +127,6 @@ def _scanned(
             found = Proposal(float(score), begins)
             result.setdefault(found.names, found)
     return list(result.values())[:most]
-
-
-def _is_one(a: Column, b: Column) -> bool:
-    """Are two columns different amplitudes of one permanent candidate of the same shape?"""
-    throughout = a.course is None and b.course is None
-    alike = a.candidate.id == b.candidate.id and a.amplitude.id != b.amplitude.id
-    return throughout and alike and a.values == b.values
 
 
 def _odds(every: Sequence[Column]) -> Array:
