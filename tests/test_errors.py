@@ -103,9 +103,10 @@ def _text_of(folder: Path) -> str:
 
 
 def test_every_code_has_an_example_and_stands_on_the_page() -> None:
-    """Codes in the sources, examples and meanings are the same; docs/errors.md is made from the
-    examples."""
-    sources = (file.read_text(encoding="utf-8") for file in (ROOT / "rulec").rglob("*.py"))
+    """Codes in sources and schemas, examples and meanings are the same; docs/errors.md is made of
+    the examples."""
+    files = (*(ROOT / "rulec").rglob("*.py"), *(ROOT / "kb" / "schema").glob("*.json"))
+    sources = (file.read_text(encoding="utf-8") for file in files)
     used = {code for text in sources for code in re.findall(r"KB\d{3}", text)}
     assert used == {name[:5] for name in EXAMPLES}
     assert used == set(MEANINGS)

@@ -6,7 +6,7 @@ from typing import Any
 import sympy
 
 from rulec.knowledge.check_length import check_law
-from rulec.knowledge.effect import USUAL_HINT, Usual, usual_of
+from rulec.knowledge.effect import USUAL_HINT, usual_of
 from rulec.knowledge.knowledge import UNIT, FaultType, Variant
 from rulec.knowledge.liquid import read_liquid
 from rulec.knowledge.module_type import Frequency
@@ -18,8 +18,7 @@ from rulec.language.symbolic import invert, to_sympy
 
 def check_fault(reader: Reader) -> FaultType:
     """Read a fault type; the reader collects the mistakes."""
-    data = reader.document.data
-    before = len(reader.found)
+    data, before = reader.document.data, len(reader.found)
     parts = data.get("variants") or {"": data}
     variants = []
     for name, part in parts.items():
@@ -38,9 +37,11 @@ def check_fault(reader: Reader) -> FaultType:
                 frequency=frequency_at(reader, path, part) if name else None,
             )
         )
-    if len(reader.found) == before:
-        for variant in variants:
-            _check_usual(reader, ("variants", variant.name) if variant.name else (), variant.usual)
+    for name, part in parts.items() if len(reader.found) == before else ():
+        if "usual" not in part["degree"]:
+            path = ("variants", name, "degree") if name else ("degree",)
+            message = "how large this fault usually is is missing"
+            reader.report_key(path, "KB108", message, USUAL_HINT)
     return FaultType(
         name=data["fault"],
         title=data["title"],
@@ -64,15 +65,6 @@ def frequency_at(
         return None
     origin = reader.origin(*path, "frequency", source=part.get(source, ""))
     return Frequency(part["frequency"], origin)
-
-
-def _check_usual(reader: Reader, path: Path_, usual: Usual | None) -> None:
-    if usual is None:
-        message = "how large this fault usually is is missing"
-        reader.report_key((*path, "degree"), "KB108", message, USUAL_HINT)
-    elif not usual.size:
-        where = (*path, "degree", "usual", "median")
-        reader.report(where, "KB108", "the usual size is nothing", "above 0")
 
 
 def _law(reader: Reader, path: Path_) -> Expression:

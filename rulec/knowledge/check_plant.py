@@ -378,11 +378,7 @@ def _block(
 def _conversion(reader: Reader, path: Path_, part: Mapping[str, Any]) -> tuple[float, float]:
     """Scale and offset that convert a number to a reading in the stated unit."""
     scale, offset = float(part.get("scale", 1)), float(part.get("offset", 0))
-    if path[-1] == "time" and (scale, offset) != (1.0, 0.0):
-        key, hint = "scale" if "scale" in part else "offset", "convert the column"
-        message = "time is read as it stands in the file, without scale and offset"
-        reader.report((*path, key), "KB121", message, hint)
-    elif abs(scale) < LEAST_SCALE:
+    if abs(scale) < LEAST_SCALE:
         message = f"with a scale of {scale:g} every number would be the same reading"
         hint = "reading = number*scale + offset, in the unit stated"
         reader.report((*path, "scale"), "KB121", message, hint)

@@ -65,9 +65,6 @@ def _longest(reader: Reader, part: Mapping[str, Any]) -> float | None:
     if "for" not in part:
         return None
     path, text = ("file", "for"), str(part["for"])
-    if part.get("hold") != "last":
-        message, hint = "nothing holds that long", "add 'hold: last'"
-        reader.report(path, "KB152", message, hint)
     number, _, name = text.partition(" ")
     with suppress(ValueError):
         unit = reader.units.parse(name or "s")

@@ -52,10 +52,6 @@ def read_liquid(reader: Reader) -> Liquid | None:
     data = reader.document.data
     if data["acts_on"] != "liquid":
         return None
-    if "property" not in data:
-        message = "which property of the liquid this fault changes is missing"
-        reader.report(("acts_on",), "KB021", message, "add 'property: ...'")
-        return None
     name = data["property"]
     if name not in PROPERTIES:
         hint = " or ".join(PROPERTIES)
@@ -74,10 +70,6 @@ def read_liquid(reader: Reader) -> Liquid | None:
 def _move(reader: Reader, path: Path_) -> Move | None:
     part = reader.part(path)
     key = "falls_with" if "falls_with" in part else "rises_with"
-    if key not in part:
-        message = "with which reading this law falls or rises is missing"
-        reader.report_key(path, "KB021", message, "add 'falls_with: ...' or 'rises_with: ...'")
-        return None
     gives = reader.quantity(*path, "gives")
     reader.quantity(*path, key)
     try:

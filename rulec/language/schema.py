@@ -1,4 +1,9 @@
-"""Check a document against the JSON Schema of its kind; each violation becomes a diagnostic."""
+"""Check a document against the JSON Schema of its kind; each violation becomes a diagnostic.
+
+A part of a schema may hold its own words under `refusal`: `code`, `message` and `hint`, with the
+slots {name} (of the part), {key} and {lacking} (the required keys that are missing). The place is
+the key of a group, or a value; with `at` each key of that list in the group, or the value `inside`.
+"""
 
 import functools
 import json
@@ -14,6 +19,7 @@ from rulec_runtime.output.nearest import did_you_mean, nearest
 from rulec.language.diagnostics import KINDS, Diagnostic
 from rulec.language.limits import MAX_UNKNOWN_KEYS
 from rulec.language.read_yaml import Document, Path_
+from rulec.language.write_yaml import filled
 from rulec.limits import KEPT_DOCUMENTS
 
 _IN_A_PLANT = {"columns": str, "calibration": list}
@@ -41,8 +47,9 @@ def check_schema(document: Document, kind: str, schema_folder: Path) -> tuple[Di
     for error in errors:
         path = tuple(error.absolute_path)
         empty = error.validator == "pattern" and ("minLength", path) in seen
-        misspelt = error.validator == "oneOf" and ("additionalProperties", path) in seen
-        if not empty and not misspelt:
+        # A part with an unknown key, or of another type, may seem to lack what it should hold.
+        unsure = {("additionalProperties", path), ("type", path)} & seen
+        if not empty and not (unsure and "refusal" in error.schema):
             found += _diagnose(document, kind, error)
     return tuple(found)
 
@@ -66,6 +73,9 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
     part = _part(path) if path else f"a {kind} file"
     if "propertyNames" in error.absolute_schema_path:
         yield _bad_name(document, path, error)
+        return
+    if "refusal" in error.schema:
+        yield from _refused(document, path, error)
         return
     match error.validator:
         case "additionalProperties":
@@ -109,8 +119,6 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
         case "minProperties" | "minLength":
             hint = "fill it in" if error.validator == "minLength" else "fill it in, or leave it out"
             yield Diagnostic(where, "KB027", f"{part} is empty", hint)
-        case "oneOf":
-            yield from _law(document, value)
         case _:
             yield Diagnostic(where, "KB025", f"{part}: {_clip(error.message)}")
 
@@ -164,17 +172,20 @@ def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable
     yield Diagnostic(document.key(*spot), "KB021", message, hint)
 
 
-def _law(document: Document, value: dict[str, Any]) -> Iterable[Diagnostic]:
-    """A fault needs a law and a degree, or variants that have them."""
-    spot, message = "fault", "this fault has no law"
-    hint = "write 'law' and 'degree', or 'variants' that have them"
-    if "variants" in value:
-        spot, message, hint = "variants", "this fault has both a law and variants", "keep one"
-    elif "law" in value:
-        spot, message, hint = "law", "this law has no degree", "add 'degree: ...'"
-    elif "degree" in value:
-        spot, message, hint = "degree", "this degree has no law", "add 'law: ...'"
-    yield Diagnostic(document.key(spot), "KB028", message, hint)
+def _refused(document: Document, path: Path_, error: Any) -> Iterable[Diagnostic]:
+    """What a part of a schema itself says of a violation."""
+    told, part = error.schema["refusal"], error.instance
+    lacking = [f"'{key}'" for key in error.schema.get("required", ()) if key not in part]
+    slots = {"name": _clip(path[-1]) if path else "", "lacking": " and ".join(lacking)}
+    is_group = isinstance(part, dict | list)
+    places = {"": document.key(*path) if is_group else document.place(*path)}
+    if "inside" in told:
+        places = {"": document.place(*path, told["inside"])}
+    elif "at" in told:
+        places = {key: document.key(*path, key) for key in told["at"] if key in part}
+    for key, place in places.items():
+        message = filled(told["message"], {**slots, "key": key})
+        yield Diagnostic(place, told["code"], message, told["hint"])
 
 
 def _part(path: Path_) -> str:

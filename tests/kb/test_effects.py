@@ -13,9 +13,9 @@ from collections.abc import Mapping
 import pytest
 
 from rulec.effects.model_builder import open_builder
-from rulec.knowledge.check_effect import parameters, plain_laws, readings
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.effect import Effect, Join
+from rulec.knowledge.effect_trials import parameters, plain_laws, readings
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.read import read_files
 from rulec.language.expression import Rejected, constant
