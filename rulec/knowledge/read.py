@@ -1,6 +1,5 @@
 """Pass 1, read: files to documents with the positions of all parts, not yet their meaning."""
 
-import functools
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -24,13 +23,12 @@ from rulec.knowledge.layers import (
 )
 from rulec.knowledge.read_layers import (
     KNOWLEDGE,
-    LayerDocuments,
     conforms,
     in_use,
     open_document,
     read_layers,
 )
-from rulec.knowledge.sources import Sources
+from rulec.knowledge.sources import LayerDocuments, Sources
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.read_yaml import Document, Path_, read_document
@@ -49,7 +47,6 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
     plant = _read(file, "plant", found)
     if plant is None:
         raise Refused(found)
-    layers = layers_of(file.parent, _named(plant))
     modules = plant.data["modules"].values()
     wanted = {
         "module": {str(m["type"]) for m in modules},
@@ -60,10 +57,11 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
         columns = _read_attached(plant, file, ("columns",), found)
     calibrations = tuple(_read_calibrations(plant, file, found))
     adjacency = _read_adjacency(plant, file, found)
-    contents = read_layers(layers, read_document, wanted, effects=effects)
+    layers = layers_of(file.parent, _named(plant))
+    contents = read_layers(layers, wanted, effects=effects)
     naming = [d for d in (plant, columns, *calibrations) if d is not None]
     own = {"plant": plant, "columns": columns, "calibrations": calibrations, "adjacency": adjacency}
-    return _sources(layers, contents, in_use(contents, naming), found, **own)
+    return _sources(contents, in_use(contents, naming), found, **own)
 
 
 def read_all(plant: Path | None) -> Sources:
@@ -80,8 +78,8 @@ def read_all(plant: Path | None) -> Sources:
         if document is None:
             raise Refused(found)
         layers = layers_of(file.parent, _named(document))
-    contents = read_layers(layers, read_document)
-    return _sources(layers, contents, contents, found)
+    contents = read_layers(layers)
+    return _sources(contents, contents, found)
 
 
 def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], list[Diagnostic]]:
@@ -102,7 +100,6 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
             plants.append(document)
         elif kind in (*KNOWLEDGE, "units"):
             groups.setdefault(root_of(file), []).append((file, with_tables(document, found)))
-    once = functools.cache(read_document)
     result = []
     for given in groups.values():
         try:
@@ -110,14 +107,14 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
         except Refused as refused:
             found += refused.diagnostics
             continue
-        contents = read_layers(layers, once, given=[file for file, _ in given])
+        contents = read_layers(layers, given=[file for file, _ in given])
         by_kind = _merged(contents, contents, found)
         for _, document in given:
             kind = kind_of(document) or ""
             by_kind[kind] = (*by_kind.get(kind, ()), document)
         if "units" in by_kind:
             own = tuple(document for _, document in given)
-            result.append(Sources(layers=layers, by_kind=by_kind, given=own))
+            result.append(Sources(contents=tuple(contents), by_kind=by_kind, given=own))
     return result, plants, found
 
 
@@ -126,10 +123,9 @@ def read_around(near: Path, modules: Iterable[str] = ()) -> Sources:
 
     Raises `Refused`.
     """
-    layers = layers_around(near)
     wanted = {"module": set(modules), "fluid": set[str]()}
-    contents = read_layers(layers, read_document, wanted, effects=False)
-    return _sources(layers, contents, contents, [])
+    contents = read_layers(layers_around(near), wanted, effects=False)
+    return _sources(contents, contents, [])
 
 
 def read_type(name: str, near: Path) -> tuple[Document, Sources]:
@@ -210,7 +206,6 @@ def _merged(
 
 
 def _sources(
-    layers: tuple[Layer, ...],
     contents: Sequence[LayerDocuments],
     used: Sequence[LayerDocuments],
     found: list[Diagnostic],
@@ -220,13 +215,7 @@ def _sources(
     by_kind = _merged(contents, used, found)
     if found:
         raise Refused(found)
-    layer_of = {
-        document.path: part.layer
-        for part in contents
-        for documents in part.by_kind.values()
-        for document in documents
-    }
-    return Sources(layers=layers, by_kind=by_kind, layer_of=layer_of, **own)
+    return Sources(contents=tuple(contents), by_kind=by_kind, **own)
 
 
 def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
@@ -246,7 +235,7 @@ def _read(
     file: Path, kind: str | None, found: list[Diagnostic], named_at: Place | None = None
 ) -> Document | None:
     """Read one file and check its schema; mistakes are added to `found`."""
-    document = open_document(file, kind, found, read_document, named_at)
+    document = open_document(file, kind, found, named_at)
     return document if document is not None and conforms(document, found) else None
 
 

@@ -2,8 +2,8 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ from rulec_runtime.output.nearest import nearest
 from rulec_runtime.output.open_file import is_near
 
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
+from rulec.knowledge.sources import LayerDocuments
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import KINDS, Diagnostic, Place, no_file_of_ours
-from rulec.language.read_yaml import Document
+from rulec.language.read_yaml import Document, read_document
 from rulec.language.schema import check_schema, kind_of
 
 KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
@@ -25,31 +26,9 @@ a small plant."""
 _WORD = re.compile(r"[A-Za-z%][A-Za-z0-9_-]*")
 _PROSE = frozenset(("title", "text", "source", "note", "action", "meaning"))
 
-Open = Callable[[Path], tuple[Document | None, list[Diagnostic]]]
-
-
-@dataclass(frozen=True)
-class LayerDocuments:
-    """The content of a layer: documents by kind, and mistakes of form."""
-
-    layer: Layer
-    by_kind: dict[str, list[Document]] = field(default_factory=dict)
-    mistakes: list[Diagnostic] = field(default_factory=list)
-
-    def ids(self) -> Iterator[str]:
-        """Names for use in other files: of types, faults, sensors, fluids, units, quantities."""
-        for kind, documents in self.by_kind.items():
-            for document in documents:
-                if kind == "units":
-                    for group in ("units", "quantities"):
-                        yield from document.data.get(group, ())
-                elif kind in document.data:
-                    yield str(document.data[kind])
-
 
 def read_layers(
     layers: Iterable[Layer],
-    read: Open,
     wanted: Mapping[str, set[str]] | None = None,
     given: Iterable[Path] = (),
     effects: bool = True,
@@ -58,7 +37,6 @@ def read_layers(
 
     Parameters
     ----------
-    read : reads a file.
     wanted : names of the module types and fluids that a plant has; None: all. The kind ``provider``
         holds other module types whose provided names a plant may use; ``other`` holds the rest,
         unchecked, for their names.
@@ -72,7 +50,7 @@ def read_layers(
         for file in layer.files:
             real = os.path.realpath(file)
             if real not in done and (effects or not has_line(file, _EFFECT)):
-                _add(content, file, read, wanted)
+                _add(content, file, wanted)
             done.add(real)
         result.append(content)
     return result
@@ -120,14 +98,12 @@ def _words(data: Any) -> Iterator[str]:
         yield from _WORD.findall(data)
 
 
-def _add(
-    content: LayerDocuments, file: Path, read: Open, wanted: Mapping[str, set[str]] | None
-) -> None:
+def _add(content: LayerDocuments, file: Path, wanted: Mapping[str, set[str]] | None) -> None:
     beside = content.layer.folder.parent if content.layer.kind == OWN else content.layer.folder
     if content.layer.is_own and not is_near(file, beside):
         content.mistakes.append(leads_out(Place(file.as_posix())))
         return
-    document = open_document(file, None, content.mistakes, read)
+    document = open_document(file, None, content.mistakes)
     if document is None:
         return
     if not content.layer.is_whole:
@@ -144,10 +120,10 @@ def _add(
 
 
 def open_document(
-    file: Path, kind: str | None, found: list[Diagnostic], read: Open, named_at: Place | None = None
+    file: Path, kind: str | None, found: list[Diagnostic], named_at: Place | None = None
 ) -> Document | None:
     """Read one file of the given kind, or of any; `named_at` is the place that names it."""
-    document, mistakes = read(file)
+    document, mistakes = read_document(file)
     found.extend(mistakes)
     if document is None:
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,24 +14,47 @@ from rulec.language.read_yaml import Document
 from rulec.language.units import UnitTable, unit_table
 
 
+@dataclass(frozen=True)
+class LayerDocuments:
+    """The content of a layer: documents by kind, and mistakes of form."""
+
+    layer: Layer
+    by_kind: dict[str, list[Document]] = field(default_factory=dict)
+    mistakes: list[Diagnostic] = field(default_factory=list)
+
+    def ids(self) -> Iterator[str]:
+        """Names for use in other files: of types, faults, sensors, fluids, units, quantities."""
+        for kind, documents in self.by_kind.items():
+            for document in documents:
+                if kind == "units":
+                    for group in ("units", "quantities"):
+                        yield from document.data.get(group, ())
+                elif kind in document.data:
+                    yield str(document.data[kind])
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sources:
     """All documents that a plant or a check needs, by kind; they conform to their schemas.
 
-    `layers` are the folders of knowledge that were read; `layer_of` gives that of each document by
-    its path. Module types that the plant does not have are of the kind ``provider`` if its modules
-    may use their provided names. The others, and fluids that it does not have, are of the kind
-    ``other``, unchecked, for their names. `given` are the documents to be checked.
+    `contents` are those of the folders of knowledge that were read. Module types that the plant
+    does not have are of the kind ``provider`` if its modules may use their provided names. The
+    others, and fluids that it does not have, are of the kind ``other``, unchecked, for their names.
+    `given` are the documents to be checked.
     """
 
-    layers: tuple[Layer, ...]
+    contents: tuple[LayerDocuments, ...]
     by_kind: Mapping[str, tuple[Document, ...]]
     plant: Document | None = None
     columns: Document | None = None
     calibrations: tuple[Document, ...] = ()
     adjacency: tuple[str, str] | None = None
     given: tuple[Document, ...] = ()
-    layer_of: Mapping[str, Layer] = field(default_factory=dict)
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """The folders of knowledge that were read."""
+        return tuple(part.layer for part in self.contents)
 
     @property
     def units(self) -> tuple[Document, ...]:
@@ -50,12 +73,10 @@ class Sources:
 
     def by_layer(self) -> dict[Layer, list[tuple[str, Document]]]:
         """Kinds and documents of each layer, including empty layers."""
-        result: dict[Layer, list[tuple[str, Document]]] = {layer: [] for layer in self.layers}
-        for kind, documents in self.by_kind.items():
-            for document in documents:
-                if document.path in self.layer_of:
-                    result[self.layer_of[document.path]].append((kind, document))
-        return result
+        return {
+            part.layer: [(kind, d) for kind, found in part.by_kind.items() for d in found]
+            for part in self.contents
+        }
 
     def made_from(self) -> tuple[tuple[Layer, str], ...]:
         """Layers that a ruleset depends on, each with the hash of what it takes from there."""
