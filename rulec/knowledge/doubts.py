@@ -3,7 +3,6 @@
 Doubts are not mistakes: a plant that has some still compiles. `rulec check` reports them.
 """
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations, product
@@ -12,8 +11,8 @@ from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.limits import ALIKE_ESTIMATES, FAR_ESTIMATES, MISREAD_FACTORS, MOST_INSTRUMENTS
 from rulec.knowledge.module_type import ENDS, ModuleType, Observer, Parameter, Signal
 from rulec.knowledge.plant import Plant
+from rulec.knowledge.values_at import values_at
 from rulec.language.diagnostics import Diagnostic
-from rulec.language.expression import Rejected, constant
 from rulec.language.read_yaml import Document, Path_
 from rulec.language.units import VOLUME_FLOW
 from rulec.limits import ASSUMED_ACCURACY
@@ -139,17 +138,8 @@ def _flows(kind: ModuleType, parameters: Values, reference: Values) -> dict[str,
             value = (signal.lowest + signal.highest) / 2
         if value is not None:
             known[signal.name] = value
-    flows: dict[str, float] = {}
-    laws = [(d.name, d.expression, known) for d in kind.definitions.values()]
-    laws += [(o.name, o.expression, flows) for o in kind.observers.values()]
-    for name, expression, into in laws:
-        try:
-            value = constant(expression, known)
-        except Rejected:
-            continue
-        if value is not None and math.isfinite(value):
-            into[name] = value
-    return flows
+    values = values_at(kind, known)
+    return {name: values[name] for name in kind.observers if name in values}
 
 
 def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...]:

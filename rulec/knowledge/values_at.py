@@ -22,14 +22,12 @@ def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
     for definition in kind.definitions.values():
         if (value := _value(definition.expression.text, known)) is not None:
             known[definition.name] = value
-    found = {name: known[name] for name in kind.definitions if name in known}
     parts = {o.name: o.expression for o in kind.observers.values()}
     parts |= {r.name: r.expression for r in kind.readings.values()}
     parts |= {s.name: s.rate for s in kind.states.values()}
-    for name, expression in parts.items():
-        if (value := _value(expression.text, known)) is not None:
-            found[name] = value
-    return found
+    values = {name: _value(expression.text, known) for name, expression in parts.items()}
+    found = {name: known[name] for name in kind.definitions if name in known} | values
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _value(text: str, known: Mapping[str, float]) -> float | None:
