@@ -1,9 +1,6 @@
 """Check the dimensions in all equations of a module type."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-
-from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place
@@ -35,57 +32,48 @@ def provided_names(
     return result
 
 
-@dataclass
-class EquationReader(Reader):
-    """Checks the equations of a module type; `provided` gives the dimensions of downstream sums."""
+def check_equations(reader: Reader, module: ModuleType, provided: Mapping[str, Dimension]) -> None:
+    """Check the dimensions in a module type, if its document has no mistakes so far; `provided`
+    gives those of downstream sums."""
+    if reader.is_refused:
+        return
+    known = {**_declared(module), **dict.fromkeys(ENDS, VOLUME_FLOW)}
+    gathered = {name: provided.get(name, UNKNOWN) for name in module.gathers}
+    for path, expression in module.equations_at():
+        group, name, key = path[0], str(path[1]), str(path[2])
+        for used, column in expression.gathered():
+            reader.knows(path, provided, "KB056", "no module type provides '{}'", used, column)
+        own = reader.dimension(path, expression, known, gathered)
+        wanted, code = VOLUME_FLOW, "KB057"
+        if group == "definitions":
+            known[name] = own
+            wanted = VOLUME_FLOW if name in ENDS else UNKNOWN
+            template = f"'{name}' is a volume flow, but this is {{own}}"
+        elif group == "observers":
+            template = "an observer gives a volume flow ({wanted}), but this is {own}"
+        else:
+            per = {"der": known[name] / SECOND, "after": SECOND}
+            # A bare number fits every dimension.
+            is_bare = constant(expression, {}) is not None
+            wanted = UNKNOWN if is_bare else per.get(key, known[name])
+            code, template = "KB112", "this is {own}, but should be {wanted}"
+        if not own.fits(wanted):
+            message = template.format(own=own, wanted=wanted)
+            reader.report(path, code, message, "check each factor")
+    for regime in module.regimes.values():
+        for i, condition in enumerate(regime.when):
+            try:
+                dimension(condition.margin, known, {})
+            except Rejected:
+                path = ("regimes", regime.name, "when", i)
+                message = f"'{condition.text}' compares what is of different kinds"
+                reader.report(path, "KB127", message, "check each factor")
 
-    module: ModuleType
-    provided: Mapping[str, Dimension]
 
-    def check(self) -> None:
-        """Check dimensions, if there are no mistakes so far."""
-        if not self.is_refused:
-            self._check_dimensions()
-
-    def _check_dimensions(self) -> None:
-        module = self.module
-        known = {n: s.unit.dimension for n, s in module.signals.items()}
-        known |= {n: p.unit.dimension for n, p in module.parameters.items()}
-        known |= {n: s.unit.dimension for n, s in module.states.items()}
-        known |= dict.fromkeys(ENDS, VOLUME_FLOW)
-        gathered = {name: self.provided.get(name, UNKNOWN) for name in module.gathers}
-        for path, expression in module.equations_at():
-            group, name, key = path[0], str(path[1]), str(path[2])
-            for used, column in expression.gathered():
-                if used not in self.provided:
-                    message = f"no module type provides '{used}'"
-                    hint = did_you_mean(used, self.provided)
-                    self.report_word(path, column, used, "KB056", message, hint)
-            own = self.dimension(path, expression, known, gathered)
-            wanted, code = VOLUME_FLOW, "KB057"
-            if group == "definitions":
-                known[name] = own
-                wanted = VOLUME_FLOW if name in ENDS else UNKNOWN
-                template = f"'{name}' is a volume flow, but this is {{own}}"
-            elif group == "observers":
-                template = "an observer gives a volume flow ({wanted}), but this is {own}"
-            else:
-                per = {"der": known[name] / SECOND, "after": SECOND}
-                # A bare number fits every dimension.
-                is_bare = constant(expression, {}) is not None
-                wanted = UNKNOWN if is_bare else per.get(key, known[name])
-                code, template = "KB112", "this is {own}, but should be {wanted}"
-            if not own.fits(wanted):
-                message = template.format(own=own, wanted=wanted)
-                self.report(path, code, message, "check each factor")
-        for regime in module.regimes.values():
-            for i, condition in enumerate(regime.when):
-                try:
-                    dimension(condition.margin, known, {})
-                except Rejected:
-                    path = ("regimes", regime.name, "when", i)
-                    message = f"'{condition.text}' compares what is of different kinds"
-                    self.report(path, "KB127", message, "check each factor")
+def _declared(kind: ModuleType) -> dict[str, Dimension]:
+    """Dimension of each signal, parameter and state."""
+    groups = (kind.signals, kind.parameters, kind.states)
+    return {name: part.unit.dimension for group in groups for name, part in group.items()}
 
 
 def dimensions_of(
@@ -93,10 +81,7 @@ def dimensions_of(
 ) -> dict[str, Dimension]:
     """Dimension of each signal, parameter, state and definition; `gathered`: of downstream sums."""
     sums = dict.fromkeys(kind.gathers, UNKNOWN) if gathered is None else gathered
-    known = {n: s.unit.dimension for n, s in kind.signals.items()}
-    known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
-    known |= {n: s.unit.dimension for n, s in kind.states.items()}
-    known |= dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {}
+    known = {**_declared(kind), **(dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {})}
     for definition in kind.definitions.values():  # in order of use
         known[definition.name] = dimension(definition.expression, known, sums)
     return known

@@ -157,11 +157,8 @@ class EffectReader(Reader):
 
     def _asked(self, path: Path_, name: str) -> str | None:
         """The driver that a parameter names; an unknown one is reported and gives None."""
-        if name in self.drivers:
-            return name
-        hint = did_you_mean(name, self.drivers)
-        self.report(path, "KB102", f"there is no driver '{name}'", hint)
-        return None
+        known = self.knows(path, self.drivers, "KB102", "there is no driver '{}'", name)
+        return name if known else None
 
     def _unit(self, path: Path_) -> tuple[Unit, bool]:
         """The unit of a parameter; whether it begins with ``law``, that of the joined signal."""
@@ -219,15 +216,14 @@ class EffectReader(Reader):
 
     def _check_own_driver(self, path: Path_, name: str, column: int = 0) -> None:
         """Report a driver that is no signal of the module, so that the plain law cannot use it."""
-        driver = self.drivers.get(name)
-        if driver is None:
-            message, hint = f"there is no driver '{name}'", did_you_mean(name, self.drivers)
-        elif driver.where not in ("own", "read") or driver.quantity == TIME:
+        message = "there is no driver '{}'"
+        if not self.knows(path, self.drivers, "KB102", message, name, column):
+            return
+        driver = self.drivers[name]
+        if driver.where not in ("own", "read") or driver.quantity == TIME:
             message = f"'{name}' is no signal of the module, so its equations do not read it"
             hint = "take a driver with 'where: own'"
-        else:
-            return
-        self.report_word(path, column, name, "KB102", message, hint)
+            self.report_word(path, column, name, "KB102", message, hint)
 
     def _dimension_of(self, kind: str, path: Path_) -> Dimension:
         """Dimension of a join's law at places of the quantity at a path."""

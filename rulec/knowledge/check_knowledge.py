@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from rulec_runtime.output.nearest import did_you_mean
 
-from rulec.knowledge.check_dimensions import EquationReader, provided_names
+from rulec.knowledge.check_dimensions import check_equations, provided_names
 from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_fault import check_fault, frequency_at
 from rulec.knowledge.check_fluid import FluidReader
@@ -43,7 +43,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
     elsewhere = provided_names(sources.by_kind.get("provider", ()), units, [])
     provided = {**elsewhere, **provided_names(table["module"], units, found)}
     for d in table["module"]:
-        EquationReader(d, units, found, modules[d.data["module"]], provided).check()
+        check_equations(Reader(d, units, found), modules[d.data["module"]], provided)
     if found:
         raise Refused(found)
     return Knowledge(
@@ -114,7 +114,7 @@ def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorE
     for i, part in enumerate(reader.document.data.get("errors", ())):
         path, name = ("errors", i, "fault"), part["fault"]
         if name not in faults:
-            reader.report(path, "KB047", f"there is no fault '{name}'", did_you_mean(name, signal))
+            reader.knows(path, signal, "KB047", "there is no fault '{}'", name)
         elif name not in signal:
             acts_on = faults[name].acts_on
             message = f"'{name}' acts on a {acts_on}; an error of a sensor acts on a signal"

@@ -6,8 +6,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rulec_runtime.output.nearest import did_you_mean
-
 from rulec.knowledge.check_fault import frequency_at
 from rulec.knowledge.check_length import check_lengths
 from rulec.knowledge.check_states import RegimeReader, StateReader
@@ -82,7 +80,8 @@ class ModuleReader(Reader):
         of_regimes = RegimeReader(self.document, self.units, self.found, signals, compared)
         kind = replace(kind, definitions=self._ordered(definitions), regimes=of_regimes.regimes())
         if len(self.found) == before and not self.reserved:
-            self._check_lengths(kind)
+            every = list(kind.equations_at())  # definitions first
+            check_lengths(self, every[: len(definitions)], every[len(definitions) :])
         if len(self.found) == before and not self.reserved:
             self._check_constants(kind)
             self._check_used(kind)
@@ -104,9 +103,8 @@ class ModuleReader(Reader):
             self.check_range(low, high, *path, "range")
         sensor = self.sensors.get(part["sensor"])
         if sensor is None:
-            hint = did_you_mean(part["sensor"], self.sensors)
-            message = f"there is no sensor class '{part['sensor']}'"
-            self.report((*path, "sensor"), "KB031", message, hint)
+            message = "there is no sensor class '{}'"
+            self.knows((*path, "sensor"), self.sensors, "KB031", message, part["sensor"])
         elif sensor.kind == "full scale" and high is None:
             message = f"the class '{sensor.name}' needs the full scale of this sensor"
             self.report_key(path, "KB032", message, "add 'range: [0, ...]'")
@@ -169,12 +167,12 @@ class ModuleReader(Reader):
 
     def _provides(self, signals: Mapping[str, Signal]) -> dict[str, str]:
         provides: dict[str, str] = self.document.data.get("provides", {})
-        for name, signal in provides.items():
-            if signal not in signals:
-                message = f"'{signal}' is not a signal of this module"
-                hint = did_you_mean(signal, signals)
-                self.report(("provides", name), "KB035", message, hint)
-        return {n: s for n, s in provides.items() if s in signals}
+        message = "'{}' is not a signal of this module"
+        return {
+            name: signal
+            for name, signal in provides.items()
+            if self.knows(("provides", name), signals, "KB035", message, signal)
+        }
 
     def _ordered(self, definitions: Mapping[str, Definition]) -> dict[str, Definition]:
         """Definitions sorted so that each follows those it uses; circles are reported."""
@@ -207,12 +205,6 @@ class ModuleReader(Reader):
         expression = self.expression(*path, "Q")
         is_reference = part.get("reference", False)
         return Observer(name, part["component"], expression, is_reference, origin, _accuracy(part))
-
-    def _check_lengths(self, kind: ModuleType) -> None:
-        """Refuse definitions that expand to very long ones, before anything is built."""
-        every = list(kind.equations_at())
-        definitions = [part for part in every if part[0][0] == "definitions"]
-        check_lengths(self, definitions, every[len(definitions) :])
 
     def _check_constants(self, kind: ModuleType) -> None:
         """Refuse invalid numbers that appear only once definitions are combined, such as 1/zero."""
@@ -253,10 +245,8 @@ class ModuleReader(Reader):
             path = ("residuals", i)
             first, second = text.split("-")
             for name, column in ((first, 0), (second, len(first) + 1)):
-                if name not in observers:
-                    message = f"there is no observer '{name}' in this module"
-                    hint = did_you_mean(name, observers)
-                    self.report_word(path, column, name, "KB046", message, hint)
+                message = "there is no observer '{}' in this module"
+                self.knows(path, observers, "KB046", message, name, column)
             if first == second:
                 message = f"'{text}' compares an observer with itself"
                 self.report(path, "KB059", message, "that is always zero; name two observers")
@@ -284,17 +274,14 @@ class ModuleReader(Reader):
                 frequency = frequency_at(self, path, entry, "source")
                 path, text = (*path, "fault"), entry["fault"]
             name, target = text.rstrip(")").split("(")
-            fault = self.faults.get(name)
-            if fault is None:
-                message, hint = f"there is no fault '{name}'", did_you_mean(name, self.faults)
-                self.report_word(path, 0, name, "KB047", message, hint)
+            if not self.knows(path, self.faults, "KB047", "there is no fault '{}'", name):
                 continue
-            if target not in targets[fault.acts_on]:
-                what = {"flow": "component or flow without a law" if flows else "component"}
-                where = what.get(fault.acts_on, fault.acts_on)
-                message = f"'{name}' acts on a {where}; '{target}' is none of this module"
-                hint = did_you_mean(target, targets[fault.acts_on])
-                self.report_word(path, len(name) + 1, target, "KB048", message, hint)
+            fault = self.faults[name]
+            what = {"flow": "component or flow without a law" if flows else "component"}
+            where = what.get(fault.acts_on, fault.acts_on)
+            message = f"'{name}' acts on a {where}; '{{}}' is none of this module"
+            known = targets[fault.acts_on]
+            if not self.knows(path, known, "KB048", message, target, len(name) + 1):
                 continue
             if fault.acts_on == "signal" and self._has_no_sense(fault, kind.signals[target], path):
                 continue

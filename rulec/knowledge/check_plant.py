@@ -82,9 +82,6 @@ class _PlantReader(Reader):
         names: Mapping[str, Any] = self.document.data["modules"]
         return names
 
-    def _hint(self, name: str) -> str:
-        return did_you_mean(name, self._names)
-
     def reader_of(self, document: Document) -> Reader:
         return Reader(document, self.units, self.found)
 
@@ -96,41 +93,37 @@ class _PlantReader(Reader):
         """Modules of known types by name, with the values that the plant states."""
         result = {}
         for name, part in self.document.data["modules"].items():
-            kind = self.knowledge.modules.get(part["type"])
+            path, kind = ("modules", name), self.knowledge.modules.get(part["type"])
             if kind is None:
-                message = f"there is no module type '{part['type']}'"
-                hint = did_you_mean(part["type"], self.types)
-                self.report(("modules", name, "type"), "KB070", message, hint)
+                message = "there is no module type '{}'"
+                others = self.types - {part["type"]}
+                self.knows((*path, "type"), others, "KB070", message, part["type"])
                 continue
-            result[name] = self._module(name, part, kind)
+            parameters = {**kind.parameters, **_values(self, path, part, kind)}
+            typical = {
+                s.name: s.reference for s in kind.signals.values() if s.reference is not None
+            }
+            for key, value in part.get("reference", {}).items():
+                if _has_signal(self, (*path, "reference", key), kind):
+                    typical[key] = kind.signals[key].unit.to_si(value)
+            result[name] = Module(
+                name=name,
+                title=part.get("title", kind.title),
+                type=kind,
+                stated=parameters,
+                parameters=parameters,
+                blocks=(),
+                misfit={},
+                valid={},
+                reference=typical,
+            )
         return result
-
-    def _module(self, name: str, part: Mapping[str, Any], kind: ModuleType) -> Module:
-        path = ("modules", name)
-        parameters = {**kind.parameters, **_values(self, path, part, kind)}
-        reference = {s.name: s.reference for s in kind.signals.values() if s.reference is not None}
-        for key, value in part.get("reference", {}).items():
-            if _has_signal(self, (*path, "reference", key), kind):
-                reference[key] = kind.signals[key].unit.to_si(value)
-        return Module(
-            name=name,
-            title=part.get("title", kind.title),
-            type=kind,
-            stated=parameters,
-            parameters=parameters,
-            blocks=(),
-            misfit={},
-            valid={},
-            reference=reference,
-        )
 
     def calibrate(self, modules: dict[str, Module], document: Document) -> dict[str, Module]:
         result, reader = dict(modules), self.reader_of(document)
         for name, part in document.data["modules"].items():
             path = ("modules", name)
-            if name not in self._names:
-                message = f"this plant has no module '{name}'"
-                reader.report_key(path, "KB074", message, self._hint(name))
+            reader.knows(path, self._names, "KB074", "this plant has no module '{}'")
             if name not in modules:
                 continue
             kind = modules[name].type
@@ -145,12 +138,10 @@ class _PlantReader(Reader):
     def fill(self, modules: dict[str, Module]) -> dict[str, Module]:
         """Modules with their own fluid or the plant's, which is put into equations that use it."""
         data, known = self.document.data, self.knowledge.fluids
-        named: dict[Path_, str | None]
-        named = {("modules", n, "fluid"): m.get("fluid") for n, m in data["modules"].items()}
-        for path, fluid in (*named.items(), (("fluid",), data.get("fluid"))):
+        named = [(("modules", n, "fluid"), m.get("fluid")) for n, m in data["modules"].items()]
+        for path, fluid in (*named, (("fluid",), data.get("fluid"))):
             if fluid is not None and fluid not in known:
-                hint = did_you_mean(fluid, self.fluids)
-                self.report(path, "KB065", f"there is no fluid '{fluid}'", hint)
+                self.knows(path, self.fluids - {fluid}, "KB065", "there is no fluid '{}'", fluid)
         result = dict(modules)
         for name, module in modules.items():
             fluid = data["modules"][name].get("fluid", data.get("fluid"))
@@ -177,9 +168,8 @@ class _PlantReader(Reader):
             path = ("connections", i)
             source, target = text.split(" -> ")
             for name, column in ((source, 0), (target, len(source) + 4)):
-                if name not in self._names:
-                    message = f"this plant has no module '{name}'"
-                    self.report_word(path, column, name, "KB080", message, self._hint(name))
+                message = "this plant has no module '{}'"
+                self.knows(path, self._names, "KB080", message, name, column)
             if source == target:
                 message = f"'{source}' cannot feed itself directly"
                 self.report(path, "KB081", message, "a return needs a module in between")
@@ -228,7 +218,7 @@ class _PlantReader(Reader):
         for name in sorted({*names, *self._names}):
             if name not in self._names:
                 message = f"the {side} '{name[:40]}' is not a module of this plant"
-                self._report_at(place, "KB083", message, self._hint(name))
+                self._report_at(place, "KB083", message, did_you_mean(name, self._names))
             elif names.count(name) != 1:
                 count = f"{names.count(name)} {side}s" if name in names else f"no {side}"
                 message = f"the module '{name}' has {count}"
@@ -254,8 +244,7 @@ class _PlantReader(Reader):
             signals = modules[module].type.signals if module in modules else {}
             if signal not in signals:
                 known = [f"{m.name}.{s}" for m in modules.values() for s in m.type.signals]
-                message = f"this plant has no signal '{key}'"
-                reader.report_key(path, "KB085", message, did_you_mean(key, known))
+                reader.knows(path, known, "KB085", "this plant has no signal '{}'")
                 continue
             _check_unit(reader, path, unit, signals[signal].unit, "KB086")
             offset = shift * unit.factor + unit.offset
@@ -282,8 +271,7 @@ def _values(
     for key, value in part.get("parameters", {}).items():
         where, known = (*path, "parameters", key), kind.parameters.get(key)
         if known is None:
-            message = f"'{kind.name}' has no parameter '{key}'"
-            reader.report_key(where, "KB072", message, did_you_mean(key, kind.parameters))
+            reader.knows(where, kind.parameters, "KB072", f"'{kind.name}' has no parameter '{{}}'")
             continue
         unit = reader.unit(*where, "unit")
         declared = f"declared in {known.origin.file}:{known.origin.line}"
@@ -301,10 +289,7 @@ def _values(
 
 def _has_signal(reader: Reader, path: Path_, kind: ModuleType) -> bool:
     """Whether the key at a path is a signal of a type; otherwise it is reported."""
-    if path[-1] not in kind.signals:
-        message = f"'{kind.name}' has no signal '{path[-1]}'"
-        reader.report_key(path, "KB071", message, did_you_mean(str(path[-1]), kind.signals))
-    return path[-1] in kind.signals
+    return reader.knows(path, kind.signals, "KB071", f"'{kind.name}' has no signal '{{}}'")
 
 
 def _calibrated(reader: Reader, path: Path_, part: Mapping[str, Any], module: Module) -> Module:
@@ -322,9 +307,7 @@ def _calibrated(reader: Reader, path: Path_, part: Mapping[str, Any], module: Mo
         if not unit.dimension.fits(VOLUME_FLOW):
             message = f"a misfit is a volume flow; '{unit.text}' does not fit"
             reader.report((*where, "unit"), "KB073", message)
-        if key not in kind.observers:
-            hint = did_you_mean(key, kind.observers)
-            reader.report_key(where, "KB076", f"there is no observer '{key}'", hint)
+        reader.knows(where, kind.observers, "KB076", "there is no observer '{}'")
     valid = {}
     for key, value in part.get("range", {}).items():
         where = (*path, "range", key)
@@ -344,9 +327,8 @@ def _block(
     """Read and factor a covariance block, which must be symmetric and positive definite."""
     names, where = tuple(block["of"]), (*path, "matrix")
     for i, name in enumerate(names):
-        if name not in parameters:
-            hint = did_you_mean(name, parameters)
-            reader.report((*path, "of", i), "KB072", f"there is no parameter '{name}'", hint)
+        message = "there is no parameter '{}'"
+        if not reader.knows((*path, "of", i), parameters, "KB072", message, name):
             return None
         if name in names[:i]:
             reader.report((*path, "of", i), "KB049", f"'{name}' stands twice", "keep one")

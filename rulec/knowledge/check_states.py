@@ -4,8 +4,6 @@ import ast
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from rulec_runtime.output.nearest import did_you_mean
-
 from rulec.knowledge.module_type import ENDS, Comparison, ModuleType, Reading, Regime, Signal, State
 from rulec.language.expression import (
     Expression,
@@ -71,9 +69,7 @@ class StateReader(Reader):
         result = {}
         for name, part in self.document.data.get("readings", {}).items():
             path = ("readings", name)
-            if name not in signals:
-                message = f"'{name}' is not a signal of this module"
-                self.report_key(path, "KB035", message, did_you_mean(name, signals))
+            if not self.knows(path, signals, "KB035", "'{}' is not a signal of this module"):
                 continue
             if signals[name].is_input:
                 message = f"'{name}' is given ('input: true'), so it has no equation"

@@ -70,6 +70,25 @@ class Reader:
             place = Place(place.file, place.line, column, error.length)
         self.found.append(Diagnostic(place, error.code, error.message, error.hint))
 
+    def knows(
+        self, path: Path_, known: Collection[str], code: str, message: str, name: str = "",
+        column: int = 0,
+    ) -> bool:  # fmt: skip
+        """Whether a name is known; if not, it is reported with the nearest known one.
+
+        It is a word of the text at the path, from `column` on, or else the key that ends the path.
+        In `message`, ``{}`` is the name.
+        """
+        word = name or str(path[-1])
+        if word in known:
+            return True
+        text, hint = message.replace("{}", word), did_you_mean(word, known)
+        if name:
+            self.report_word(path, column, name, code, text, hint)
+        else:
+            self.report_key(path, code, text, hint)
+        return False
+
     def unit(self, *path: str | int) -> Unit:
         """The unit at a path; an unknown one is reported and then fits every dimension."""
         text = self.part(path)
@@ -159,10 +178,7 @@ class Reader:
     ) -> None:
         """Report unknown names in an equation; `what` says what they could be."""
         for name, column in expression.names():
-            if name not in known:
-                message = f"'{name}' is neither {what}"
-                hint = did_you_mean(name, known)
-                self.report_word(path, column, name, "KB036", message, hint)
+            self.knows(path, known, "KB036", f"'{{}}' is neither {what}", name, column)
 
     def check_own(self, path: Path_, expression: Expression, what: str, hint: str) -> None:
         """Report fluid properties and downstream sums in an equation that cannot use them."""

@@ -107,14 +107,11 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             message, hint = f"{part} cannot be {_show(value)}", _form(error.schema)
             yield Diagnostic(where, "KB025", message, hint)
         case "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum" as bound:
-            words = {"minimum": "at least", "maximum": "at most"}
-            words |= {"exclusiveMinimum": "more than", "exclusiveMaximum": "less than"}
-            message = f"{part} must be {words[bound]} {limit}, not {_show(value)}"
+            message = f"{part} must be {_BOUNDS[bound]} {limit}, not {_show(value)}"
             yield Diagnostic(where, "KB026", message)
-        case "minItems" | "maxItems":
-            words = {"minItems": "at least", "maxItems": "at most"}
+        case "minItems" | "maxItems" as bound:
             entries = f"{limit} entr{'ies' if limit > 1 else 'y'}"
-            message = f"{part} must have {words[error.validator]} {entries}, not {len(value)}"
+            message = f"{part} must have {_BOUNDS[bound]} {entries}, not {len(value)}"
             yield Diagnostic(where, "KB027", message)
         case "minProperties" | "minLength":
             hint = "fill it in" if error.validator == "minLength" else "fill it in, or leave it out"
@@ -201,6 +198,11 @@ def _form(schema: dict[str, Any]) -> str:
     extra = "_ and -" if "_-]" in schema["pattern"] else "and _"
     return f"a letter, then letters, digits, {extra}; not too long"
 
+
+_BOUNDS = {
+    "minimum": "at least", "maximum": "at most", "minItems": "at least", "maxItems": "at most",
+    "exclusiveMinimum": "more than", "exclusiveMaximum": "less than",
+}  # fmt: skip
 
 _TYPES = {
     "object": "a group of keys", "array": "a list", "string": "text", "number": "a number",
