@@ -150,10 +150,10 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
     value = np.add.reduceat((weight * degree)[known], edges[:-1]) / sums
     # Robust against steps.
     noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
-    segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
+    tests = score_tests_at(fitted)
     course = _Degree(
         fitted,
-        score_tests_at(fitted),
+        tests,
         candidate,
         unknown,
         columns[:, 0],
@@ -161,26 +161,32 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
         known[edges[1:] - 1],
         value,
         sums,
-        segments,
     )
-    ways = dict[bytes, np.ndarray]()
+    segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
+    ways = dict[bytes, tuple[Segments, np.ndarray]]()
     for on in (apart(segments, odd) for odd in limits.ODD):
         if on.any() and not on.all():
             # All periods but the longest may be noise, and so may the gaps between them.
             stretch = np.cumsum(~on)
             longest = np.argmax(np.bincount(stretch, segments.length * on))
             hull = np.logical_or.accumulate(on) & np.logical_or.accumulate(on[::-1])[::-1]
-            every = (on, on & (stretch == longest), hull)
-            ways |= {flags.tobytes(): flags for flags in every if not flags.all()}
-    trials = (course.trial(on, m) for on in ways.values() for m in (1, limits.MOST_LEVELS))
+            for flags in (on, on & (stretch == longest), hull):
+                ways[flags.tobytes()] = segments, flags
+    if len(segments.first) > 1:
+        ways[b""] = course.begun(), np.array([False, True])
+    trials = [
+        course.trial(*way, levels)
+        for way in ways.values()
+        for levels in (1, limits.MOST_LEVELS)
+        if not way[1].all()
+    ]
     return max((t for t in trials if t is not None), key=course.worth, default=None)
 
 
 @dataclass(frozen=True)
 class _Degree:
     """The course of the degree of a fault as means over known points from `first` to `last`, with
-    their weights, cut into segments; `column`, shape (rows,), are the slopes of the residuals by
-    the degree."""
+    their weights; `column`, shape (rows,), are the slopes of the residuals by the degree."""
 
     fitted: Fitted
     tests: Sequence[ScoreTest]
@@ -191,11 +197,34 @@ class _Degree:
     last: NDArray[np.intp]
     value: Array
     weight: Array
-    segments: Segments
 
-    def trial(self, on: np.ndarray, most: int) -> InitialCandidate | None:
-        """The fault in some segments, with at most `most` degrees; None if all are too short."""
-        first, length, null = self.segments.first, self.segments.length, self.unknown.null or 0.0
+    @property
+    def _null(self) -> float:
+        return self.unknown.null or 0.0
+
+    def begun(self) -> Segments:
+        """One permanent change, at the time that explains most.
+
+        Values are refitted beside it: those of a plain fit lie between the values before and after
+        the change, and so hide a part of it.
+        """
+        count, null = len(self.value), self._null
+        ends = limits.SHORTEST, count - limits.SHORTEST
+        begins = np.unique(np.linspace(*ends, limits.BEGINS).astype(int))
+        terms = self.column[:, None] * (self.fitted.rows.point[:, None] >= self.first[begins])
+        low, high = self.unknown.lowest - null, self.unknown.highest - null
+        whole = np.ones(len(begins))
+        each = np.arange(len(begins))[:, None]
+        gains = np.max(
+            [test.best_of(terms, each, low * whole, high * whole)[1] for test in self.tests], axis=0
+        )
+        first = np.array([0, begins[int(np.argmax(gains))]])
+        length = np.diff(np.append(first, count))
+        return Segments(first, np.add.reduceat(self.value, first) / length, length)
+
+    def trial(self, segments: Segments, on: np.ndarray, most: int) -> InitialCandidate | None:
+        """The fault with at most `most` degrees; None where no period is long enough."""
+        first, length, null = segments.first, segments.length, self._null
         plain = np.add.reduceat(self.value, first)
         rest = float(plain[~on].sum() / length[~on].sum())
         level = np.add.reduceat(self.weight * self.value, first)

@@ -23,22 +23,22 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.intermittent_fault import degree_course
 
 
-def free_course(fitted: Fitted, suspect: Suspect, length: float) -> InitialCandidate:
-    """An error at a place, with a free course in time; `length` is its correlation length as a
-    share of the recording."""
-    time, spot = fitted.rows.system.data.time, suspect.spot
+def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
+    """An error at a place, with a free course in time."""
+    data = fitted.rows.system.data
+    spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
-    count = max(min(int(limits.KNOTS_PER_LENGTH / length), len(known) // limits.KNOT_POINTS), 2)
+    levels = _levels_of(suspect.course[known], suspect.weight[known])
     # Held-out points are interpolated; beyond the known points the course is constant.
-    at = np.interp(np.arange(len(time)), known, np.linspace(0.0, count - 1.0, len(known)))
-    segment = np.minimum(at.astype(int), count - 1)
-    knots = time[known[np.linspace(0, len(known) - 1, count).astype(int)]]
+    at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
+    segment = np.minimum(at.astype(int), len(levels) - 1)
+    knots = data.time[known[np.linspace(0, len(known) - 1, len(levels)).astype(int)]]
     ends = [*((knots[1:] + knots[:-1]) / 2.0), knots[-1]]
     edges = itertools.pairwise([float(knots[0]), *map(float, ends)])
     periods = tuple(Span(since, until, i) for i, (since, until) in enumerate(edges))
-    parts = np.array_split(suspect.course[known], count)
-    values = {f"{spot.unknown}#{i}": float(np.median(part)) for i, part in enumerate(parts)}
-    return _trial(spot, values, Course(spot.unknown, segment, periods, at - segment))
+    values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
+    course = Course(spot.unknown, segment, periods, at - segment)
+    return _trial(spot, values, course)
 
 
 def switched_course(
@@ -53,6 +53,35 @@ def switched_course(
     )
     course = Course(spot.unknown, np.where(on, 0, -1), periods)
     return _trial(spot, {f"{spot.unknown}#0": 0.0}, course)
+
+
+def _levels_of(course: Array, weight: Array) -> Array:
+    """Values at the knots of a piecewise linear course, with as many knots as pay for themselves.
+
+    Source: Schwarz 1978, with free scale.
+    """
+    n, root, near = len(course), np.sqrt(weight), _clipped(course)
+    best: tuple[float, Array] | None = None
+    for count in limits.LATENT_KNOTS:
+        if count > max(n // limits.KNOT_POINTS, 2):
+            break
+        at = np.linspace(0.0, count - 1.0, n)
+        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
+        levels = np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0]
+        left = float(np.sum(weight * (near - table @ levels) ** 2))
+        cost = 0.5 * (n * float(np.log(left + 1e-300)) + count * float(np.log(n)))
+        if best is None or cost < best[0]:
+            best = (cost, levels)
+    assert best is not None
+    return best[1]
+
+
+def _clipped(values: Array) -> Array:
+    """Values without outliers: a single point must not attract the course."""
+    middle = float(np.median(values))
+    spread = spread_about(values, middle) or float(np.std(values))
+    far = limits.KNOT_ODD * spread
+    return np.asarray(np.clip(values, middle - far, middle + far))
 
 
 def _trial(spot: DisturbanceLocation, values: dict[str, float], course: Course) -> InitialCandidate:
@@ -111,12 +140,8 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
         return Reconstruction(spot, system.data.time, level)
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
-    rest, weight = rest[known], weight[known]
-    middle = float(np.median(rest))
-    # A single point must not attract the course.
-    far = limits.KNOT_ODD * (spread_about(rest, middle) or float(np.std(rest)))
-    values = level[known] + np.clip(rest, middle - far, middle + far)
-    kernel = np.hanning(2 * max(len(known) // limits.SMOOTHED, 1) + 3)[1:-1]
+    values, weight = level[known] + _clipped(rest[known]), weight[known]
+    kernel = np.hanning(2 * max(len(known) // (6 * limits.LATENT_KNOTS[-1]), 1) + 3)[1:-1]
     total = np.convolve(values * weight, kernel, mode="same")
     smooth: Array = total / np.convolve(weight, kernel, mode="same")
     return Reconstruction(spot, system.data.time[known], smooth)

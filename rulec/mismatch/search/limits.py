@@ -36,6 +36,9 @@ FAINT = 0.01
 PASSING = 0.9
 """Weight of the gain of a fault that is present when the recording begins. Origin: assumed."""
 
+BEGINS = 200
+"""Onsets of a permanent fault to try. Origin: numerical."""
+
 STEP_PENALTY = 4.0
 """Price of a step of a course, in log(means): its time and its level. Origin: assumed."""
 
@@ -58,11 +61,8 @@ SHORTEST = 3
 
 # Terms without a name.
 
-KNOTS_PER_LENGTH = 2.0
-"""Knots of a free course in time per correlation length. Origin: numerical."""
-
-SMOOTHED = 240
-"""Independent parts of the course of an unrecorded driver, at most. Origin: assumed."""
+LATENT_KNOTS = (2, 4, 7, 12, 20, 40)
+"""Numbers of knots of a free course in time; the fewest that suffice are taken. Origin: assumed."""
 
 KNOT_POINTS = 4
 """Fewest points per knot. Origin: assumed."""
@@ -147,6 +147,10 @@ SETS_GROWN = 2
 
 SEARCH_ROUNDS = 8
 """Rounds in which sets are grown. Origin: numerical."""
+
+SETS_SWITCHED = 3
+"""Best sets in which faults that come and go are compared with terms that follow set points.
+Origin: numerical."""
 
 TERMS_REFITTED = 3
 """Terms without a name refitted per set that is grown. Origin: numerical."""

@@ -15,7 +15,7 @@ from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.language.expression import Rejected
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.evidence import amplitudes_of, name_of
+from rulec.mismatch.evidence.evidence import name_of
 from rulec.mismatch.evidence.prior import known_of
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
@@ -23,6 +23,7 @@ from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import (
     InitialCandidate,
+    Suspect,
     screen,
     suspect_at,
     ways_at,
@@ -41,6 +42,7 @@ from rulec.mismatch.search.time_course import (
     ends_of,
     grow_periods,
     refine_onsets,
+    refit_switching_terms,
 )
 
 
@@ -48,36 +50,36 @@ def explain(every: Rows, progress: Progress) -> Posterior:
     """Search for the sets of explanations of a recording by all its settled points."""
     search = begun(every)
     grown(search, progress, (refine_onsets, grow, grow_periods, grow_terms, prune))
+    refit_switching_terms(search)
     _refit_candidates_for_terms(search)
     return search.posterior()
 
 
 def begun(every: Rows) -> Search:
-    """A search that has refitted the plain model to means of operating states, which are cut at the
-    ends of a fault that comes and goes."""
+    """A search that has refitted the plain model to means of operating states."""
+    search = _plain(every, np.zeros(0))
+    plain = search.models[frozenset()]
+    cuts = ends_of(coming_and_going(search, plain))
+    if len(cuts):
+        search = _plain(every, cuts)
+        plain = search.models[frozenset()]
+    evidence = search.evidence
+    return replace(search, alike=alike_faults(evidence.columns(plain.point, evidence.candidates)))
 
-    def plain(cuts: Array) -> Search:
-        states = rows_of_states(every.system, cuts)
-        search = Search(SteadyEvidence(states if len(states) else every, every))
-        search.keep(frozenset(), search.refit(Configuration(), None))
-        return search
 
-    search = plain(np.zeros(0))
-    cuts = ends_of(coming_and_going(search, search.models[frozenset()]))
-    search = plain(cuts) if len(cuts) else search
-    evidence, point = search.evidence, search.models[frozenset()].point
-    return replace(search, alike=alike_faults(evidence.columns(point, evidence.candidates)))
+def _plain(every: Rows, cuts: Array) -> Search:
+    states = rows_of_states(every.system, cuts)
+    search = Search(SteadyEvidence(states if len(states) else every, every))
+    search.keep(frozenset(), search.refit(Configuration(), None))
+    return search
 
 
 def _refit_candidates_for_terms(search: Search) -> None:
     """Refit effects of the catalogue in the place of each term of the best set, to report by how
-    much they lost; only those with its driver, if there are any."""
+    much they lost."""
     names, evidence = search.likeliest, search.evidence
     for term in search.models[names].terms:
-        rest, place = names - {term.name}, (term.changed.module, term.changed.place)
-        here = [c for c in evidence.candidates if (c.module, c.place) == place]
-        if term.driver != TIME:
-            here = [c for c in here if term.driver in c.drivers.values()] or here
+        rest, here = names - {term.name}, _in_its_place(evidence.candidates, term)
         if rest not in search.models or not here:
             continue
         model = search.models[rest]
@@ -88,6 +90,14 @@ def _refit_candidates_for_terms(search: Search) -> None:
             if len(one.starts) == 1 and rest | one.names not in search.odds:
                 for more, begin in evidence.starting_points(model.setting, every, [one]):
                     search.join(rest, more, begin)
+
+
+def _in_its_place(every: Sequence[Candidate], term: Term) -> list[Candidate]:
+    """Effects at the place of a term; only those with its driver, if there are any."""
+    place = (term.changed.module, term.changed.place)
+    here = [c for c in every if (c.module, c.place) == place]
+    same = [c for c in here if term.driver in c.drivers.values()]
+    return same if same and term.driver != TIME else here
 
 
 @dataclass(frozen=True)
@@ -146,18 +156,21 @@ def confirmed(fitted: Fitted) -> Fitted:
     """The model without explanations that vanish where laws are exact, the weakest first: beside
     errors of form an effect may only refine what these leave."""
     while fitted.setting.joined:
-        values, free = fitted.setting.values, fitted.setting.free_unknowns()
-        sizes = {}
-        for candidate in fitted.setting.joined:
-            null = {u.id: start for u, start in amplitudes_of(candidate).items()}
-            own = [(name, null[i]) for name in free if (i := name.partition("#")[0]) in null]
-            in_u = [abs(values[name] - start) / fitted.u(name) for name, start in own]
-            sizes[candidate.id] = max(in_u, default=np.inf)
+        sizes = {c.id: _size(fitted, c) for c in fitted.setting.joined}
         weakest = min(sizes, key=lambda id_: sizes[id_])
         if sizes[weakest] > common.NORMAL_95:
             break
         fitted = _fitted(fitted.rows, fitted.setting.leaving(weakest))
     return fitted
+
+
+def _size(fitted: Fitted, candidate: Candidate) -> float:
+    """Largest amplitude of a candidate, in its standard uncertainty."""
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+    own = [(name, null.get(name.partition("#")[0])) for name in fitted.setting.free_unknowns()]
+    values = fitted.setting.values
+    sizes = [abs(values[n] - start) / fitted.u(n) for n, start in own if start is not None]
+    return max(sizes, default=np.inf)
 
 
 def _fitted(rows: Rows, setting: Configuration) -> Fitted:
@@ -168,29 +181,22 @@ def _fitted(rows: Rows, setting: Configuration) -> Fitted:
 
 
 def with_term(fitted: Fitted, term: Term) -> Fitted | None:
-    """Join a term without a name as a course in time, or as a curve over its driver, at its place
-    or the parameter of the law there."""
-    system = fitted.rows.system
-    ways = (
-        w for w in ways_at(fitted, system.builder.places[term.spot]) if w[0].id == term.changed.id
-    )
-    way = next(ways, None)
-    if way is None:
+    """Join a term without a name as a course in time, or as a curve over its driver."""
+    place = _place(fitted, term)
+    if place is None:
         return None
-    trials: Sequence[InitialCandidate] = ()
     if term.basis.says:
-        there = term.basis.at(system.data.time)[:, 0] > 0.0
-        trials = [switched_course(fitted, way[0], there)]
-    elif term.driver == TIME:
-        trials = [free_course(fitted, suspect_at(fitted, *way), term.basis.length)]
-    else:
-        for most in limits.BANDS:
-            # Beside another curve its equation may be too long; fewer pieces make it shorter.
-            with contextlib.suppress(Rejected):
-                curve = _curve_at(fitted, way[0], term.driver, most)
-                trials = screen(fitted, [curve]) if curve is not None else ()
-                break
-    return _fitted(fitted.rows, trials[0].joined_to(fitted.setting)) if trials else None
+        there = term.basis.at(fitted.rows.system.data.time)[:, 0] > 0.0
+        return _with_trial(fitted, switched_course(fitted, place.spot, there))
+    if term.driver == TIME:
+        return _with_trial(fitted, free_course(fitted, place))
+    for most in limits.BANDS:
+        # Beside another curve its equation may be too long; fewer pieces make it shorter.
+        with contextlib.suppress(Rejected):
+            curve = _curve_at(fitted, place.spot, term.driver, most)
+            found = screen(fitted, [curve]) if curve is not None else []
+            return _with_trial(fitted, found[0]) if found else None
+    return None
 
 
 def _curve_at(fitted: Fitted, spot: DisturbanceLocation, name: str, most: int) -> Candidate | None:
@@ -212,3 +218,14 @@ def _curve_at(fitted: Fitted, spot: DisturbanceLocation, name: str, most: int) -
             features = tuple(f"{name}~{i}/{parts}" for i in pieces)
             return fitted.rows.system.builder.free_form(spot.id, features)
     return None
+
+
+def _with_trial(fitted: Fitted, trial: InitialCandidate) -> Fitted:
+    return _fitted(fitted.rows, trial.joined_to(fitted.setting))
+
+
+def _place(fitted: Fitted, term: Term) -> Suspect | None:
+    """The place of a term, or the parameter of the law there, with the error that explains most."""
+    ways = ways_at(fitted, fitted.rows.system.builder.places[term.spot])
+    own = (suspect_at(fitted, *way) for way in ways if way[0].id == term.changed.id)
+    return next(own, None)
