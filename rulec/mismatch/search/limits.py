@@ -50,6 +50,9 @@ AT_ONCE = 0.6
 """Share of the distance between two states that one step must cover: a slow swing is no fault that
 comes and goes. Origin: assumed."""
 
+ONE_LEVEL = 0.25
+"""Relative difference below which successive levels are one period. Origin: assumed."""
+
 MOST_LEVELS = 3
 """Largest number of degrees of a fault. Origin: assumed."""
 
@@ -163,9 +166,6 @@ GROWING_STEPS = (0.5, 0.25)
 
 ONSET_POINTS = 9
 """Points in the final search for the onset of a fault. Origin: numerical."""
-
-GROWING_SHARES = (1.0, 0.2, 0.04)
-"""Shares of its range that this search covers in turn for growing faults. Origin: numerical."""
 
 SETS_STANDING = 6
 """Most candidate sets that an experiment is planned for. Origin: numerical."""
