@@ -58,7 +58,7 @@ LONG_SUM = 3
 Origin: assumed."""
 
 MANY_CORRELATED = 8
-"""Correlated observers beyond which the residual's own gradient is the shorter one. Origin:
+"""Observers in a residual beyond which its own gradient is the shorter one. Origin:
 assumed."""
 
 LEAST_SPREAD = 1e-9
