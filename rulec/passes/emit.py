@@ -106,9 +106,7 @@ def emit(
             for b in junctions(plant)
             if b not in network.balances
         ),
-        unlisted=tuple(
-            replace(_settled(h), unlisted=True) for h in assembly.unlisted if h.id in detectable
-        ),
+        unlisted=tuple(_settled(h, unlisted=True) for h in assembly.unlisted if h.id in detectable),
         unlisted_cells=tuple(_cell(signature, (), "") for signature in signatures.unlisted),
         regimes=tuple(_regimes(plant, assembly)),
         liquid=tuple(_liquid(plant, assembly, residuals, signatures)),
@@ -197,55 +195,37 @@ def _observers(
             )
 
 
-def _settled(h: Hypothesis) -> contract.FaultSpec:
+def _settled(h: Hypothesis, unlisted: bool = False) -> contract.FaultSpec:
     """A fault in the estimates of settled flows."""
-    return _of_module(h, h.fault.fault, h.fault.variant, affects=h.affects, scales=h.scales)
+    found = _fault(h.fault.fault, h.fault.variant, h.id, h.module, h.target, h.affects, h.scales)
+    return replace(found, unlisted=unlisted)
 
 
 def _of_store(f: StoreFault) -> contract.FaultSpec:
     """A fault in the balances only, which affects no estimate of a settled flow."""
     scales = (f.target,) if f.fault.acts_on == "signal" else ()
-    return _of_module(f, f.fault, f.variant, affects=(), scales=scales)
-
-
-def _of_module(
-    where: Hypothesis | StoreFault,
-    fault: FaultType,
-    variant: Variant,
-    *,
-    affects: tuple[str, ...],
-    scales: tuple[str, ...],
-) -> contract.FaultSpec:
-    return _fault(
-        fault,
-        variant,
-        where.id,
-        module=where.module,
-        title=fault.title_at(where.target, variant),
-        slots={"module": where.module, "where": where.target, "variant": variant.title},
-        affects=affects,
-        scales=scales,
-    )
+    return _fault(f.fault, f.variant, f.id, f.module, f.target, (), scales)
 
 
 def _fault(
     fault: FaultType,
     variant: Variant,
     id_: str,
-    *,
     module: str,
-    title: str,
-    slots: Mapping[str, str],
+    target: str,
     affects: tuple[str, ...],
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
+    """A fault of a module at a target, or of the liquid, which has neither."""
+    title = f"{fault.title}, {variant.title}" if variant.name else fault.title
+    slots = {"module": module, "where": target, "variant": variant.title}
     frequency, usual = variant.frequency or fault.frequency, variant.usual
     absurd = usual.size * usual.factor**ABSURD_FAULT if usual and not usual.of_place else math.inf
     return contract.FaultSpec(
         id=id_,
         module=module,
         fault=fault.name,
-        title=title,
+        title=fault.title_at(target, variant) if target else title,
         text=filled(fault.text, slots),
         action=fault.action,
         status=fault.status,
@@ -270,45 +250,26 @@ def _liquid(
     if not assembly.liquid:
         return
     slopes = _liquid_slopes(assembly, signatures)
-    thermometers = tuple(
-        f"{m.name}.{s.name}"
-        for m in plant.modules.values()
-        for s in m.type.signals.values()
-        if s.quantity == THERMOMETER
-    )
+    signals = [
+        (f"{m.name}.{s.name}", s) for m in plant.modules.values() for s in m.type.signals.values()
+    ]
+    follows = {name for name, s in signals if not s.is_input}
     for fault in liquids_of(plant.knowledge):
         assert fault.liquid is not None, "checked when the fault was read"
         for variant in fault.variants:
             id_ = liquid_id(fault.liquid, variant.name)
-            if id_ in assembly.liquid:
+            affects = assembly.liquid.get(id_, ())
+            # All readings of its observers may leave the calibrated range.
+            read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in follows)
+            if affects:
                 yield contract.LiquidSpec(
-                    fault=_of_liquid(plant, assembly, fault, variant, id_),
+                    fault=_fault(fault, variant, id_, "", "", affects, tuple(read)),
                     cells=tuple(_liquid_cells(id_, residuals, signatures, slopes)),
                     sign=_sign_of(variant),
                     per_kelvin=fault.liquid.per_kelvin,
                     factor=fault.liquid.factor,
-                    thermometers=thermometers,
+                    thermometers=tuple(n for n, s in signals if s.quantity == THERMOMETER),
                 )
-
-
-def _of_liquid(
-    plant: Plant, assembly: Assembly, fault: FaultType, variant: Variant, id_: str
-) -> contract.FaultSpec:
-    """A change of the liquid; all readings of its observers may leave the calibrated range."""
-    affects = assembly.liquid[id_]
-    signals = [(m, s) for m in plant.modules.values() for s in m.type.signals.values()]
-    given = {f"{m.name}.{s.name}": s.is_input for m, s in signals}
-    read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in given)
-    return _fault(
-        fault,
-        variant,
-        id_,
-        module="",
-        title=f"{fault.title}, {variant.title}" if variant.name else fault.title,
-        slots={"variant": variant.title},
-        affects=affects,
-        scales=tuple(s for s in read if not given[s]),
-    )
 
 
 def _liquid_slopes(assembly: Assembly, signatures: Signatures) -> Mapping[tuple[str, str], float]:
