@@ -10,29 +10,6 @@ from rulec_runtime.contract.plan import Array
 from rulec.limits import ZERO_PIVOT
 
 
-def independent_without(matrix: Array, first: int) -> Array:
-    """Independent sums of rows that have no entries in the first columns.
-
-    >>> independent_without(np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [2.0, 1.0, 1.0]]), 1)
-    array([[ 0. , -0.5,  0.5]])
-    """
-    rest = matrix.copy()
-    done = kept = 0
-    for j in range(matrix.shape[1]):
-        if done == len(rest):
-            break
-        pivot = done + int(np.argmax(np.abs(rest[done:, j])))
-        if abs(rest[pivot, j]) < ZERO_PIVOT:
-            continue
-        rest[[done, pivot]] = rest[[pivot, done]]
-        # Balances have few flows, so most rows stay unchanged.
-        rows = done + 1 + np.flatnonzero(rest[done + 1 :, j])
-        rest[rows] -= np.outer(rest[rows, j] / rest[done, j], rest[done])
-        done += 1
-        kept += j < first
-    return rest[kept:done]
-
-
 def solved_for(matrix: Array, first: int) -> tuple[Array, Array]:
     """Solve equations (rows, each a sum equal to zero) for the unknowns of the first columns.
 

@@ -22,7 +22,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Simulation, SimulationStep
 
-from rulec.algebra.eliminate import independent_without, solved_for
+from rulec.algebra.eliminate import Span, solved_for
 from rulec.algebra.matching import match, surplus
 from rulec.knowledge.module_type import Signal
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
@@ -76,7 +76,14 @@ class _System:
         self.observers = tuple(assembly.observers)
         self.module_of = [observer.partition(".")[0] for observer in self.observers]
         self.flows = tuple(m for m in modules if m in self.module_of)
-        self.balances = _balances_between(network, self.flows)
+        # Junctions that modules without an observer join are one place; what circulates without
+        # leaving the plant balances by itself at the last place.
+        span, number = Span(), {name: i for i, name in enumerate(self.flows)}
+        self.balances = [
+            signs
+            for signs in network.graph.measured_balances(self.flows).values()
+            if span.add({number[name]: sign for name, sign in signs.items()})
+        ]
         self.equations = len(self.observers) + len(self.balances)
         reads = {name for gradient in assembly.gradients.values() for name in gradient}
         signals = {
@@ -100,17 +107,10 @@ class _System:
             for name in self.assembly.gradients[observer]:
                 if name in self.number:
                     found[name].append(i)
-        for i, terms in enumerate(self.balance_terms, len(self.observers)):
+        for i, terms in enumerate(self.balances, len(self.observers)):
             for flow in terms:
                 found[flow].append(i)
         return list(found.values())
-
-    @cached_property
-    def balance_terms(self) -> list[dict[str, float]]:
-        """Per balance its flows with their coefficients."""
-        return [
-            {self.flows[j]: float(row[j]) for j in np.flatnonzero(row)} for row in self.balances
-        ]
 
     def matched(self, order: Sequence[int]) -> list[int | None]:
         """Equation of each unknown; unknowns are matched in the given order."""
@@ -127,7 +127,9 @@ class _System:
         sums = [self._sum(i) for i in equations]
         named = dict.fromkeys(flows)
         others = list(dict.fromkeys(name for part in sums for name in part if name not in named))
-        matrix = np.array([[part.get(name, 0.0) for name in [*flows, *others]] for part in sums])
+        matrix = np.array(
+            [[part.get(name, 0.0) for name in [*flows, *others]] for part in sums], dtype=float
+        )
         solved, left = solved_for(matrix, len(flows))
         return SimulationStep(
             tuple(readings),
@@ -135,11 +137,11 @@ class _System:
             {name: _terms(others, row) for name, row in zip(flows, solved, strict=True)},
         )
 
-    def _sum(self, equation: int) -> dict[str, float]:
+    def _sum(self, equation: int) -> Mapping[str, float]:
         """An equation as a sum of estimates and flows that equals zero."""
         if equation < len(self.observers):
             return {self.module_of[equation]: -1.0, self.observers[equation]: 1.0}
-        return self.balance_terms[equation - len(self.observers)]
+        return self.balances[equation - len(self.observers)]
 
     def by_strength(self) -> list[int]:
         """Numbers of the unknowns: flows, then readings, by descending effect on the estimates.
@@ -177,7 +179,9 @@ class _System:
         result = np.zeros((self.equations, len(self.unknowns)))
         for i, module in enumerate(self.module_of):
             result[i, self.number[module]] = -1.0
-        result[len(self.observers) :, : len(self.flows)] = self.balances * sizes / sizes.max()
+        for i, signs in enumerate(self.balances, len(self.observers)):
+            for name, sign in signs.items():
+                result[i, self.number[name]] = sign * sizes[self.number[name]] / sizes.max()
         for key, value in values.items():
             observer, _, name = key.partition("|")
             signal, row = self.used[name], int(observer)
@@ -206,16 +210,3 @@ class _System:
 
 def _terms(names: Sequence[str], row: Array) -> dict[str, float]:
     return {names[i]: float(row[i]) for i in np.flatnonzero(row).tolist()}
-
-
-def _balances_between(network: Network, flows: Sequence[str]) -> Array:
-    """Independent balances among the modules in `flows`; all other flows are eliminated."""
-    others = [m for m in network.plant.modules if m not in flows]
-    column = {name: i for i, name in enumerate([*others, *flows])}
-    matrix = np.zeros((len(network.balances), len(column)))
-    for row, balance in zip(matrix, network.balances, strict=True):
-        for name in balance.outlets:
-            row[column[name]] += 1.0
-        for name in balance.inlets:
-            row[column[name]] -= 1.0
-    return independent_without(matrix, len(others))[:, len(others) :]

@@ -36,55 +36,34 @@ def solve_reference(
     readings, free = _start(network, assembly)
     if not assembly.observers:
         return readings
-    plan, names = _plan(assembly, free)
-    found = _solved(network, residuals, assembly, plan, names, readings, free)
-    if found is not None:
-        return found
+    plan, slopes = _plan(assembly, free)
+    scale = np.array([abs(readings[s]) or 1.0 for s in free])
+    values = plan.run(_inputs(readings))
+    for _ in range(REFERENCE_STEPS):
+        q = {o: float(values[f"q:{o}"][0]) for o in assembly.observers}
+        if not np.isfinite([*q.values()]).all():
+            break
+        change = _step(network, free, q, {at: values[n][0] for n, at in slopes.items()}, scale)
+        size = float(np.max(np.abs(change), initial=0))
+        if size < REFERENCE_STEP and _agree(residuals, q):
+            return readings
+        damping = min(1.0, REFERENCE_DAMPING / max(size, 1e-300))
+        for halving in range(REFERENCE_HALVINGS):
+            step = (change * scale * damping / 2.0**halving).tolist()
+            tried = {**readings, **{s: readings[s] + d for s, d in zip(free, step, strict=True)}}
+            values = plan.run(_inputs(tried))
+            if all(np.isfinite(values[f"q:{o}"][0]) for o in assembly.observers):
+                break
+        readings = tried
     message = "no fault-free operating point was found near the reference readings"
     hint = "give each module 'reference: {...}' with readings that fit together"
     raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
 
 
-def _solved(
-    network: Network,
-    residuals: tuple[Residual, ...],
-    assembly: Assembly,
-    plan: Plan,
-    names: Mapping[str, tuple[str, str]],
-    readings: dict[str, float],
-    free: list[str],
-) -> dict[str, float] | None:
-    """Newton steps from some readings; None if they do not converge."""
-    observers = list(assembly.observers)
-    scale = np.array([abs(readings[s]) or 1.0 for s in free])
-    values = plan.run(_inputs(readings))
-    for _ in range(REFERENCE_STEPS):
-        q = np.array([values[f"q:{o}"][0] for o in observers])
-        if not np.all(np.isfinite(q)):
-            return None
-        slopes = {pair: values[name][0] for name, pair in names.items()}
-        step = _step(network, observers, free, q, slopes, scale)
-        size = float(np.max(np.abs(step / scale), initial=0))
-        if size < REFERENCE_STEP and _agree(residuals, assembly, q):
-            return readings
-        damping = min(1.0, REFERENCE_DAMPING / max(size, 1e-300))
-        for _ in range(REFERENCE_HALVINGS):
-            tried = {**readings}
-            for name, change in zip(free, step, strict=True):
-                tried[name] += damping * float(change)
-            values = plan.run(_inputs(tried))
-            if all(np.isfinite(values[f"q:{o}"][0]) for o in observers):
-                break
-            damping /= 2.0
-        readings = tried
-    return None
-
-
-def _agree(residuals: tuple[Residual, ...], assembly: Assembly, flows: Array) -> bool:
+def _agree(residuals: tuple[Residual, ...], q: Mapping[str, float]) -> bool:
     """Whether all residuals vanish; if no reading may move, a zero step does not imply this."""
-    q = dict(zip(assembly.observers, flows, strict=True))
     left = [abs(sum(s * q[o] for s, o in r.terms)) for r in residuals]
-    return max(left, default=0.0) <= VANISHED_RESIDUAL * float(np.max(np.abs(flows), initial=0.0))
+    return max(left, default=0.0) <= VANISHED_RESIDUAL * max(map(abs, q.values()))
 
 
 def _start(network: Network, assembly: Assembly) -> tuple[dict[str, float], list[str]]:
@@ -124,40 +103,31 @@ def _inputs(readings: Mapping[str, float]) -> dict[str, float]:
 
 def _step(
     network: Network,
-    observers: list[str],
     free: list[str],
-    q: Array,
+    q: Mapping[str, float],
     slopes: Mapping[tuple[str, str], float],
     scale: Array,
 ) -> Array:
-    """Change of the free readings of least length that makes all flows agree.
+    """Change of the free readings, in their scales, of least length that makes all flows agree.
 
-    Unknowns are the (scaled) changes and the flow of each module; flows have almost no cost.
+    Unknowns are these changes and the flow of each module; flows have almost no cost.
     """
-    modules = {name: i for i, name in enumerate(network.plant.modules)}
-    column = {s: i for i, s in enumerate(free)}
-    row = {o: i for i, o in enumerate(observers)}
-    entries = [(i, len(free) + modules[o.partition(".")[0]], -1.0) for i, o in enumerate(observers)]
-    entries += [
-        (row[observer], column[signal], slope * scale[column[signal]])
-        for (observer, signal), slope in slopes.items()
-    ]
-    for j, balance in enumerate(network.balances, len(observers)):
-        entries += [(j, len(free) + modules[name], 1.0) for name in balance.outlets]
-        entries += [(j, len(free) + modules[name], -1.0) for name in balance.inlets]
+    column = {name: i for i, name in enumerate([*free, *network.plant.modules])}
+    row = {observer: i for i, observer in enumerate(q)}
+    entries = [(i, column[o.partition(".")[0]], -1.0) for o, i in row.items()]
+    entries += [(row[o], column[s], slope * scale[column[s]]) for (o, s), slope in slopes.items()]
+    for j, balance in enumerate(network.balances, len(q)):
+        entries += [(j, column[name], 1.0) for name in balance.outlets]
+        entries += [(j, column[name], -1.0) for name in balance.inlets]
     rows, columns, numbers = zip(*entries, strict=True)
-    right = np.concatenate([-q, np.zeros(len(network.balances))])
-    flow = float(np.median(np.abs(q))) or 1.0
-    unknowns, equations = len(free) + len(modules), len(right)
-    jacobian = sparse.csc_matrix((numbers, (rows, columns)), (equations, unknowns))
-    weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), FLOW_COST / flow)])
-    system = sparse.bmat(
-        [
-            [sparse.diags(weights), jacobian.T],
-            [jacobian, sparse.diags(np.full(equations, -SADDLE_RIDGE))],
-        ],
-        format="csc",
-    )
-    solution = linalg.spsolve(system, np.concatenate([np.zeros(unknowns), right]))
-    change: Array = solution[: len(free)] * scale
+    equations = len(q) + len(network.balances)
+    jacobian = sparse.csc_matrix((numbers, (rows, columns)), (equations, len(column)))
+    typical = float(np.median(np.abs([*q.values()]))) or 1.0
+    weights = np.full(len(column), FLOW_COST / typical)
+    weights[: len(free)] = typical
+    ridge = sparse.diags(np.full(equations, -SADDLE_RIDGE))
+    system = sparse.bmat([[sparse.diags(weights), jacobian.T], [jacobian, ridge]], format="csc")
+    right = np.zeros(len(column) + equations)
+    right[len(column) : len(column) + len(q)] = [-flow for flow in q.values()]
+    change: Array = linalg.spsolve(system, right)[: len(free)]
     return change
