@@ -125,16 +125,17 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
     far = not degrees or max(degrees) <= SMALL_DEGREE
     advice = None if far else adviser.advise(names)
     parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
+    sensors: tuple[Sensor, ...] = ()
     if any(np.isfinite(degrees)) and not (far and parts):
         each = " and ".join(_above(adviser, n, x) for n, x in zip(names, degrees, strict=True))
         parts.append(f"reliably{'' if parts else ' distinguishable'} {each}")
     if advice is not None:
-        more = " and ".join(s.title for s in advice.sensors)
+        sensors, degree = advice
+        more = " and ".join(s.title for s in sensors)
         does = "with" if parts else "distinguishable with"
-        parts.append(f"{does} {more} above {adviser.sizes(names, advice.degree)}")
+        parts.append(f"{does} {more} above {adviser.sizes(names, degree)}")
     elif not far:
         parts.append("no further reading there would help; compare several operating points")
-    sensors = advice.sensors if advice is not None else ()
     shown_degrees = tuple(adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
     return Group(names, kind, "; ".join(parts), shown_degrees, sensors)
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from rulec_runtime import limits as limits_of_runtime
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
-from rulec_runtime.output.json_file import Damaged, parse_json
+from rulec_runtime.output.json_file import parse_json
 from rulec_runtime.output.open_file import begin_of, is_near
 from rulec_runtime.output.private_folder import keep, kept
 
@@ -40,34 +40,43 @@ def ruleset_of_plant(
     `make` replaces the compiler if the caller has compiled the plant anyway; `now` is its
     `known_print`, if known. Raises `Refused` with all mistakes of the first bad pass.
     """
-    known = _text(now or known_print(plant), "ruleset")
-    if known is not None:
-        try:
-            return parse_ruleset(parse_json(known))
-        except (Damaged, RulesetRefused):  # written by another version; compile it again
-            pass
-    before = _print(plant)
-    if make is None:
+
+    def compiled() -> Ruleset:
         from rulec.passes.pipeline import compile_plant
 
-        ruleset = compile_plant(plant)
-    else:
-        ruleset = make()
-    _keep(plant, "ruleset", before, ruleset.to_json())
-    return ruleset
+        return compile_plant(plant)
+
+    found: Ruleset = _kept(plant, "ruleset", now, make or compiled, Ruleset.to_json, parse_ruleset)
+    return found
 
 
 def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any]) -> Any:
     """JSON data that depend only on a plant: those of an earlier start, else made by `make`."""
-    known = _text(known_print(plant), kind)
-    if known is not None:
+    return _kept(plant, kind, None, make, json.dumps, lambda data: data)
+
+
+def _kept(
+    plant: Path,
+    kind: str,
+    now: str | None,
+    make: Callable[[], Any],
+    write: Callable[[Any], str],
+    read: Callable[[Any], Any],
+) -> Any:
+    """A result of an earlier start, else a new one, which is kept for later ones."""
+    now = now or known_print(plant)
+    found = None if now is None else kept(f"{now}.{kind}")
+    if found is not None:
         try:
-            return parse_json(known)
-        except Damaged:
-            pass
-    before = _print(plant)
-    made = make()
-    _keep(plant, kind, before, json.dumps(made))
+            return read(parse_json(found.decode("utf-8")))
+        except (ValueError, RulesetRefused):
+            pass  # damaged, or written by another version
+    before, made = _print(plant), make()
+    # If a source has changed meanwhile, either version may have been read.
+    if before is not None and before == _print(plant):
+        now, names = before
+        keep(f"{print_of_text(plant_file(plant))}.names", json.dumps(names).encode())
+        keep(f"{now}.{kind}", write(made).encode("utf-8"))
     return made
 
 
@@ -78,15 +87,6 @@ def known_print(plant: Path) -> str | None:
         names = kept(f"{print_of_text(file)}.names")
         return None if names is None else print_of_all(file, json.loads(names))
     except (OSError, ValueError, Refused):
-        return None
-
-
-def _text(now: str | None, kind: str) -> str | None:
-    """The text kept for sources with this hash."""
-    found = None if now is None else kept(f"{now}.{kind}")
-    try:
-        return None if found is None else found.decode("utf-8")
-    except ValueError:
         return None
 
 
@@ -103,20 +103,6 @@ def _print(plant: Path) -> tuple[str, dict[str, list[str]]] | None:
         return print_of_all(file, names), names
     except (OSError, ValueError, Refused):
         return None
-
-
-def _keep(
-    plant: Path,
-    kind: str,
-    before: tuple[str, dict[str, list[str]]] | None,
-    text: str,
-) -> None:
-    """Keep a result, unless a source has changed meanwhile: either version may have been read."""
-    if before is None or before != _print(plant):
-        return
-    found, names = before
-    keep(f"{print_of_text(plant_file(plant))}.names", json.dumps(names).encode())
-    keep(f"{found}.{kind}", text.encode("utf-8"))
 
 
 # One hash of everything a ruleset is made from, without parsing any of it. Equal hashes mean equal

@@ -23,13 +23,16 @@ from rulec.passes.differentiate import G
 from rulec.passes.limits import LEAST_SPREAD, ROUNDED_AWAY
 from rulec.passes.link import Network
 
+READING = "reading:"
+"""Prefix of a reading among the estimates with which a further sensor can be compared."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
     """A reading that could be added.
 
     `title` describes it in words; `cost` is relative. It is compared with `existing`, an estimate
-    (`is_estimate`) or a reading; `u` is its own standard uncertainty.
+    or a reading (see `READING`); `u` is its own standard uncertainty.
     """
 
     module: str
@@ -37,7 +40,6 @@ class Sensor:
     title: str
     cost: float
     existing: str
-    is_estimate: bool
     u: float
 
 
@@ -50,14 +52,14 @@ class Neighbourhood:
     faults : row in `effects` of each fault.
     effects : shape (faults, residuals), standard deviations per unit of degree.
     whiten : shape (residuals, inputs), gradients of the whitened residuals by the inputs.
-    inputs : column in `whiten` of each input.
+    inputs : the inputs, in the order of these columns.
     plant : the tables from which the numbers come.
     """
 
     faults: Mapping[str, int]
     effects: Array
     whiten: Array
-    inputs: Mapping[str, int]
+    inputs: tuple[str, ...]
     plant: Linearised
 
     @staticmethod
@@ -65,22 +67,11 @@ class Neighbourhood:
         plant: Linearised, residuals: Sequence[Mapping[str, int]], faults: Sequence[str]
     ) -> Neighbourhood:
         """Build it from independent residuals, each as observer -> sign."""
-        observers = {o: i for i, o in enumerate(dict.fromkeys(o for r in residuals for o in r))}
-        names = dict.fromkeys(n for o in observers for n in plant.gradients[o])
-        inputs = {name: i for i, name in enumerate(names)}
-        signs = np.zeros((len(residuals), len(observers)))
-        for row, residual in zip(signs, residuals, strict=True):
-            for observer, sign in residual.items():
-                row[observers[observer]] = sign
-        gradients = np.zeros((len(observers), len(inputs)))
-        for observer, i in observers.items():
-            for name, slope in plant.gradients[observer].items():
-                gradients[i, inputs[name]] = slope
-        effects = np.zeros((len(faults), len(observers)))
-        for row, fault in zip(effects, faults, strict=True):
-            for observer, effect in plant.effects[fault].items():
-                if observer in observers:
-                    row[observers[observer]] = effect
+        observers = tuple(dict.fromkeys(o for r in residuals for o in r))
+        inputs = tuple(dict.fromkeys(n for o in observers for n in plant.gradients[o]))
+        signs = _table(residuals, observers)
+        gradients = _table([plant.gradients[o] for o in observers], inputs)
+        effects = _table([plant.effects[f] for f in faults], observers)
         # Residuals of an estimate without a finite slope, as of a root at zero, are left out.
         sound = np.isfinite(gradients).all(axis=1) & np.isfinite(effects).all(axis=0)
         gradients[~sound], effects[:, ~sound] = 0.0, 0.0
@@ -113,19 +104,13 @@ class Neighbourhood:
         Returns effects, shape (faults, sensors), and the covariance of their readings, shape
         (sensors, sensors), both given the residuals, and in units of each sensor's own spread.
         """
-        slopes = np.zeros((len(sensors), len(self.inputs)))
-        effects = np.zeros((len(faults), len(sensors)))
-        own = np.empty(len(sensors))
-        for k, sensor in enumerate(sensors):
-            gradient, by_fault = self._difference(sensor, faults)
-            beyond = 0.0
-            for name, slope in gradient.items():
-                if name in self.inputs:
-                    slopes[k, self.inputs[name]] = slope
-                else:
-                    beyond += slope**2
-            own[k] = sensor.u**2 + beyond
-            effects[:, k] = by_fault
+        # Each is the difference of an existing reading or estimate and the new one.
+        differences = [self.plant.gradients[s.existing] for s in sensors]
+        slopes = _table(differences, self.inputs)
+        effects = _table([self.plant.effects[f] for f in faults], [s.existing for s in sensors])
+        known = set(self.inputs)
+        beyond = [sum(v**2 for n, v in d.items() if n not in known) for d in differences]
+        own = np.array([s.u**2 for s in sensors]) + beyond
         size = np.sqrt(own + np.sum(slopes**2, axis=1))
         size[size == 0] = 1.0
         slopes, effects, own = slopes / size[:, None], effects / size, own / size**2
@@ -133,15 +118,15 @@ class Neighbourhood:
         rows = self.effects[[self.faults[f] for f in faults]]
         return effects - rows @ shared, slopes @ slopes.T + np.diag(own) - shared.T @ shared
 
-    def _difference(
-        self, sensor: Sensor, faults: Sequence[str]
-    ) -> tuple[Mapping[str, float], list[float]]:
-        """Existing reading or estimate minus the new one: its gradient, and effects of faults."""
-        name, plant = sensor.existing, self.plant
-        if sensor.is_estimate:
-            return plant.gradients[name], [plant.effects[f].get(name, 0.0) for f in faults]
-        shifts = [plant.shifts[f] if plant.targets.get(f) == name else 0.0 for f in faults]
-        return {name: plant.uncertainties[name]}, shifts
+
+def _table(rows: Sequence[Mapping[str, float]], columns: Sequence[str]) -> Array:
+    """Numbers by name as a matrix, shape (rows, columns); names without a column are left out."""
+    places = {name: i for i, name in enumerate(columns)}
+    result = np.zeros((len(rows), len(columns)))
+    for row, numbers in zip(result, rows, strict=True):
+        for name in numbers.keys() & places.keys():
+            row[places[name]] = numbers[name]
+    return result
 
 
 def apart(gram: Array) -> Array:
@@ -166,36 +151,26 @@ def apart(gram: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Linearised:
-    """Slopes at the reference point, SI.
+    """Slopes at the reference point, SI, of estimates and (as `READING`) of readings.
 
     Attributes
     ----------
-    gradients : per observer d(estimate)/d(input) times the input's standard uncertainty, m3/s.
+    gradients : per estimate d(estimate)/d(input) times the input's standard uncertainty, m3/s; per
+        reading its own standard uncertainty.
+    effects : per fault d(estimate)/d(degree, as a share) of the estimates it makes wrong, m3/s, and
+        d(reading)/d(degree, as a share) of the reading that it changes, if it is one of a reading.
     flows : per observer its estimate, m3/s.
-    uncertainties : standard uncertainty of each reading, in its unit.
-    effects : per fault d(estimate)/d(degree, as a share) of the observers it makes wrong, m3/s.
-    shifts : per fault of a reading, d(reading)/d(degree, as a share), in the unit of the reading.
-    targets : per fault of a reading, the reading.
     """
 
     gradients: Mapping[str, Mapping[str, float]]
-    flows: Mapping[str, float]
-    uncertainties: Mapping[str, float]
     effects: Mapping[str, Mapping[str, float]]
-    shifts: Mapping[str, float]
-    targets: Mapping[str, str]
+    flows: Mapping[str, float]
 
 
 def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> Linearised:
     """Evaluate gradients and slopes at the reference point."""
     graph = assembly.graph
-    outputs = {
-        f"{observer}|{name}": node
-        for observer, gradient in assembly.gradients.items()
-        for name, node in gradient.items()
-    }
-    moved: dict[str, tuple[str, ...]] = {}
-    of_signals: dict[str, str] = {}
+    outputs = {("q", o, n): node for o, g in assembly.gradients.items() for n, node in g.items()}
     for h in assembly.hypotheses:
         onset, scale = h.fault.rule.onset, graph.constant(h.fault.variant.scale)
         if h.fault.fault.acts_on == "flow":
@@ -205,22 +180,14 @@ def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> L
             shift = lower(graph, onset, {G: target.value})
             found = {o: graph.mul(shift, target.slopes[o]) for o in h.affects if o in target.slopes}
             if h.fault.fault.acts_on == "signal":
-                of_signals[h.id] = h.target
-                outputs[f"{h.id}|shift"] = graph.mul(shift, scale)
-        moved[h.id] = tuple(found)
-        outputs |= {f"{h.id}|{o}": graph.mul(node, scale) for o, node in found.items()}
+                found[f"{READING}{h.target}"] = shift
+        outputs |= {("x", h.id, o): graph.mul(node, scale) for o, node in found.items()}
     inputs = reference_inputs(network, signatures.reference)
-    values = {k: float(v[0]) for k, v in graph.plan(outputs).run(inputs).items()}
-    return Linearised(
-        gradients={
-            observer: {name: values[f"{observer}|{name}"] for name in gradient}
-            for observer, gradient in assembly.gradients.items()
-        },
-        flows=signatures.flows,
-        uncertainties={
-            k.removeprefix("u:"): v for k, v in inputs.items() if k.startswith("u:") and "." in k
-        },
-        effects={h: {o: values[f"{h}|{o}"] for o in observers} for h, observers in moved.items()},
-        shifts={h: values[f"{h}|shift"] for h in of_signals},
-        targets=of_signals,
-    )
+    values = graph.plan({"|".join(key): node for key, node in outputs.items()}).run(inputs)
+    gradients: dict[str, dict[str, float]] = {o: {} for o in assembly.gradients}
+    effects: dict[str, dict[str, float]] = {h.id: {} for h in assembly.hypotheses}
+    for key, row, column in outputs:
+        table = gradients if key == "q" else effects
+        table[row][column] = float(values[f"{key}|{row}|{column}"][0])
+    gradients |= {f"{READING}{n}": {n: inputs[f"u:{n}"]} for n in signatures.reference}
+    return Linearised(gradients=gradients, effects=effects, flows=signatures.flows)

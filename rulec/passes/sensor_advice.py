@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -28,7 +27,7 @@ from rulec.passes.limits import (
     WIDE_JUNCTION,
 )
 from rulec.passes.link import Network
-from rulec.passes.neighbourhood import Linearised, Neighbourhood, Sensor, apart, linearise
+from rulec.passes.neighbourhood import READING, Linearised, Neighbourhood, Sensor, apart, linearise
 
 
 class Adviser:
@@ -56,7 +55,6 @@ class Adviser:
             reached.update(o.partition(".")[0] for o in h.affects)
         self._around = {name: self._surrounding(name) for name in self._modules}
         self._hoods: dict[frozenset[int | str], Neighbourhood] = {}
-        self._candidates: dict[str, tuple[Sensor, ...]] = {}
 
     def degrees(self, faults: Sequence[str]) -> tuple[float, ...]:
         """Smallest degree, as a share, that isolates each fault from all others; inf if none of its
@@ -116,13 +114,14 @@ class Adviser:
         modules = dict.fromkeys(self._module_of[f] for f in hood.faults)
         return [self._faults[m] for m in modules if self._around[m] == key]
 
-    def advise(self, faults: Sequence[str]) -> Advice | None:
-        """The cheapest one or two sensors that isolate a group."""
+    def advise(self, faults: Sequence[str]) -> tuple[tuple[Sensor, ...], float] | None:
+        """The cheapest one or two sensors that isolate a group, and the degree that they need."""
         hood = self._hood(faults)
         if hood is None:
             return None
         modules = dict.fromkeys(self._module_of[f] for f in faults)
-        sensors = [s for name in modules for s in self._sensors(name)]
+        own = (candidates(self._modules[m], self._knowledge, self._linear) for m in modules)
+        sensors = [sensor for some in own for sensor in some]
         return cheapest(hood, faults, sensors, self._highest(faults))
 
     def _neighbours(self) -> Iterable[tuple[str, ...]]:
@@ -160,23 +159,16 @@ class Adviser:
         balances = [self._balances[p] for p in places]
         names = {n for b in balances for n in b} | {p for p in key if isinstance(p, str)}
         modules = [m for name, m in self._modules.items() if name in names]
-        residuals = [{f"{n}.{_first(self._modules[n])}": s for n, s in b.items()} for b in balances]
+        residuals = [
+            {f"{n}.{next(iter(self._modules[n].type.observers))}": s for n, s in b.items()}
+            for b in balances
+        ]
         for module in modules:
             first, *others = (f"{module.name}.{o}" for o in module.type.observers or ("",))
             residuals += [{first: 1, other: -1} for other in others]
         faults = [f for m in modules for f in self._faults.get(m.name, ())]
         self._hoods[key] = Neighbourhood.of(self._linear, residuals, faults)
         return self._hoods[key]
-
-    def _sensors(self, name: str) -> tuple[Sensor, ...]:
-        if name not in self._candidates:
-            found = candidates(self._modules[name], self._knowledge, self._linear)
-            self._candidates[name] = tuple(found)
-        return self._candidates[name]
-
-
-def _first(module: Module) -> str:
-    return next(iter(module.type.observers))
 
 
 # Sensors that could be added to a module, and the cheapest that isolate faults from each other.
@@ -197,9 +189,8 @@ def candidates(module: Module, knowledge: Knowledge, tables: Linearised) -> Iter
             signal=signal.name,
             title=f"a second reading of {reading}",
             cost=knowledge.sensors[signal.sensor].cost,
-            existing=reading,
-            is_estimate=False,
-            u=tables.uncertainties[reading],
+            existing=f"{READING}{reading}",
+            u=tables.gradients[f"{READING}{reading}"][reading],
         )
     if observers and not any(_is_flow(signal) for signal in used):
         yield from _flow_meter(module, knowledge, observers[0], tables.flows[observers[0]])
@@ -227,21 +218,12 @@ def _flow_meter(
             title=f"a flow meter in {module.name}",
             cost=sensor.cost,
             existing=estimate,
-            is_estimate=True,
             u=sensor.uncertainty(full_scale, flow),
         )
 
 
 def _is_flow(signal: Signal) -> bool:
     return signal.unit.dimension == VOLUME_FLOW
-
-
-@dataclass(frozen=True)
-class Advice:
-    """Sensors that together isolate the faults of a group, and the smallest degree they need."""
-
-    sensors: tuple[Sensor, ...]
-    degree: float
 
 
 def degrees_at(distance: Array) -> tuple[float, ...]:
@@ -257,8 +239,9 @@ def degrees_at(distance: Array) -> tuple[float, ...]:
 
 def cheapest(
     hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor], highest: Sequence[float]
-) -> Advice | None:
-    """The cheapest one or two sensors that isolate all faults at degrees up to the `highest`."""
+) -> tuple[tuple[Sensor, ...], float] | None:
+    """The cheapest one or two sensors that isolate all faults at degrees up to the `highest`, and
+    the smallest degree that they need."""
     gram = hood.gram(faults)
     effects, covariance = hood.added(faults, sensors)
     covariance = covariance + LEAST_SPREAD * np.eye(len(sensors))
@@ -283,7 +266,7 @@ def cheapest(
         isolating = [(max(x), c) for x, c in found if np.all(np.less_equal(x, highest))]
         if isolating:
             degree, chosen = min(isolating)
-            return Advice(tuple(sensors[i] for i in chosen), degree)
+            return tuple(sensors[i] for i in chosen), degree
     return None
 
 

@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset_file import parse_ruleset
 
 from rulec.algebra.eliminate import Span
 from rulec.commands.matrix import json_form
-from rulec.passes.neighbourhood import Linearised, Neighbourhood, apart, linearise
+from rulec.passes.neighbourhood import READING, Linearised, Neighbourhood, apart, linearise
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT
@@ -58,7 +58,11 @@ def test_degrees_of_table_1() -> None:
     made = isolability("abc")
     tables = linearise(made.network, made.assembly, made.signatures)
     readings = {
-        observer: {name: slope for name, slope in gradient.items() if name in tables.uncertainties}
+        observer: {
+            name: slope
+            for name, slope in gradient.items()
+            if f"{READING}{name}" in tables.gradients
+        }
         for observer, gradient in tables.gradients.items()
     }
     alone = dataclasses.replace(tables, gradients=readings)
