@@ -8,7 +8,6 @@ import re
 from pathlib import Path
 
 from rulec.export.limits import LONGEST_IDENTIFIER
-from rulec.export.program import Kind, Variable
 
 _WORDS = Path(__file__).with_name("reserved_words.txt").read_text(encoding="utf-8")
 RESERVED = frozenset(re.sub("(?m)^#.*", "", _WORDS).split())
@@ -39,27 +38,3 @@ class Identifiers:
             tried = name[: LONGEST_IDENTIFIER - len(tail)].rstrip("_") + tail
         self._taken.add(tried.lower())
         return tried
-
-
-FLOW = "m3/s"
-
-
-class Outputs:
-    """The outputs of a routine while it is written. `names` are those of all its values."""
-
-    def __init__(self, names: Identifiers) -> None:
-        self.names = names
-        self.variables: list[Variable] = []
-
-    def number(self, wanted: str, id_: str, text: str, unit: str = FLOW) -> str:
-        """Add an output that is a number; returns its name."""
-        return self._new(wanted, id_, text, unit, "real")
-
-    def flag(self, wanted: str, id_: str, text: str) -> str:
-        """Add an output that is true or false; returns its name."""
-        return self._new(wanted, id_, text, "", "bool")
-
-    def _new(self, wanted: str, id_: str, text: str, unit: str, kind: Kind) -> str:
-        name = self.names.new(wanted)
-        self.variables.append(Variable(name, id_, kind, unit, text))
-        return name

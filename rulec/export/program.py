@@ -16,22 +16,53 @@ from rulec_runtime.contract.plan import OPERATIONS
 Kind = Literal["real", "bool"]
 
 
+class Operand:
+    """Python's operators build expressions; numbers become constants."""
+
+    def __add__(self, other: Written) -> Apply:
+        return apply("add", self, other)
+
+    def __sub__(self, other: Written) -> Apply:
+        return apply("sub", self, other)
+
+    def __mul__(self, other: Written) -> Apply:
+        return apply("mul", self, other)
+
+    def __truediv__(self, other: Written) -> Apply:
+        return apply("div", self, other)
+
+    def __neg__(self) -> Apply:
+        return apply("neg", self)
+
+    def __and__(self, other: Written) -> Apply:
+        return apply("and", self, other)
+
+    def __ge__(self, other: Written) -> Apply:
+        return apply("ge", self, other)
+
+    def __gt__(self, other: Written) -> Apply:
+        return apply("gt", self, other)
+
+    def __le__(self, other: Written) -> Apply:
+        return apply("le", self, other)
+
+
 @dataclass(frozen=True)
-class Number:
+class Number(Operand):
     """A constant."""
 
     value: float
 
 
 @dataclass(frozen=True)
-class Name:
+class Name(Operand):
     """An input, a parameter, an output, or a value calculated before."""
 
     text: str
 
 
 @dataclass(frozen=True)
-class Apply:
+class Apply(Operand):
     """An operation on operands.
 
     For numbers, those of `rulec_runtime.contract.plan.OPERATIONS` without ``sign`` and ``tanh``,
@@ -44,6 +75,7 @@ class Apply:
 
 
 Expression = Number | Name | Apply
+Written = Operand | float
 
 
 @dataclass(frozen=True)
@@ -111,9 +143,15 @@ class ModuleCode:
     routines: tuple[Routine, ...]
 
 
-def apply(operation: str, *operands: Expression) -> Apply:
+def apply(operation: str, *operands: Written) -> Apply:
     """An operation."""
-    return Apply(operation, operands)
+    parts: Any = tuple(e if isinstance(e, Operand) else Number(e) for e in operands)
+    return Apply(operation, parts)
+
+
+def select(condition: Expression, if_true: Written, if_false: Written) -> Apply:
+    """One of two values."""
+    return apply("select", condition, if_true, if_false)
 
 
 def total(terms: list[Expression]) -> Expression:

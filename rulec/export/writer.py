@@ -11,19 +11,11 @@ from collections.abc import Iterator, Mapping
 from rulec_runtime.contract.plan import UNARY, Plan
 
 from rulec.export import limits
-from rulec.export.identifiers import Identifiers
-from rulec.export.program import Apply, Expression, Name, Number, Statement, apply, leaves
-
-ZERO, ONE = Number(0.0), Number(1.0)
+from rulec.export.draft import Draft
+from rulec.export.program import Apply, Expression, Name, Number, apply, leaves, select
 
 SERIES = (62.0 / 2835.0, -17.0 / 315.0, 2.0 / 15.0, -1.0 / 3.0, 1.0)
 """Coefficients of tanh(x)/x by powers of the square of x, the highest first."""
-
-
-def sign(x: Expression) -> Expression:
-    """-1, 0 or 1."""
-    below = apply("select", apply("ge", x, ZERO), ZERO, Number(-1.0))
-    return apply("select", apply("gt", x, ZERO), ONE, below)
 
 
 def tanh(x: Expression, size: Expression, fall: Expression) -> Expression:
@@ -31,14 +23,12 @@ def tanh(x: Expression, size: Expression, fall: Expression) -> Expression:
 
     Near zero by its series, where the formula would lose digits.
     """
-    square = apply("mul", x, x)
+    square = x * x
     series: Expression = Number(SERIES[0])
     for coefficient in SERIES[1:]:
-        series = apply("add", Number(coefficient), apply("mul", square, series))
-    share = apply("div", apply("sub", ONE, fall), apply("add", ONE, fall))
-    far = apply("select", apply("ge", x, ZERO), share, apply("neg", share))
-    near = apply("le", size, Number(limits.NEAR_LINEAR))
-    return apply("select", near, apply("mul", x, series), far)
+        series = Number(coefficient) + square * series
+    share = (Number(1.0) - fall) / (Number(1.0) + fall)
+    return select(size <= limits.NEAR_LINEAR, x * series, select(x >= 0.0, share, -share))
 
 
 def whole_power(a: Expression, exponent: Expression) -> Expression | None:
@@ -47,19 +37,27 @@ def whole_power(a: Expression, exponent: Expression) -> Expression | None:
         return None
     result = a
     for _ in range(int(exponent.value) - 1):
-        result = apply("mul", result, a)
+        result = result * a
     return result
 
 
 JOINED = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
 LONGEST_DESCRIPTION = 20
-LEAST = Number(limits.LEAST_DIVISOR)
+LEAST = limits.LEAST_DIVISOR
+
+DEFINED = {
+    "sqrt": ("max", "ge", 0.0),
+    "log": ("max", "gt", LEAST),
+    "pow": ("max", "gt", LEAST),
+    "exp": ("min", "le", limits.LARGEST_EXPONENT),
+}
+"""Where operations are defined: what limits their argument, the condition, and the bound."""
 
 Conditions = tuple[Expression, ...]
 
 
 class Writer:
-    """Writes the outputs of a plan, one after the other.
+    """Writes the outputs of a plan into a draft, one after the other.
 
     `given` are the expressions of the plan's inputs, `constants` names of constants by value,
     `hints` names of values by their number.
@@ -70,10 +68,10 @@ class Writer:
         plan: Plan,
         given: Mapping[str, Expression],
         constants: Mapping[float, Name],
-        names: Identifiers,
+        draft: Draft,
         hints: Mapping[int, str] | None = None,
     ) -> None:
-        self._plan, self._names, self._hints = plan, names, hints or {}
+        self._plan, self._draft, self._hints = plan, draft, hints or {}
         self._uses = _uses(plan)
         # Values that must not be zero: the factors of all divisors.
         divisors = [b for name, _, b in plan.operations if name == "div"]
@@ -81,7 +79,6 @@ class Writer:
         self._context = ""
         self._done: dict[int, Expression] = {}
         self._conditions: dict[int, Conditions] = {}
-        self._statements: list[Statement] = []
         self._safe_products: dict[int, Expression] = {}
         self._far: dict[int, tuple[Expression, Expression]] = {}
         for i, name in enumerate(plan.inputs):
@@ -91,17 +88,12 @@ class Writer:
         for i, value in enumerate(plan.constants, len(plan.inputs)):
             self._done[i] = constants.get(value, Number(value))
 
-    def taken(self) -> tuple[Statement, ...]:
-        """Statements written since the last call."""
-        statements, self._statements = tuple(self._statements), []
-        return statements
-
     def named(self, output: str, name: str, comment: str = "") -> Name:
         """Write an output under a name, by which later expressions refer to it."""
         number = self._plan.outputs[output]
         self._context = name
         expression = self._written(number)
-        self._statements.append(Statement(name, expression, comment=comment))
+        self._draft.state(name, expression, comment=comment)
         if isinstance(expression, Apply):
             self._done[number] = Name(name)
         return Name(name)
@@ -145,37 +137,26 @@ class Writer:
 
     def _safe(self, name: str, parts: list[Expression]) -> tuple[Expression, Conditions]:
         """An operation that no argument can trap, and its conditions."""
-        a = parts[0]
-        match name:
-            case "sqrt":
-                a = self._keep(a)
-                return apply("sqrt", apply("max", a, ZERO)), (apply("ge", a, ZERO),)
-            case "log":
-                a = self._keep(a)
-                return apply("log", apply("max", a, LEAST)), (apply("gt", a, LEAST),)
-            case "exp":
-                a, most = self._keep(a), Number(limits.LARGEST_EXPONENT)
-                return apply("exp", apply("min", a, most)), (apply("le", a, most),)
-            case "pow" if (whole := whole_power(self._keep(a), parts[1])) is not None:
-                return whole, ()
-            case "pow":
-                a = self._keep(a)
-                return apply("pow", apply("max", a, LEAST), parts[1]), (apply("gt", a, LEAST),)
-            case "sign":
-                return sign(self._keep(a)), ()
-            case "tanh":
-                a = self._keep(a)
-                size = self._keep(apply("abs", a))
-                fall = self._keep(apply("exp", apply("mul", Number(-2.0), size)))
-                return tanh(a, size, fall), ()
+        a = self._keep(parts[0]) if name in ("sign", "tanh", *DEFINED) else parts[0]
+        if name == "pow" and (whole := whole_power(a, parts[1])) is not None:
+            return whole, ()
+        if name in DEFINED:
+            limited, holds, bound = DEFINED[name]
+            safe = apply(name, apply(limited, a, bound), *parts[1:])
+            return safe, (apply(holds, a, bound),)
+        if name == "sign":
+            return select(a > 0.0, 1.0, select(a >= 0.0, 0.0, -1.0)), ()
+        if name == "tanh":
+            size = self._keep(apply("abs", a))
+            return tanh(a, size, self._keep(apply("exp", Number(-2.0) * size))), ()
         return apply(name, *parts), ()
 
     def _far_from_zero(self, number: int, expression: Expression) -> tuple[Expression, Expression]:
         """A divisor that is never zero, and the condition that it was not zero before."""
         name = self._name(expression, number)
         raw = self._keep(expression, wanted=f"{name}_raw")
-        far = apply("gt", apply("abs", raw), LEAST)
-        return self._keep(apply("select", far, raw, LEAST), wanted=name), far
+        far = apply("abs", raw) > LEAST
+        return self._keep(select(far, raw, LEAST), wanted=name), far
 
     def _divisor(self, number: int, conditions: list[Expression]) -> Expression:
         """A divisor, with the inputs in it kept away from zero.
@@ -202,9 +183,8 @@ class Writer:
         """The expression under a new name, unless it is a name or a number."""
         if not isinstance(expression, Apply):
             return expression
-        name = self._names.new(wanted or self._name(expression, number))
-        self._statements.append(Statement(name, expression))
-        return Name(name)
+        name = self._draft.names.new(wanted or self._name(expression, number))
+        return self._draft.state(name, expression)
 
     def _name(self, expression: Expression, number: int | None) -> str:
         """A name for a value: as in its equation, or by its parts."""
