@@ -15,12 +15,7 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.read import read_around
-from rulec.mtp.imported import (
-    Imported,
-    files_of,
-    import_files,
-    machine_form,
-)
+from rulec.mtp.imported import Imported, files_of, import_files, machine_form
 from rulec.mtp.limits import MOST_TOLD
 from rulec.mtp.package import MtpRefused, Oddity
 
@@ -66,12 +61,12 @@ def _table(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> 
         counts = module.counts
         table.add_row(
             Text(one_line(module.package.file)),
-            f"{counts.tags} of {counts.tags_present}",
-            f"{counts.units} of {counts.units_present}",
-            f"+{counts.online}" if counts.online else "",
-            f"{counts.nodes} of {counts.nodes_present}",
-            str(counts.services),
-            str(counts.signals),
+            f"{counts['tags']} of {counts['tags_present']}",
+            f"{counts['units']} of {counts['units_present']}",
+            f"+{counts['online']}" if counts["online"] else "",
+            f"{counts['nodes']} of {counts['nodes_present']}",
+            str(counts["services"]),
+            str(counts["signals"]),
         )
     for path, _ in refused:
         table.add_row(Text(one_line(path.name)), styled("[red]refused[/]"), *["-"] * 5)
@@ -94,7 +89,7 @@ def _tell_odd(out: Console, module: Imported) -> None:
 
 def _steps(modules: Sequence[Imported], target: Path) -> Iterator[str]:
     lacking = sum(bool(r.lacks) for m in modules for r in m.readings if not r.repeats)
-    if any(m.counts.online for m in modules):
+    if any(m.counts["online"] for m in modules):
         yield (
             "where the controllers can be reached, import again with --online: units and ranges "
             "are read from them"

@@ -44,6 +44,12 @@ class Element:
         """Its first attribute with a name."""
         return next((a for a in self.of("Attribute") if a.get("Name") == name), None)
 
+    def text(self, name: str, or_default: bool = False) -> str:
+        """Value, or else default value, of an attribute; empty without any."""
+        found = self.attribute(name)
+        texts = found.texts if found is not None else {}
+        return texts.get("Value") or (texts.get("DefaultValue", "") if or_default else "")
+
     def values(self) -> dict[str, str]:
         """Values of its attributes by lower-case name."""
         return {a.get("Name").lower(): a.texts.get("Value", "") for a in self.of("Attribute")}

@@ -12,36 +12,22 @@ from rulec_runtime.output.terminal import is_shown
 
 from rulec.knowledge.knowledge import Knowledge
 from rulec.mtp import limits
-from rulec.mtp.package import Attribute, MtpRefused, Oddity, Package, Tag
+from rulec.mtp.package import Attribute, MtpRefused, Oddity, Package
 from rulec.mtp.read_package import read_packages
 from rulec.mtp.readings import Reading, module_name, readings_of, unit_of
 from rulec.mtp.skeleton import instance_name, skeleton, source_map
 
 
 @dataclass(frozen=True, kw_only=True)
-class Counts:
-    """Counts of what was found and what is present; `online` units only the controller holds."""
-
-    tags: int
-    tags_present: int
-    units: int
-    units_present: int
-    online: int
-    nodes: int
-    nodes_present: int
-    services: int
-    signals: int
-
-
-@dataclass(frozen=True, kw_only=True)
 class Imported:
-    """A module; `name` is the name of its type."""
+    """A module; `name` is the name of its type. `counts` say how much was found, and with
+    ``_present`` how much there is; ``online`` are units that only the controller holds."""
 
     name: str
     package: Package
     readings: Sequence[Reading]
     odd: Sequence[Oddity]
-    counts: Counts
+    counts: Mapping[str, int]
 
 
 def import_files(
@@ -85,25 +71,22 @@ def _imported(package: Package, knowledge: Knowledge, taken: set[str]) -> Import
     )
 
 
-def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge) -> Counts:
+def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge) -> dict[str, int]:
     """A tag counts as found if its class is known, a unit if its code is, a node if its id is."""
     attributes = [(n, a) for tag in package.tags for n, a in tag.attributes.items()]
     units = [a for n, a in attributes if n.endswith("Unit") and (a.known or a.refers)]
-    known = [bool(unit_of(a, knowledge.units).text) for a in units]
-    refers = [a for _, a in attributes if a.refers]
-    return Counts(
-        tags=sum(bool(tag.kind) for tag in package.tags),
-        tags_present=len(package.tags),
-        units=sum(known),
-        units_present=len(units),
-        online=sum(
-            a.node is not None for a, is_known in zip(units, known, strict=True) if not is_known
-        ),
-        nodes=sum(a.node is not None for a in refers),
-        nodes_present=len(refers),
-        services=len(package.services),
-        signals=sum(not r.lacks and not r.repeats for r in readings),
-    )
+    unknown = [a for a in units if not unit_of(a, knowledge.units).text]
+    return {
+        "tags": sum(bool(tag.kind) for tag in package.tags),
+        "tags_present": len(package.tags),
+        "units": len(units) - len(unknown),
+        "units_present": len(units),
+        "online": sum(a.node is not None for a in unknown),
+        "nodes": sum(a.node is not None for _, a in attributes),
+        "nodes_present": sum(a.refers for _, a in attributes),
+        "services": len(package.services),
+        "signals": sum(not r.lacks and not r.repeats for r in readings),
+    }
 
 
 def files_of(modules: Sequence[Imported]) -> Mapping[str, str]:
@@ -129,7 +112,7 @@ def _module(one: Imported) -> dict[str, Any]:
         "name": package.name,
         "version": package.version,
         "writer": package.writer,
-        "counts": vars(one.counts),
+        "counts": dict(one.counts),
         "servers": [vars(server) for server in package.servers],
         "tags": [
             {
@@ -198,21 +181,28 @@ def read_online(package: Package, endpoint: str) -> Package:
     package is not installed.
     """
     extra("asyncua", "opcua")
+    asked: dict[str, dict[str, None]] = {}
+    for name, a in (item for tag in package.tags for item in tag.attributes.items()):
+        if name.endswith(_ASKED) and a.node is not None:
+            asked.setdefault(a.node.server, {})[a.node.id] = None
     values: dict[str, str] = {}
     odd: list[Oddity] = []
     for server in package.servers:
-        asked = list(
-            dict.fromkeys(
-                a.node.id
-                for tag in package.tags
+        address, nodes = endpoint or server.endpoint, [*asked.get(server.name, ())]
+        if nodes and address:
+            values |= _read(package, address, nodes, odd)
+    tags = tuple(
+        replace(
+            tag,
+            attributes={
+                name: replace(a, text=values[a.node.id])
+                if name.endswith(_ASKED) and a.node is not None and a.node.id in values
+                else a
                 for name, a in tag.attributes.items()
-                if name.endswith(_ASKED) and a.node is not None and a.node.server == server.name
-            )
+            },
         )
-        address = endpoint or server.endpoint
-        if asked and address:
-            values |= _read(package, address, asked, odd)
-    tags = tuple(_with(tag, values) for tag in package.tags)
+        for tag in package.tags
+    )
     return replace(package, tags=tags, odd=(*package.odd, *odd))
 
 
@@ -237,13 +227,3 @@ def _read(
             remedy = "look it up in the server, and write what it says into the skeleton"
             odd.append(Oddity("values not there", package.file, text, remedy))
     return values
-
-
-def _with(tag: Tag, values: Mapping[str, str]) -> Tag:
-    attributes = {
-        name: replace(a, text=values[a.node.id])
-        if name.endswith(_ASKED) and a.node is not None and a.node.id in values
-        else a
-        for name, a in tag.attributes.items()
-    }
-    return replace(tag, attributes=attributes)

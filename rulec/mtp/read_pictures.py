@@ -5,30 +5,16 @@ connectors, and pipes that merely end where a symbol is drawn.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from rulec.mtp import limits
 from rulec.mtp.caex import Element
 from rulec.mtp.package import Connection, Symbol
 from rulec.mtp.space import Space
 
-
-@dataclass(frozen=True)
-class _Box:
-    x: float
-    y: float
-    width: float
-    height: float
-
-    def distance(self, x: float, y: float) -> float:
-        """From its edge outwards; 0 inside."""
-        dx = max(self.x - x, 0.0, x - self.x - self.width)
-        dy = max(self.y - y, 0.0, y - self.y - self.height)
-        return float((dx * dx + dy * dy) ** 0.5)
-
-    def is_near(self, x: float, y: float) -> bool:
-        return self.distance(x, y) <= limits.NEAR_SYMBOL * min(self.width, self.height)
+Box = tuple[float, float, float, float]
+"""Left and upper edge, width and height."""
 
 
 def read_pictures(
@@ -36,113 +22,85 @@ def read_pictures(
 ) -> tuple[tuple[Symbol, ...], tuple[Connection, ...]]:
     """Symbols, and the pairs that a pipe joins."""
     symbols: list[Symbol] = []
-    connections: list[Connection] = []
-    for part in parts:
-        for picture in part.inside():
-            if space.is_a(picture, "Picture"):
-                shown, joined = _picture(space, picture)
-                symbols += shown
-                connections += joined
-    return tuple(symbols), tuple(connections)
+    found: list[Connection] = []
+    for picture in (e for part in parts for e in part.inside() if space.is_a(e, "Picture")):
+        inside = (e for e in picture.inside() if e is not picture)
+        things = [e for e in inside if not space.passes(e, "PortObject")]
+        pipes = {id(e): e for e in things if space.is_a(e, "Pipe")}
+        drawn = {id(e): e for e in things if not space.passes(e, "Connection")}
+        names: dict[int, str] = {}
+        counts: Counter[str] = Counter()
+        boxes: dict[str, Box] = {}
+        for key, element in drawn.items():
+            name, texts = space.name(element) or "symbol", element.values()
+            counts[name] += 1
+            names[key] = name if counts[name] == 1 else f"{name} ({counts[name]})"
+            code = texts.get("eclassclassificationclass", "").strip()
+            tag = texts.get("refid", "").lower()
+            symbols.append(Symbol(name=names[key], code=code, tag=tag))
+            if corner := _numbers([texts.get("x", ""), texts.get("y", "")]):
+                size = _numbers([texts.get("width", ""), texts.get("height", "")]) or (0.0, 0.0)
+                boxes[names[key]] = (*corner, *size)
+        if max(len(boxes), len(pipes)) > limits.MOST_DRAWN:
+            boxes = {}
+        links = _links(space, picture, {*pipes, *drawn})
+        for key, pipe in pipes.items():
+            linked = [names[k] for k in links.get(key, ()) if k in names]
+            near = _near(pipe, boxes) if len(linked) < 2 else ()
+            for pair in itertools.pairwise(dict.fromkeys((*linked, *near))):
+                is_linked = {*pair} <= {*linked}
+                found.append(Connection(ends=pair, linked=is_linked, pipe=space.name(pipe)))
+    return tuple(symbols), tuple(found)
 
 
-def _picture(space: Space, picture: Element) -> tuple[list[Symbol], list[Connection]]:
-    inside = (e for e in picture.inside() if e is not picture)
-    things = [e for e in inside if not space.passes(e, "PortObject")]
-    pipes = [e for e in things if space.is_a(e, "Pipe")]
-    drawn = {id(e): e for e in things if not space.passes(e, "Connection")}
-    named = _names(space, drawn)
-    owners = {**{id(e): e for e in pipes}, **drawn}
+def _numbers(texts: Sequence[str]) -> tuple[float, float] | None:
+    """Two numbers; None for anything else."""
+    try:
+        first, second = map(float, texts)
+    except ValueError:
+        return None
+    return first, second
+
+
+def _links(space: Space, picture: Element, owners: Collection[int]) -> dict[int, list[int]]:
+    """What each symbol or pipe is linked with, by identities of elements."""
     links: dict[int, list[int]] = {}
-    for one, other in _links(space, picture, owners):
-        links.setdefault(id(one), []).append(id(other))
-        links.setdefault(id(other), []).append(id(one))
-    boxes = {named[k]: box for k, e in drawn.items() if (box := _box(e)) is not None}
-    if max(len(boxes), len(pipes)) > limits.MOST_DRAWN:
-        boxes = {}
-    found = [
-        connection
-        for pipe in pipes
-        for connection in _joined(space, pipe, boxes, named, links.get(id(pipe), []))
-    ]
-    return [_symbol(e, named[id(e)]) for e in drawn.values()], found
-
-
-def _names(space: Space, drawn: Mapping[int, Element]) -> dict[int, str]:
-    """Names of symbols, numbered where several share one."""
-    counts: dict[str, int] = {}
-    found = {}
-    for key, element in drawn.items():
-        name = space.name(element) or "symbol"
-        counts[name] = counts.get(name, 0) + 1
-        found[key] = name if counts[name] == 1 else f"{name} ({counts[name]})"
-    return found
-
-
-def _symbol(element: Element, name: str) -> Symbol:
-    texts = element.values()
-    code = texts.get("eclassclassificationclass", "").strip()
-    return Symbol(name=name, code=code, tag=texts.get("refid", "").lower())
-
-
-def _links(
-    space: Space, picture: Element, owners: Mapping[int, Element]
-) -> Iterator[tuple[Element, Element]]:
-    """Pairs of linked symbols or pipes."""
     for link in (element for element in picture.walk() if element.tag == "InternalLink"):
         one, other = (_owner(space, link, f"RefPartnerSide{side}", owners) for side in "AB")
-        if one is not None and other is not None and one is not other:
-            yield one, other
+        if one is not None and other is not None and one != other:
+            links.setdefault(one, []).append(other)
+            links.setdefault(other, []).append(one)
+    return links
 
 
-def _owner(space: Space, link: Element, side: str, owners: Mapping[int, Element]) -> Element | None:
+def _owner(space: Space, link: Element, side: str, owners: Collection[int]) -> int | None:
     """Symbol or pipe at a side of a link: `id`, `id:connector` or `id/connector` of its port."""
     partner = link.get(side)
     for text in (partner, partner.rpartition(":")[0], partner.rpartition("/")[0]):
         element = space.find(text, link) if text else None
         while element is not None:
             if id(element) in owners:
-                return element
+                return id(element)
             element = element.parent
     return None
 
 
-def _joined(
-    space: Space,
-    pipe: Element,
-    boxes: Mapping[str, _Box],
-    named: Mapping[int, str],
-    links: Sequence[int],
-) -> Iterator[Connection]:
-    """Symbols at the ends of a pipe: the linked ones, else the nearest to an end."""
-    path = _edge_path(pipe.values().get("edgepath", ""))
-    linked = [named[key] for key in links if key in named]
-    ends = dict.fromkeys(linked)
-    if len(linked) < 2 and path:
-        for x, y in (path[0], path[-1]):
-            near = min(boxes, key=lambda name: boxes[name].distance(x, y), default=None)
-            if near is not None and boxes[near].is_near(x, y):
-                ends[near] = None
-    for pair in itertools.pairwise(ends):
-        yield Connection(ends=pair, linked={*pair} <= {*linked}, pipe=space.name(pipe))
+def _near(pipe: Element, boxes: Mapping[str, Box]) -> Iterator[str]:
+    """Symbols at the ends of a pipe, whose corners are written as "30,113;107,113"."""
+    corners = pipe.values().get("edgepath", "").split(";")
+    path = [_numbers(corner.split(",")) for corner in corners if corner.strip()]
+    if not boxes or not path or None in path:
+        return
+    for x, y in (end for end in (path[0], path[-1]) if end is not None):
+        away = {name: _distance(box, x, y) for name, box in boxes.items()}
+        name = min(away, key=away.__getitem__)
+        if away[name] <= limits.NEAR_SYMBOL * min(boxes[name][2:]):
+            yield name
 
 
-def _box(element: Element) -> _Box | None:
-    texts = element.values()
-    try:
-        x, y = float(texts["x"]), float(texts["y"])
-    except (KeyError, ValueError):
-        return None
-    try:
-        return _Box(x, y, float(texts["width"]), float(texts["height"]))
-    except (KeyError, ValueError):
-        return _Box(x, y, 0.0, 0.0)
-
-
-def _edge_path(text: str) -> list[tuple[float, float]]:
-    """Corners of a pipe written as "30,113;107,113"; empty for any other form."""
-    try:
-        points = [point.split(",") for point in text.split(";") if point.strip()]
-        return [(float(x), float(y)) for x, y in points]
-    except ValueError:
-        return []
+def _distance(box: Box, x: float, y: float) -> float:
+    """From the edge of a box outwards; 0 inside."""
+    left, top, width, height = box
+    dx = max(left - x, 0.0, x - left - width)
+    dy = max(top - y, 0.0, y - top - height)
+    return float((dx * dx + dy * dy) ** 0.5)

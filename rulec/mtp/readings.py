@@ -30,7 +30,6 @@ class Reading:
     signal: str
     tag: Tag
     attribute: str
-    node: Node | None
     unit: FoundUnit
     range: tuple[float, float] | None
     range_is_default: bool
@@ -40,6 +39,11 @@ class Reading:
     is_input: bool
     repeats: bool
     lacks: str
+
+    @property
+    def node(self) -> Node | None:
+        """The node that holds it."""
+        return self.tag.attributes[self.attribute].node
 
 
 def readings_of(
@@ -65,18 +69,24 @@ def _reading(
 ) -> Reading:
     present = [name for name in where["value"] if name in tag.attributes]
     bound = [name for name in present if tag.attributes[name].node is not None]
-    attribute = (bound or present)[0]
-    unit_attribute = tag.attributes.get(f"{where['scale']}Unit")
-    unit = unit_of(unit_attribute, units)
+    held = tag.attributes.get(f"{where['scale']}Unit")
+    unit, repeats = unit_of(held, units), bool(where.get("repeats"))
     span, default = _range(tag, where["scale"], odd)
     proposal = propose(tag.name, tag.title, unit.unit, where.get("usual", ""), units)
     sensor, range_is_needed = _sensor(proposal.quantity, span, unit, sensors)
     known = {name: attribute.known for name, attribute in tag.attributes.items()}
-    reading = Reading(
+    if unit.raw.strip("0.") and not unit.text:
+        text = f"{tag.name} has the unit '{unit.raw[:40]}', which is no unit code that is known"
+        remedy = "write the unit into the skeleton" + ", or import with --online" * unit.online
+        odd.append(Oddity("unknown units", held.place if held else tag.place, text, remedy))
+    if proposal.against and not repeats:
+        text = f"{tag.name}: {proposal.against}"
+        remedy = "find out what it measures, and correct the quantity"
+        odd.append(Oddity("names against units", tag.place, text, remedy))
+    return Reading(
         signal="",
         tag=tag,
-        attribute=attribute,
-        node=tag.attributes[attribute].node,
+        attribute=(bound or present)[0],
         unit=unit,
         range=span,
         range_is_default=default,
@@ -84,42 +94,25 @@ def _reading(
         proposal=proposal,
         sensor=sensor,
         is_input=bool(where.get("input")),
-        repeats=bool(where.get("repeats")),
-        lacks="",
+        repeats=repeats,
+        lacks=_lacks(unit, proposal.quantity, sensor, range_is_needed),
     )
-    _check(reading, unit_attribute, odd)
-    return replace(reading, lacks=_lacks(reading, range_is_needed))
 
 
-def _lacks(reading: Reading, range_is_needed: bool) -> str:
-    if reading.unit.online and not reading.unit.text:
+def _lacks(unit: FoundUnit, quantity: str, sensor: str, range_is_needed: bool) -> str:
+    if unit.online and not unit.text:
         return "the unit: the controller holds it"
-    if not reading.unit.raw:
+    if not unit.raw:
         return "the unit: the data sheet says it"
-    if not reading.unit.text:
-        return f"the unit: '{reading.unit.raw[:20]}' is no unit code that is known"
-    if reading.unit.unit is None:
-        return f"the unit {reading.unit.text}: it is not in units.yaml; add it, or another"
-    if not reading.proposal.quantity:
-        return f"a quantity for {reading.unit.text}: units.yaml has none"
-    if not reading.sensor:
+    if not unit.text:
+        return f"the unit: '{unit.raw[:20]}' is no unit code that is known"
+    if unit.unit is None:
+        return f"the unit {unit.text}: it is not in units.yaml; add it, or another"
+    if not quantity:
+        return f"a quantity for {unit.text}: units.yaml has none"
+    if not sensor:
         return "a sensor class for this quantity"
-    if range_is_needed:
-        return "the range, which the sensor class needs"
-    return ""
-
-
-def _check(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
-    tag, found = reading.tag, reading.unit
-    place = unit.place if unit is not None else tag.place
-    if found.raw.strip("0.") and not found.text:
-        text = f"{tag.name} has the unit '{found.raw[:40]}', which is no unit code that is known"
-        remedy = "write the unit into the skeleton" + ", or import with --online" * found.online
-        odd.append(Oddity("unknown units", place, text, remedy))
-    if reading.proposal.against and not reading.repeats:
-        text = f"{tag.name}: {reading.proposal.against}"
-        remedy = "find out what it measures, and correct the quantity"
-        odd.append(Oddity("names against units", tag.place, text, remedy))
+    return "the range, which the sensor class needs" if range_is_needed else ""
 
 
 def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float] | None, bool]:
@@ -233,7 +226,7 @@ def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
     raw = attribute.known.strip() if attribute is not None else ""
     key = raw[:-2] if raw.endswith(".0") else raw
     text = tables().codes.get(key, "")
-    if not text and key and not _is_number(key):
+    if not text and key and _number(key) is None:
         spelled = tables().spellings.get(key, key)
         text = spelled if _parsed(spelled, units) is not None else ""
     return FoundUnit(
@@ -250,14 +243,6 @@ def _parsed(text: str, units: UnitTable) -> Unit | None:
         return units.parse(text)
     except ValueError:
         return None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 LIKELY, POSSIBLE, GUESS = "likely", "possible", "guess"

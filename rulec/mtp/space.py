@@ -47,6 +47,11 @@ class Space:
         for here in self._by_id.values():
             yield from ((key, found) for key, found in here.items() if len(found) > 1)
 
+    def referring(self, element: Element) -> Iterator[Element]:
+        """Attributes inside an element that refer to another file or a part of it."""
+        attributes = (one for one in element.walk() if one.tag == "Attribute")
+        return (one for one in attributes if one.get("Name").lower() == "refuri")
+
     def paths(self, element: Element) -> Iterator[str]:
         """Class paths of an element, also by roles, each followed by its base classes."""
         own = [element.get(key) for key in _PATHS]
