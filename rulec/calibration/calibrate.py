@@ -13,7 +13,8 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import settle, systematic_u
 from rulec_runtime.report.wording import kept_of
 
-from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
+from rulec.calibration.fit import CalibrationRefused, ModuleFit, fit_module
+from rulec.calibration.law import Readings
 from rulec.calibration.limits import FAR_OFF, OTHER_SIZE
 from rulec.calibration.true_flow import Local, true_flows
 from rulec.knowledge.parameter_belief import Strain, strain_of
