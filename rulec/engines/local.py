@@ -35,8 +35,11 @@ def run(
     under_way: dict[Future[B], int] = {}
 
     def fill(pool: ProcessPoolExecutor) -> None:
-        """Submit calls, as far as a few are ahead."""
+        """Submit calls, as far as a few are ahead; alone what a process died at, as only one of
+        the calls under way may have killed it."""
         while waiting and len(under_way) < WORK_AHEAD * jobs:
+            if under_way and any(deaths[n] for n in (waiting[-1], *under_way.values())):
+                return
             call = calls[waiting[-1]]
             more: tuple[Any, ...] = () if call.shared is None else (shared[call.shared],)
             future = pool.submit(work, *call.words, *more)

@@ -21,6 +21,7 @@ from rulec.simulation.equations import equations_of
 from rulec.study.campaign import Settings, groups_of, run_groups
 from rulec.study.points import operating_points
 from tests.conftest import ROOT
+from tests.fleet.deadly import ends_if
 
 CASES = Partition("development", 1, quick=True, only="stationary-1-clean--1")
 NOTHING = json.dumps({"verdict": "none", "seconds": 1.0})
@@ -79,3 +80,10 @@ def test_what_kills_its_process_ends_a_run() -> None:
         list(run(Engine(jobs=1), divmod, [Call((1, 1)), Call((1, 0))]))
     with pytest.raises(Misused, match="--engine spark: give one of local, dask"):
         chosen("spark")
+
+
+def test_work_beside_what_kills_its_process_is_done() -> None:
+    """Calls that were under way in the same processes did not kill them."""
+    calls = [Call((number == 1,)) for number in range(4)]
+    found = dict(run(Engine(jobs=2), ends_if, calls, died=lambda _: "died"))
+    assert found == {0: "done", 1: "died", 2: "done", 3: "done"}
