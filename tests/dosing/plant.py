@@ -19,14 +19,8 @@ LIQUID_TEMPERATURE = 20.0 + ZERO_CELSIUS  # K
 
 @dataclass(frozen=True)
 class Duty:
-    """How a maker runs a dosing module.
-
-    Attributes
-    ----------
-    speed, slowest, fastest : float, rev/s; nominal speed and the range a maker calibrates
-    throttles : tuple of floats, 1; settings of the maker's throttle, the loss it adds at the
-        fastest speed's flow relative to the line's own; the same number for every module
-    """
+    """How a maker runs a dosing module: nominal speed and the range he calibrates, rev/s; settings
+    of his throttle, the loss it adds at the fastest speed's flow by the line's own."""
 
     speed: float
     slowest: float
@@ -36,14 +30,8 @@ class Duty:
 
 @dataclass(frozen=True)
 class Plant:
-    """Dosing modules that feed mixers, mixers possibly in series.
-
-    Attributes
-    ----------
-    rig : its drawing
-    values : true parameters, SI, by `module.parameter`; each a number, or of shape (n,)
-    terms : true laws beyond the plain ones
-    """
+    """Dosing modules that feed mixers, mixers possibly in series: true parameters, SI, by
+    `module.parameter`, each a number or of shape (n,); `terms` are true laws beyond the plain."""
 
     rig: Rig
     values: Mapping[str, Any]
@@ -66,17 +54,9 @@ class Plant:
 
 @dataclass(frozen=True)
 class Operation:
-    """The settings of the operator, sample by sample.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,), s
-    speed : per module ndarray, shape (n,), rev/s
-    throttle : per module ndarray, shape (n,), Pa/(m3/s)2; a maker's extra valve behind the line
-    on_bench : None or ndarray, shape (n,), bool; True while every module stands alone on the
-        maker's test bench, where its throttle takes the place of the mixers
-    temperature : per module ndarray, shape (n,), K; of the liquid, 20 degC where not given
-    """
+    """The settings of the operator, each of shape (n,): time, s, and by module speeds, rev/s, a
+    maker's extra valve behind the line, Pa/(m3/s)2, and the liquid's temperature, K (else 20 degC).
+    `on_bench`: every module stands alone, with that valve in place of the mixers."""
 
     time: Array
     speed: Mapping[str, Array]

@@ -19,25 +19,16 @@ TANK_REFILL = 0.3  # m; the level at which the tank is filled up again
 
 @dataclass(frozen=True)
 class Recording:
-    """Columns by header, in trade units; each ndarray, shape (n,).
-
-    Attributes
-    ----------
-    readings : `time [s]` and `<instance>.<signal> [unit]`; NaN where a sensor is not fitted
-    truth : `time [s]`, the degree of every fault of the run, the true flows (`Q_pump` is the
-        flow of the pump before a leak)
-    """
+    """Columns by header, in trade units, of shape (n,): readings, NaN where a sensor is not fitted;
+    degrees of all faults, and true flows (`Q_pump` is that of the pump before a leak)."""
 
     readings: Mapping[str, Array]
     truth: Mapping[str, Array]
 
 
 def record(run: Run, sensing: Sensing = TABLE_1, seed: int = 1) -> Recording:
-    """Simulate a run and read its sensors.
-
-    Raises ValueError for an unknown fault, a degree out of range, a pump without flow, or if there
-    is no operating point.
-    """
+    """Simulate a run and read its sensors. Raises ValueError for an unknown fault, a degree out of
+    range, a pump without flow, or if there is no operating point."""
     operation, rig = run.operation, run.plant.rig
     check_faults(run.plant, run.faults, operation.time.size)
     given = {f"{name}.n": speed for name, speed in operation.speed.items()}
@@ -58,11 +49,8 @@ def record(run: Run, sensing: Sensing = TABLE_1, seed: int = 1) -> Recording:
 
 
 def _tank_level(time: Array, flow: Array) -> Array:
-    """Level, m, of a tank that is emptied by the net flow and refilled when low.
-
-    A leak returns to the pump's suction side, so only the net flow leaves. The level does not
-    change the static part of the line: the head above the pump counts as compensated.
-    """
+    """Level, m, of a tank that is emptied by the net flow (a leak returns to the pump's suction
+    side) and refilled when low; the head above the pump counts as compensated."""
     drawn = np.concatenate([[0.0], np.cumsum(flow[:-1] * np.diff(time))]) / TANK_AREA
     return TANK_FULL - np.mod(drawn, TANK_FULL - TANK_REFILL)
 

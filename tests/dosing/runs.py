@@ -29,10 +29,7 @@ Speeds = Mapping[str, float]  # of each module, rev/s
 
 @dataclass(frozen=True)
 class Run:
-    """A plant, its operation and its faults.
-
-    `backflow`: whether its pumps' laws hold for backflow, too.
-    """
+    """A plant, its operation and its faults; `backflow`: its pumps' laws hold for that, too."""
 
     plant: Plant
     operation: Operation
@@ -73,10 +70,8 @@ def visiting_run(
     lead_in: int = 0,
     hold: int = HOLD,
 ) -> Run:
-    """Visit operating points for `hold` samples each, with all faults present.
-
-    They follow `lead_in` samples without fault at the first point.
-    """
+    """Visit operating points for `hold` samples each, with all faults present, behind `lead_in`
+    samples without fault at the first point."""
     lengths = [lead_in, *[hold] * len(points)]
     visited = [points[0], *points]
     speed = {
@@ -91,14 +86,10 @@ def visiting_run(
 def calibration_run(plant: Plant) -> Run:
     """Return a fault-free run as a maker does it, with the flow meter as reference.
 
-    First every module runs alone on a bench: each speed with each throttle, which is closed further
-    at lower speed, so that the pressure varies independently of the speed. There is no mixer on the
-    bench, so mixer readings are empty, and the line's own loss cannot be distinguished from that of
-    the throttle.
-    Then the modules run on the plant without throttle, first all at their slowest, then all at
-    their fastest, then with speeds spread evenly over the ranges. This varies the flows of all
-    mixers over their whole range, and the back-pressure of a module independently of its flow. In
-    every row all relations hold whose signals are given.
+    First every module runs alone on a bench without mixers: each speed with each throttle, closed
+    further at lower speed, so that the pressure does not follow the speed. Then all run on the
+    plant without throttle, at their slowest, at their fastest, and with speeds spread over the
+    ranges, so that all flows of mixers vary, and a module's back-pressure does not follow its flow.
     """
     speeds, mixer_points, hold = 5, 15, HOLD
     settings = min(len(module.throttles) for module in plant.modules.values())
@@ -127,10 +118,7 @@ def _speed_at(module: Duty, position: Array) -> Array:
 
 
 def _spread(points: int, axis: int) -> Array:
-    """Evenly spread coordinates in 0..1, a different sequence for each axis.
-
-    Source: Kronecker sequence with the square roots of primes, which are irrational.
-    """
+    """Evenly spread coordinates in 0..1, a sequence for each axis. Source: Kronecker."""
     prime = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)[axis]
     position: Array = np.mod(0.5 + np.arange(points) * math.sqrt(prime), 1.0)
     return position
@@ -143,10 +131,8 @@ VALVE_TIME = 1.5
 
 
 def settling(run: Run) -> Run:
-    """Return the run with its values as settings that speeds and valves approach.
-
-    Raises ValueError for a run on the bench, whose throttle is not there afterwards.
-    """
+    """Return the run with its values as settings that speeds and valves approach. Raises ValueError
+    for a run on the bench, whose throttle is not there afterwards."""
     operation = run.operation
     if operation.on_bench is not None:
         raise ValueError("a run on the maker's bench is set up point by point, without transients")
