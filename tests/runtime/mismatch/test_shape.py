@@ -1,11 +1,11 @@
 """What has no name: its shape and memory, beside which laws it is told; what was once misnamed."""
 
 import shutil
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import comb
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ from rulec.mismatch.search.later_refits import possible_sets, refitted_again
 from rulec.mismatch.search.operating_states import begun, explain, search, with_term
 from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.scan import beside, holds
+from rulec.mismatch.search.scan import beside, coincide, holds
 from rulec.mismatch.search.time_course import price
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.conftest import ROOT
@@ -315,3 +315,37 @@ def test_who_reads_it_is_sent_to_the_set_points_not_to_a_sensor() -> None:
     said = next_step("unnamed", (), replace(UNNAMED.hidden, switches=True), ())
     assert "from below and from above" in said
     assert "Record what may drive it" not in said
+
+
+HERE, THERE = np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, -1.0])
+NOTHING = np.zeros(3)
+
+
+@dataclass
+class Fitted:
+    """A model with a single amplitude."""
+
+    raw: Any
+    noise: float = 1.0
+    prior: Any = field(default_factory=lambda: SimpleNamespace(names=("a",)))
+
+    def __post_init__(self) -> None:
+        self.raw = self.table = self.raw[:, None]
+        self.weights, self.precision = np.ones(3), np.eye(1)
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "same"),
+    [
+        (HERE, 2.0 * HERE, True),
+        (HERE, THERE, False),
+        (HERE, NOTHING, False),
+        (NOTHING, HERE, False),
+        (NOTHING, NOTHING, True),
+    ],
+)
+def test_explanations_coincide(own: Any, other: Any, same: bool) -> None:
+    evidence: Any = SimpleNamespace(whitened=lambda rows, noise: rows)
+    law: Any = SimpleNamespace(unknowns=[SimpleNamespace(id="a", null=0.0)])
+    models: Any = Fitted(own), Fitted(other)
+    assert coincide(evidence, models[0], law, models[1], law) is same
