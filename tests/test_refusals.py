@@ -12,6 +12,7 @@ from tests.curves.test_import_curve import NB
 ABC, TANKS = "plants/abc", "plants/cascaded-tanks"
 HEALTHY, LEAKAGE = f"{ABC}/examples/healthy.csv", f"{ABC}/examples/leakage_A.csv"
 INPUTS = f"{TANKS}/examples/inputs.csv"
+PREDICT, DEGREE = f"simulate {ABC} {HEALTHY} -o out.csv", "write <module>.<fault>=<degree>"
 MISMATCH, PERIOD = f"mismatch {ABC} {HEALTHY}", "give two numbers of seconds"
 CURVE = "import curve sheet.csv --type metered-centrifugal -o own.yaml"
 HEAD = f'{CURVE} --columns "Q [m3/h],H [m],,,,,n [rpm]"'
@@ -34,6 +35,29 @@ REFUSED = [
     ),
     (f"simulate {ABC} {ABC}/examples -o -", 2, "-o -: the inputs are a folder"),
     (f"diagnose {ABC} nowhere.csv --quiet", 1, "rulec: nowhere.csv: there is no such file"),
+    # what is no recording or ruleset, and files that cannot be written
+    ("diagnose nothing.json x.csv", 1, "nothing.json"),
+    (f"diagnose {ABC} /dev/null", 1, "rulec: /dev/null"),
+    (f"diagnose {ABC} plants/README.md", 1, "no time column"),
+    (f"diagnose {HEALTHY} {HEALTHY}", 1, "healthy.csv"),
+    (f"diagnose {ABC} {HEALTHY} --json /nowhere/out.json", 2, "--json /nowhere"),
+    (f"diagnose {ABC} {HEALTHY} --trace /nowhere/out.csv", 2, "--trace /nowhere"),
+    (f"diagnose {ABC} {HEALTHY} --report no/r.html", 2, "make it first"),
+    (f"diagnose {ABC} {HEALTHY} --truth no.csv", 1, "no.csv: No such file"),
+    (f"diagnose {ABC}", 2, "usage"),
+    (f"diagnose {ABC} x.csv --mode guess", 2, "usage"),
+    # predicted recordings
+    (f"{PREDICT} --fault A.leakage", 2, DEGREE),
+    (f"{PREDICT} --fault A.leakage=nan", 2, DEGREE),
+    (f"{PREDICT} --fault A.leakage=0.2@9:3", 2, "the period ends before it begins"),
+    (f"{PREDICT} --fault A.leakage=0.2@900:", 1, "the recording runs from 0 s to 59 s"),
+    (f"{PREDICT} --fault A.leakage=-0.2", 1, "give a degree from 0 to 1, where 0.2 is"),
+    (f"{PREDICT} --fault A.leek=0.2", 1, "no fault 'A.leek'; did you mean 'A.leakage'?"),
+    (f"{PREDICT} --noise -1", 2, "--noise -1"),
+    (f"simulate {ABC} sheet.csv -o sheet.csv", 2, "would overwrite the inputs"),
+    (f"simulate {ABC} sheet.csv -o .", 2, "give the name of a file"),
+    (f"simulate {ABC} . -o sheet.csv", 2, "give the name of a folder"),
+    (f"simulate {ABC} {HEALTHY} -o none/out.csv", 1, "make it first"),
     # separation
     (f"matrix {ABC} --limits l.yaml", 2, "rulec matrix: --limits are limits"),
     (f"matrix {ABC} --limits l.yaml", 2, "--separate"),
@@ -53,6 +77,7 @@ REFUSED = [
     (f"{MISMATCH} --series no/m.x", 2, "no/m.x: there is no folder 'no'; make it first"),
     (f"{MISMATCH} {HEALTHY}", 1, "same file, given twice"),
     (f"mismatch {TANKS} {INPUTS} {INPUTS}", 1, "this plant has storage"),
+    (f"{MISMATCH} --power A.leak", 1, "no effect of this plant has that id; did you mean 'A.leak"),
     (f"{MISMATCH} --heldout=last", 2, f"last: {PERIOD} with a colon between, as in 600:900\n"),
     (f"{MISMATCH} --heldout=1:2:3", 2, f"--heldout 1:2:3: {PERIOD}"),
     (f"{MISMATCH} --heldout=1:inf", 2, f"--heldout 1:inf: {PERIOD}"),
@@ -76,6 +101,7 @@ REFUSED = [
 SHEET = CURVE.replace("sheet.csv", "given.csv")
 ADOPT = "adopt given.json -o new"
 SIMULATE = f"simulate {TANKS} given.csv -o out.csv"
+OTHERS = "simulate plants/{} given.csv -o out.csv"
 FILES = [
     (SHEET, "", "empty"),
     (SHEET, "1,2\n3,4\n5,6\n", "its columns have no titles"),
@@ -90,6 +116,18 @@ FILES = [
         '{"repair": {"plant": "nowhere", "joined": [], "parameters": ["A.k2"], "values": [], '
         '"covariance": []}}',
         "1 parameters, but other numbers",
+    ),
+    (f"diagnose {ABC} given.csv", "", "the file is empty"),
+    (f"diagnose {ABC} given.csv", "time [s],PS1 [bar]\n0,160\n", "no column belongs to this plant"),
+    (
+        OTHERS.format("abc"),
+        "time [s],A.n [rpm]\n0,900\n",
+        "of abc, it needs the column 'B.n [rpm]'",
+    ),
+    (
+        OTHERS.format("zema-hydraulic"),
+        "time [s],FS1 [l/min]\n0,7\n",
+        "it needs the columns 'PS1 [bar]', 'TS1 [degC]'",
     ),
     (SIMULATE, "time [s],y [V]\n0,1\n", "it needs the column 'u [V]'"),
     (SIMULATE, "time [s],u [V]\n0,\n4,\n", "pump.u has not one reading"),
@@ -116,13 +154,13 @@ def folder(beside: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def refused(line: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    """Exit code and what is told; no file was written."""
-    before = set(folder.iterdir())
+    """Exit code and what is told; no file was written, or written anew."""
+    before = [(file, file.stat().st_mtime_ns) for file in sorted(folder.iterdir())]
     try:
         code = main(shlex.split(line))
     except SystemExit as ended:
         code = int(str(ended.code))
-    assert before == set(folder.iterdir())
+    assert before == [(file, file.stat().st_mtime_ns) for file in sorted(folder.iterdir())]
     shown = capsys.readouterr()
     assert "" == shown.out or line.startswith("check")
     return code, shown.out + shown.err

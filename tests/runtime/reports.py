@@ -1,4 +1,4 @@
-"""Recordings judged for a report, and what stands in the page."""
+"""Recordings judged for a report, and what stands in the page; pages of a mismatch."""
 
 import dataclasses
 import functools
@@ -13,13 +13,17 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import Trace, trace
 from rulec_runtime.output.terminal import Terminal
+from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.page import report
 from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.series import Curves, curves_of
+from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.truth import Truth, read_truth
 
-from tests.conftest import ROOT
+from rulec.mismatch.answer.terminal_and_page import report as mismatch_report
+from rulec.mismatch.result import Mismatch
+from tests.conftest import ROOT, compiled
 
 EXAMPLES = ROOT / "plants" / "abc" / "examples"
 
@@ -28,6 +32,11 @@ NO_NUMBER = re.compile(r"[ \"(]-?(?:nan|inf)\b")
 
 NEEDS_MORE = re.compile(r"https?:|//\w|<script|<img|<link|@import|url\(|\ssrc=|\son\w+=")
 """What would make a page depend on something else."""
+
+MADE = Made("2026-09-22 08:15 UTC", "rulec 1.2.3")
+
+CALENDAR = Calendar(1789948760.0, ((0.0, 7200.0),))
+"""Time 0 is 2026-09-21 01:59:20 in a zone two hours before UTC."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -70,3 +79,19 @@ def tree(page: str) -> ET.Element:
 
 def figures(page: str) -> list[str | None]:
     return [f.get("id") for f in tree(page).iter("figure")]
+
+
+def subject() -> Subject:
+    return Subject(ruleset=compiled("abc"), recording="warm.csv", samples=400, ends=(0.0, 399.0))
+
+
+def mismatch_page(mismatch: Mismatch) -> str:
+    return mismatch_report(mismatch, subject(), MADE)
+
+
+def dated(judged: Judged) -> Judged:
+    return dataclasses.replace(
+        judged,
+        recording=dataclasses.replace(judged.recording, calendar=CALENDAR),
+        diagnosis=dataclasses.replace(judged.diagnosis, calendar=CALENDAR),
+    )

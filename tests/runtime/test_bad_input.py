@@ -196,29 +196,6 @@ def test_a_leakage_in_json_and_trace(
     assert (numbers[:, ::3] <= numbers[:, 2::3]).all()
 
 
-def test_wrong_calls_give_a_message(tmp_path: Path, ruleset_file: Path, capsys: Capsys) -> None:
-    texts = {"healthy": SHEET.text(), "empty": "", "other": "time [s],PS1 [bar]\n0,160\n"}
-    healthy, empty, other = (write(tmp_path, t, f"{name}.csv") for name, t in texts.items())
-    for arguments, code, message in (
-        ("nothing.json x.csv", 1, "nothing.json"),
-        (f"{ruleset_file} nothing.csv", 1, "there is no such file"),
-        (f"{ruleset_file} {ruleset_file}", 1, "no time column"),
-        (f"{ruleset_file} /dev/null", 1, "rulec: /dev/null"),
-        (f"{ruleset_file} {empty}", 1, "the file is empty"),
-        (f"{ruleset_file} {other}", 1, "no column belongs to this plant"),
-        (f"{healthy} {healthy}", 1, "healthy.csv"),
-        (f"{ruleset_file} {healthy} --json /nowhere/out.json", 2, "--json /nowhere"),
-        (f"{ruleset_file} {healthy} --trace /nowhere/out.csv", 2, "--trace /nowhere"),
-        (f"{ruleset_file}", 2, "usage"),
-        (f"{ruleset_file} x.csv --mode guess", 2, "usage"),
-    ):
-        try:
-            found = main(["diagnose", *arguments.split()])
-        except SystemExit as leaving:
-            found = leaving.code
-        assert (code, True) == (found, message in capsys.readouterr().err), arguments
-
-
 def test_json_alone_on_standard_output(tmp_path: Path, ruleset_file: Path, capsys: Capsys) -> None:
     """The story goes to standard error; of a file that is none there is no JSON."""
     told = {}

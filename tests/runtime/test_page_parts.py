@@ -20,14 +20,28 @@ from rulec_runtime.report.sketch import MOST, sketch, topology_of
 from rulec_runtime.report.thin_curves import COLUMNS, thin_series
 from rulec_runtime.report.time_axis import time_axis
 from rulec_runtime.report.truth import cases_of, read_truth
+from rulec_runtime.report.verdict import verdict
 
 from rulec.cli import main
+from rulec.commands.matrix import matrix_page
+from rulec.commands.matrix import verdict as matrix_verdict
+from rulec.commands.study_result import StudyResult
+from rulec.mismatch.answer.terminal_and_page import verdict as mismatch_verdict
+from rulec.mismatch.experiment.recipe import experiment_page
+from rulec.prove.page import headline as prove_headline
+from rulec.prove.page import page as prove_page
+from rulec.prove.scores import table
+from rulec.study.campaign import Settings
+from rulec.study.points import Points
+from rulec.study.summary import verdict as study_verdict
 from tests.conftest import ROOT, Capsys, compiled
 from tests.live.view.browser import CHROMIUM, Browser, browser
 from tests.live.view.test_browser import CONTRAST
-from tests.runtime.pages import every_page
-from tests.runtime.reports import Judged
+from tests.prove.made import run
+from tests.runtime.mismatches import ALL, made_by_hand
+from tests.runtime.reports import EXAMPLES, MADE, Judged, dated, judge, mismatch_page
 from tests.runtime.sheets import Sheet, example, write
+from tests.test_study import TYPES, counted
 
 DAY = 86400.0
 NOON = 1790078400.0
@@ -219,6 +233,33 @@ def test_truth_of_other_times_is_matched(healthy: Judged, tmp_path: Path) -> Non
     ) == truth.notes
 
 
+def every_page() -> dict[str, tuple[str, str]]:
+    """A page of every kind, small and quickly made, with the verdict that must be its heading."""
+    abc = compiled("abc")
+    leaking = dated(judge(EXAMPLES / "leakage_A.csv", abc, EXAMPLES / "leakage_A.truth.csv"))
+    healthy = judge(EXAMPLES / "healthy.csv", abc)
+    points = Points({"A.n": np.array([10.0]), "B.n": np.array([10.0])})
+    study, proof, experiment = counted(), run(60), made_by_hand()
+    of_study = StudyResult(
+        ruleset=abc, types=TYPES, points=points, settings=Settings(), counts=study
+    )
+    return {
+        "diagnosis": (leaking.page("leakage_A.csv"), verdict(leaking.diagnosis)),
+        "healthy": (healthy.page("healthy.csv"), verdict(healthy.diagnosis)),
+        **{
+            f"mismatch {name}": (mismatch_page(one), mismatch_verdict(one)[0])
+            for name, one in ALL.items()
+        },
+        "experiment": (
+            experiment_page(experiment, abc, MADE),
+            experiment.headline.removesuffix("."),
+        ),
+        "study": (of_study.page(MADE), study_verdict(study)),
+        "matrix": (matrix_page(abc, MADE), matrix_verdict(abc)),
+        "proof": (prove_page(proof, MADE), prove_headline(proof, table(proof.judged))),
+    }
+
+
 CUT = """(() => {
   const cut = [];
   const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
@@ -272,7 +313,7 @@ def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
 ) -> None:
     pages = every_page()
     wrong: list[tuple[str, str, object]] = []
-    for name, (page, verdict) in pages.items():
+    for name, (page, heading) in pages.items():
         file = tmp_path / f"{name.replace(' ', '-')}.html"
         file.write_text(page, encoding="utf-8")
         chromium.look(390)
@@ -290,8 +331,8 @@ def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
         found["cut on paper"] = chromium.run(OVER_THE_EDGE)
         found["weak on paper"] = chromium.run(CONTRAST)
         chromium.print(False)
-        if [verdict] != chromium.run(HEADINGS):
-            wrong.append((name, "heading", verdict))
+        if [heading] != chromium.run(HEADINGS):
+            wrong.append((name, "heading", heading))
         wrong += [(name, what, value) for what, value in found.items() if value]
     assert [] == wrong
     assert [] == chromium.complaints()

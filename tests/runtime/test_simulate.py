@@ -25,10 +25,11 @@ DEGREES, SPEEDS = (
 """Every degree at every speed, as a factor of the nominal one."""
 
 
-def true_readings(plant: str, factors: Array, faults: dict[str, Array]) -> dict[str, Array]:
-    modules = built(plant).modules
-    speed = {name: factors * m.speed for name, m in modules.items()}
-    operation = truth.Operation(np.arange(float(len(factors))), speed)
+def true_readings(plant: str, faults: dict[str, Array], **speeds: Array) -> dict[str, Array]:
+    """Readings at shares of the nominal speeds of modules."""
+    shares = {name: speeds.get(name, SPEEDS) for name in built(plant).modules}
+    speed = {name: share * built(plant).modules[name].speed for name, share in shares.items()}
+    operation = truth.Operation(np.arange(float(len(shares["A"]))), speed)
     run = truth.Run(built(plant), operation, faults)
     return to_si(ruleset(plant), truth.record(run, truth.NOISE_FREE).readings)
 
@@ -52,7 +53,7 @@ def test_every_fault_as_the_truth_has_it(plant: str) -> None:
     faults = [f.id for f in ruleset(plant).faults]
     assert set(faults) <= set(truth.possible_faults(built(plant)))
     for fault in faults:
-        expected = true_readings(plant, SPEEDS, {fault: DEGREES})
+        expected = true_readings(plant, {fault: DEGREES})
         assert furthest(plant, expected, {fault: DEGREES}) < 1e-8, fault
 
 
@@ -75,12 +76,7 @@ def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
 
 
 def test_inputs_far_from_the_reference() -> None:
-    rules = ruleset("abc-centrifugal")
-    speed = {"A": np.array([0.5]), "B": np.array([0.3])}
-    modules = built("abc-centrifugal").modules
-    operation = truth.Operation(np.zeros(1), {n: f * modules[n].speed for n, f in speed.items()})
-    run = truth.Run(built("abc-centrifugal"), operation, {})
-    expected = to_si(rules, truth.record(run, truth.NOISE_FREE).readings)
+    expected = true_readings("abc-centrifugal", {}, A=np.array([0.5]), B=np.array([0.3]))
     assert furthest("abc-centrifugal", expected, {}) < 1e-8
 
 

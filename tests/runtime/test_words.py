@@ -2,7 +2,6 @@
 
 Golden files are re-made only by `make golden`, and reviewed as a diff."""
 
-import dataclasses
 import json
 import os
 import re
@@ -54,14 +53,16 @@ from tests.runtime import (
     test_sensor_health,
 )
 from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, broken, curves, made_by_hand, spoken
-from tests.runtime.pages import MADE, dated, mismatch_page
 from tests.runtime.reports import (
     EXAMPLES,
+    MADE,
     NEEDS_MORE,
     NO_NUMBER,
     Judged,
+    dated,
     figures,
     judge,
+    mismatch_page,
     told,
     tree,
 )
@@ -197,10 +198,13 @@ def test_every_verdict_is_told(case: str) -> None:
         assert [] == NO_NUMBER.findall(page) + NEEDS_MORE.findall(page)
 
 
+HOSTILE = "<script src='//x'>\"&\u202e\x07</script>"
+
+
 def test_hostile_texts_stay_text() -> None:
     hostile = "[bold]x[/bold] [/] [red] \\"
     assert 15 <= told(tell, spoken(hostile), 400).count(hostile)
-    page = tree(mismatch_page(spoken("<script src='//x'>\"&\u202e\x07</script>")))
+    page = tree(mismatch_page(spoken(HOSTILE)))
     assert [] == [*page.iter("script"), *page.iter("img")]
     assert "<script src='//x'>\"&\ufffd\ufffd</script>" == page.findtext(".//h1")
 
@@ -254,11 +258,9 @@ COMPARING = [*USUAL, "degrees", "cases"]
 """Figure 10 of the paper only where somebody knows what was wrong."""
 
 
-HOSTILE = "<script src='//x'>\"&\u202e\x07</script>"
-
 BENT = {
-    "one sample": lambda s: dataclasses.replace(s, rows=s.rows[:1]),
-    "three samples": lambda s: dataclasses.replace(s, rows=s.rows[:3]),
+    "one sample": lambda s: replace(s, rows=s.rows[:1]),
+    "three samples": lambda s: replace(s, rows=s.rows[:3]),
     "a stretch without readings": lambda s: s.filled("A.dp", "", 10, 25).filled("A.n", "", 10, 30),
     "no reading at all": lambda s: s.filled("A.dp", "").filled("B.dp", "").filled("C.dp", ""),
     "a signal missing": lambda s: s.without("C.dp"),
@@ -278,30 +280,35 @@ def test_every_recording_gives_a_sound_page(case: str, abc: Ruleset, tmp_path: P
         assert "the recording has 1 sample" in page
 
 
-def test_page_needs_nothing_else(leaking: Judged, abc: Ruleset) -> None:
-    """Same input, same bytes: no date, no order by chance."""
+def test_a_page_needs_nothing_else_and_marks_what_is_found(leaking: Judged, abc: Ruleset) -> None:
+    """In picture and table. Same input, same bytes: no date, no order by chance."""
     page = leaking.page()
+    found = tree(page)
     assert [] == NEEDS_MORE.findall(page)
-    names = {e.get("id") for e in tree(page).iter("symbol")}
-    assert {f"#{name}" for name in names} >= {e.get("href") for e in tree(page).iter("use")}
+    names = {e.get("id") for e in found.iter("symbol")}
+    assert {f"#{name}" for name in names} >= {e.get("href") for e in found.iter("use")}
+    marked = found.findall(".//header//g[@class='box is-M']")
+    assert ["◆ A"] == [box.findtext("text") for box in marked]
+    rows = [r for r in found.iter("tr") if "found" in (r.get("class") or "")]
+    assert [["A.leakage"]] == [[h.text for h in r.iter("th")] for r in rows]
     again = judge(EXAMPLES / "leakage_A.csv", abc, EXAMPLES / "leakage_A.truth.csv")
     assert page == again.page()
 
 
 def test_hostile_names_stay_text(abc: Ruleset) -> None:
     words = dict.fromkeys(("title", "text", "action", "meaning", "origin"), HOSTILE)
-    ruleset = dataclasses.replace(
+    ruleset = replace(
         abc,
         title=HOSTILE,
         modules=dict.fromkeys(abc.modules, HOSTILE),
-        faults=tuple(dataclasses.replace(f, **words) for f in abc.faults),
-        observers=tuple(dataclasses.replace(o, equation=HOSTILE) for o in abc.observers),
+        faults=tuple(replace(f, **words) for f in abc.faults),
+        observers=tuple(replace(o, equation=HOSTILE) for o in abc.observers),
     )
     judged = judge(EXAMPLES / "leakage_A.csv", ruleset, EXAMPLES / "leakage_A.truth.csv")
-    judged = dataclasses.replace(
+    judged = replace(
         judged,
-        diagnosis=dataclasses.replace(judged.diagnosis, notes=(HOSTILE,)),
-        truth=dataclasses.replace(judged.truth, name=HOSTILE, notes=(HOSTILE,)),
+        diagnosis=replace(judged.diagnosis, notes=(HOSTILE,)),
+        truth=replace(judged.truth, name=HOSTILE, notes=(HOSTILE,)),
     )
     page = judged.page("\udcff" + HOSTILE)
     found = tree(page)
@@ -311,17 +318,9 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
     assert page.encode("utf-8").decode("utf-8") == page
 
 
-def test_what_is_found_is_marked_in_picture_and_table(leaking: Judged) -> None:
-    found = tree(leaking.page())
-    head = found.find(".//header")
-    assert ["◆ A"] == [b.findtext("text") for b in head.findall(".//g[@class='box is-M']")]
-    rows = [r for r in found.iter("tr") if "found" in (r.get("class") or "")]
-    assert [["A.leakage"]] == [[h.text for h in r.iter("th")] for r in rows]
-
-
 def test_long_recordings_give_small_files(leaking: Judged) -> None:
     recording, ruleset, n = leaking.recording, leaking.diagnosis.ruleset, 80 * 25
-    repeated = dataclasses.replace(
+    repeated = replace(
         recording,
         time=np.arange(float(n)),
         values={name: np.tile(v, 25) for name, v in recording.values.items()},
@@ -340,10 +339,5 @@ def test_command_writes_the_report(tmp_path: Path, abc: Ruleset, capsys: Capsys)
     assert COMPARING == figures(target.read_text(encoding="utf-8"))
     rules = tmp_path / "abc.json"
     rules.write_text(abc.to_json(), encoding="utf-8")
-    told = ["diagnose", str(rules), recording]
-    assert 0 == main([*told, "--truth", truth])
+    assert 0 == main(["diagnose", str(rules), recording, "--truth", truth])
     assert "only a report" in capsys.readouterr().out
-    assert 1 == main([*told, "--truth", str(tmp_path / "no.csv")])
-    assert "no.csv: No such file" in capsys.readouterr().err
-    assert 2 == main([*told, "--report", str(tmp_path / "no" / "r.html")])
-    assert "make it first" in capsys.readouterr().err

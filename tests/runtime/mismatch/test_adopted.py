@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written_plant import row_errors, simulated, written
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.model import HELDOUT
-from rulec.mismatch.evidence.steady.repaired_model import _ranges, predictors_for
+from rulec.mismatch.evidence.steady.repaired_model import predictors_for, repair_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.stores.fit import plain_end
 from rulec.mismatch.inference.heldout_errors import course_of, heldout_spans, series_csv
@@ -28,7 +27,18 @@ from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, Capsys
 from tests.dosing import write_csv
 from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
-from tests.runtime.mismatch.made import SLIP, USUAL, alone, changed, columns, prepared, warmed
+from tests.runtime.mismatch.made import (
+    SLIP,
+    USUAL,
+    alone,
+    changed,
+    columns,
+    fitted,
+    prepared,
+    recorded,
+    warmed,
+    warming,
+)
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
 Form = dict[str, Any]
@@ -216,42 +226,17 @@ def test_ends_belong_to_their_spans() -> None:
 
 
 def test_a_range_grows_only_where_a_relation_was_tested() -> None:
-    """Behind a closed valve a flow meter shows nothing: no relation judges the pump there."""
-    dp = np.array([100.0, 120.0, 140.0, 160.0, 190.0])
-    flows = np.array([[9.0, 8.8, 8.6, 8.4, 8.1], [9.0, 8.8, 8.6, 8.4, 0.0], [9, 8.8, 8.6, 8.4, 5]])
-    valid = np.array([[True] * 5, [True, True, True, True, False], [True] * 5])
-    names = ("m.pump", "m.flow", "m.power")
-    observers = [
-        SimpleNamespace(id="m.pump", module="m", signals=("m.dp",)),
-        SimpleNamespace(id="m.flow", module="m", signals=("m.Q",)),
-        SimpleNamespace(id="m.power", module="m", signals=("m.dp", "m.P")),
-    ]
-
-    def relation(*ids: str) -> SimpleNamespace:
-        terms = [SimpleNamespace(observer=o, sign=s) for o, s in zip(ids, (1.0, -1.0), strict=True)]
-        return SimpleNamespace(terms=terms)
-
-    system = SimpleNamespace(
-        ruleset=SimpleNamespace(
-            residuals=[relation("m.pump", "m.flow"), relation("m.power", "m.pump")]
-        ),
-        number={n: i for i, n in enumerate(names)},
-        flows=lambda setting: SimpleNamespace(values=flows),
-        valid=valid,
-        observers=observers,
-        data=SimpleNamespace(values={"m.dp": dp, "m.T": dp + 1.0, "m.x": dp}),
-    )
-    law = SimpleNamespace(module="m", drivers={"T": "m.T"})
-    plan = SimpleNamespace(
-        select=lambda names: SimpleNamespace(used_inputs=() if "q:m.flow" in names else ("m.C",))
-    )
-    system.builder = SimpleNamespace(plan=lambda module, joined: plan)
-    system.data.values["m.Q"] = dp + 2.0
-    system.ruleset.signal_by_id = dict.fromkeys(system.data.values)
-    settled: Any = SimpleNamespace(
-        rows=SimpleNamespace(system=system),
-        setting=SimpleNamespace(joined=[law], ids=("law",)),
-        prior=SimpleNamespace(names=("m.C",)),
-        used=np.ones(5, dtype=bool),
-    )
-    assert {"m.dp": (100.0, 160.0), "m.T": (101.0, 161.0)} == _ranges(settled)
+    """Not where a meter shows nothing or all relations differ; a meter has no law and no range."""
+    plant, name = open_builder(Path(__file__).parent / "oil.yaml"), "main.slip-temperature@Q_law"
+    pressure = 1e5 * (124.0 + 43.0 * np.mod(np.arange(240) // 12 * 0.618, 1.0))
+    given = {"main.dp": pressure, "main.T": warming(240)}
+    recording = recorded(plant, given, moved=False)
+    flow = np.where(given["main.T"] > 315.0, np.nan, recording.values["main.Q"])
+    flow[pressure > 160e5] *= 0.7
+    law = next(c for c in plant[1].candidates if c.id == name)
+    setting = Configuration().joining(law, {f"{name}.b": 0.01}, {f"{name}.T0": USUAL})
+    found = fitted(plant, changed(recording, {"main.Q": flow}), setting)
+    ranges = repair_of(found, found.covariance).ranges
+    assert {"main.dp", "main.P_el", "main.T"} == set(ranges)
+    assert 155e5 < ranges["main.dp"][1] < 161e5
+    assert 310.0 < ranges["main.T"][1] < 315.5

@@ -36,7 +36,7 @@ from tests.runtime.mismatch.made import (
     without,
 )
 from tests.runtime.mismatches import FAULT
-from tests.runtime.pages import subject
+from tests.runtime.reports import subject
 
 N = 400
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from rulec.cli import main
 from rulec.mismatch.evidence.steady.evidence import settled
 from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.inference.power import asked_of, called_missing, drawn, judge_of, self_proof
@@ -137,12 +136,6 @@ def test_command_tells_it_behind_the_report(capsys: Capsys) -> None:
     assert f"something would be reported missing in {count} of 200 replays" in story
     assert f"identified in {leakage['told']} of 200 at its usual size" in story
     assert "no reading of this recording shows it" in story
-
-
-def test_ids_that_nothing_has_are_refused(capsys: Capsys) -> None:
-    assert 1 == main(["mismatch", *HEALTHY, "--power", "A.leak"])
-    said = "--power A.leak: no effect of this plant has that id; did you mean 'A.leakage'?"
-    assert said in capsys.readouterr().err
 
 
 def test_plants_that_store_are_replayed_too() -> None:
