@@ -14,13 +14,7 @@ from rulec.prove.truth.kinds import difficulties
 from rulec.prove.truth.smooth import SIZE_OF_FORM, form_error
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.tanks.balance import Course, integrate
-from rulec.prove.truth.tanks.build import (
-    LITRE_PER_HOUR,
-    METER_SLOPE,
-    Setup,
-    build,
-    recorded_input,
-)
+from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, METER_SLOPE, Setup, build, recorded_input
 from rulec.prove.truth.tanks.detection_limit import noise_of
 from rulec.prove.truth.tanks.plant import CASCADED, GRAVITY, LEVEL_ZERO, Layout, Plant, law
 from rulec.prove.truth.tanks.rows import row, write_plant

@@ -7,8 +7,8 @@ from pathlib import Path
 from rulec.export.module_code import code_of
 from rulec.export.program import ModuleCode
 from tests.conftest import compiled
-from tests.rig.exported.compiled import COMPILER, Compiled
-from tests.rig.exported.compiled import compiled as compile_c
+from tests.rig.exported.split import COMPILER, Compiled
+from tests.rig.exported.split import compiled as compile_c
 
 NO_COMPILER = "no gcc on this machine"
 

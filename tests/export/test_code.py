@@ -15,10 +15,9 @@ from rulec.export.module_code import code_of
 from rulec.export.st_printer import blocks
 from tests.conftest import compiled
 from tests.export.plants import NO_COMPILER, codes, library
-from tests.rig.exported.compiled import COMPILER
-from tests.rig.exported.compiled import compiled as compile_c
-from tests.rig.exported.parsed import parsed
-from tests.rig.exported.reference import differences, expected, inputs_of
+from tests.rig.exported.parsed import differences, expected, inputs_of, parsed
+from tests.rig.exported.split import COMPILER
+from tests.rig.exported.split import compiled as compile_c
 
 MODULES = {
     "abc": ("A", "B", "C"),

@@ -15,8 +15,7 @@ from rulec.cli import main
 from rulec.export.play_on_recording import played, results_csv
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
-from tests.rig.exported.recordings import shipped
-from tests.rig.exported.split import gaps, same_story, split
+from tests.rig.exported.split import gaps, same_story, shipped, split
 
 SAME = 1e-9
 ABC = ROOT / "plants" / "abc"

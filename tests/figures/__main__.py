@@ -10,10 +10,8 @@ import sys
 from collections.abc import Sequence
 
 from tests.conftest import recordings_folder
-from tests.figures.content import is_stale
-from tests.figures.ledger import MEASURED, Ledger, Measurement, read_ledger
-from tests.figures.measure import measured_again, write
-from tests.figures.pages import misprints, unclaimed
+from tests.figures.ledger import MEASURED, Ledger, Measurement, misprints, read_ledger, unclaimed
+from tests.figures.measure import is_stale, measured_again, write
 
 
 def main() -> int:

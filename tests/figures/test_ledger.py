@@ -8,11 +8,17 @@ import pytest
 
 from tests.conftest import ROOT
 from tests.figures import measure
-from tests.figures.content import content_of, files_of, is_stale
-from tests.figures.ledger import FILE, Ledger, Measurement, read_ledger
-from tests.figures.measure import measured_again, write
-from tests.figures.pages import misprints, rendered, unclaimed
-from tests.figures.share import Share
+from tests.figures.ledger import (
+    FILE,
+    Ledger,
+    Measurement,
+    Share,
+    misprints,
+    read_ledger,
+    rendered,
+    unclaimed,
+)
+from tests.figures.measure import content_of, files_of, is_stale, measured_again, write
 
 PLACE = "sound-start/degree/0.1/first"
 

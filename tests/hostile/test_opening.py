@@ -12,16 +12,8 @@ import threading
 from pathlib import Path
 
 import pytest
-from rulec_runtime.output.open_file import (
-    FOLDERS,
-    SCHEMES,
-    begin_of,
-    bytes_of,
-    check_address,
-    is_near,
-    opened,
-    text_of,
-)
+from rulec_runtime.output import open_file
+from rulec_runtime.output.open_file import FOLDERS, SCHEMES, begin_of, check_address, is_near
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_text, written
 from rulec_runtime.recordings import formats, limits
@@ -95,10 +87,10 @@ def test_regular_files_alone_are_opened(tmp_path: Path) -> None:
     """Links to them, too; sizes are looked at before anything is read."""
     (tmp_path / "file").write_bytes(b"\xef\xbb\xbf1\r\n")
     (tmp_path / "link").symlink_to("file")
-    assert "1\n" == text_of(tmp_path / "link", 6)
+    assert "1\n" == open_file.text_of(tmp_path / "link", 6)
     assert b"\xef" == begin_of(tmp_path / "file", 1)
     with pytest.raises(OSError, match="more than 0 MB"):
-        bytes_of(tmp_path / "file", 5)
+        open_file.bytes_of(tmp_path / "file", 5)
     with (tmp_path / "large").open("wb") as file:
         file.truncate(2**40)
     os.mkfifo(tmp_path / "pipe")
@@ -107,7 +99,7 @@ def test_regular_files_alone_are_opened(tmp_path: Path) -> None:
     (tmp_path / "away").symlink_to("pipe")
     for name in ("large", "pipe", "socket", "away", ".", "/dev/zero", "/dev/tty", "none"):
         with pytest.raises(OSError, match=r"this is no file but|it has more|No such"):
-            opened(tmp_path / name)
+            open_file.opened(tmp_path / name)
 
 
 def test_standard_input_ends(monkeypatch: pytest.MonkeyPatch) -> None:

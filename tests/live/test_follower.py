@@ -20,8 +20,7 @@ from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
 from tests.conftest import ROOT, compiled
-from tests.rig.follower.agreement import first_rows
-from tests.rig.follower.plants import part_of
+from tests.rig.follower.plants import first_rows, part_of
 from tests.runtime.tanks import made, plant
 from tests.runtime.test_courses import DEGREE, coming, read
 

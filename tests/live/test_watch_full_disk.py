@@ -13,7 +13,7 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal
 
-from tests.live.disks import filled
+from tests.live.conftest import filled
 from tests.live.journal.events import event, events_in, kept_in
 
 

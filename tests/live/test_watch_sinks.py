@@ -13,8 +13,8 @@ from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.store import open_journal
 
 from rulec.cli import main
+from tests.live.journal.conftest import Postgres
 from tests.live.journal.own_broker import OwnBroker
-from tests.live.journal.postgres import Postgres
 from tests.live.journal.test_device_health import asked, health_of, values
 from tests.live.journal.test_mqtt_out import broker, listening  # noqa: F401
 from tests.live.sources.plant_server import free_port

@@ -12,18 +12,8 @@ from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
-from tests.mtp.writer import (
-    ENDPOINT,
-    EXAMPLE,
-    FLOW,
-    LIBRARY,
-    NAMESPACE,
-    PRESSURE,
-    Point,
-    analog,
-    example,
-    manifest,
-)
+from tests.mtp import writer
+from tests.mtp.writer import ENDPOINT, EXAMPLE, FLOW, LIBRARY, PRESSURE, analog, example, manifest
 from tests.written import told_by
 
 
@@ -57,7 +47,7 @@ def test_all_of_the_example_is_found(tmp_path: Path) -> None:
     pressure = next(s for s in module["signals"] if s["signal"] == "PI11")
     assert (pressure["unit"], pressure["range"]) == ("bar", [0.0, 10.0])
     assert (pressure["quantity"], pressure["confidence"]) == ("pressure difference", "likely")
-    assert pressure["node"] == f"nsu={NAMESPACE};s=PI11.V"
+    assert pressure["node"] == f"nsu={writer.NAMESPACE};s=PI11.V"
     (service,) = module["services"]
     assert [p["name"] for p in service["procedures"]] == ["continuous"]
     assert service["parameters"] == [
@@ -113,7 +103,9 @@ def test_classes_are_known_by_any_path(tmp_path: Path) -> None:
         "MakerLib/Transmitter": "AnaMon",
         "MakerLib/Unknown": "MakerLib/Unknown",
     }
-    points = [Point(name=f"PI{i}", path=p, fixed={"VUnit": "1137"}) for i, p in enumerate(kinds)]
+    points = [
+        writer.Point(name=f"PI{i}", path=p, fixed={"VUnit": "1137"}) for i, p in enumerate(kinds)
+    ]
     module = imported(tmp_path, manifest(points, libraries=library))
     assert [tag["class"] for tag in module["tags"]] == list(kinds.values())
     assert [s["signal"] for s in module["signals"]] == ["PI0", "PI1", "PI2"]

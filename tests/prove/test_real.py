@@ -16,20 +16,10 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.cli import main
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.real import rig_folder
 from rulec.prove.real import run_tool as asking
 from rulec.prove.real.renamed_rig import differences, hide
-from rulec.prove.real.rig_folder import (
-    ANSWER,
-    SEAL,
-    FalseAlarm,
-    Missing,
-    Rig,
-    Size,
-    digest_of,
-    opened,
-    read_rig,
-    rigs_in,
-)
+from rulec.prove.real.rig_folder import ANSWER, SEAL, FalseAlarm, Missing, Rig, Size, read_rig
 from rulec.prove.real.run_tool import MODELS, Commands, lay_out, predicted
 from rulec.prove.real.score import Scored, alarms, scored, scored_finding, totals, utility
 from rulec.prove.real.score_table import Result, form, page, tell
@@ -46,7 +36,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("small") / "rigs" / "small"
     shutil.copytree(SHIPPED / "rse-boiler", place)
     for part in ("train", "test"):
-        with opened(place / f"{part}.csv.gz") as file:
+        with rig_folder.opened(place / f"{part}.csv.gz") as file:
             rows = [line for line, _ in zip(file, range(ROWS), strict=False)]
         (place / f"{part}.csv.gz").unlink()
         (place / f"{part}.csv").write_text("".join(rows), encoding="utf-8")
@@ -61,13 +51,13 @@ def folder(small: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def rig(small: Path) -> Rig:
-    (found,) = rigs_in(small)
+    (found,) = rig_folder.rigs_in(small)
     return found
 
 
 def seal(rig: Path, answer: dict[str, Any]) -> None:
     (rig / ANSWER).write_text(json.dumps(answer), encoding="utf-8")
-    (rig / SEAL).write_text(digest_of(rig / ANSWER), encoding="utf-8")
+    (rig / SEAL).write_text(rig_folder.digest_of(rig / ANSWER), encoding="utf-8")
 
 
 def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
@@ -114,7 +104,7 @@ WRONG = [
 
 def refused_of(folder: Path) -> str:
     with pytest.raises(Refusal) as refused:
-        rigs_in(folder)
+        rig_folder.rigs_in(folder)
     return refused.value.for_terminal()
 
 

@@ -17,29 +17,11 @@ from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND
 from rulec.prove.campaign import Campaign, Changed, Workers, folder_of
 from rulec.prove.partition import Partition
 from rulec.prove.results import ARMS, Further, Run
-from rulec.prove.second_round import (
-    asked_again,
-    dated,
-    judged_again,
-    run_again,
-    samples_of,
-    steps_of,
-)
-from rulec.prove.second_round_table import (
-    after_of,
-    further_of,
-    gained,
-    right_set,
-    tables_of_rounds,
-)
+from rulec.prove.second_round import asked_again, dated, judged_again, run_again, samples_of
+from rulec.prove.second_round_table import after_of, further_of, gained, right_set, tables_of_rounds
 from rulec.prove.tables import tell
-from rulec.prove.truth.settled.further_recording import (
-    displayed,
-    held,
-    longer,
-    recorded_further,
-    repeated,
-)
+from rulec.prove.truth.settled import further_recording
+from rulec.prove.truth.settled.further_recording import displayed, held, longer, repeated
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.solve import Stalled
 from tests.prove.made import LEAK, judged, planted, sealed
@@ -75,7 +57,9 @@ def test_a_further_recording_is_of_the_same_plant(fault: SettledCase) -> None:
         assert on.plain[name][on.known] == pytest.approx(values, rel=1e-9)
         assert len(on.plain[name]) == scene.time.size + 400
     before = scene.recorded(scene.truly(fault.terms), fault.terms)
-    again = recorded_further(fault, repeated(scene, scene.time.size - scene.first))
+    again = further_recording.recorded_further(
+        fault, repeated(scene, scene.time.size - scene.first)
+    )
     assert again["time [s]"][0] == before["time [s]"][-1] - before["time [s]"][scene.first] + 1.0
     for name in scene.rig.inputs:
         header = f"{name} [{scene.rig.sensors[name].unit}]"
@@ -89,7 +73,7 @@ def courses(case: SettledCase, recipe: dict[str, Any], arm: str) -> dict[str, np
     """Courses of all inputs in a further recording, SI."""
     if arm == "same":
         return repeated(case.scene, sum(samples_of(recipe, 1.0)))
-    points, samples = zip(*steps_of(case, recipe, arm, seed=1), strict=True)
+    points, samples = zip(*second_round.steps_of(case, recipe, arm, seed=1), strict=True)
     return held(case, points, samples)
 
 

@@ -11,15 +11,7 @@ from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 
 from tests.conftest import compiled, recordings_folder
 from tests.rig import real
-from tests.rig.station import (
-    FILE,
-    PLANT,
-    PUMPS,
-    Station,
-    beyond_the_sheet,
-    judge,
-    while_running,
-)
+from tests.rig.hsy import FILE, PLANT, PUMPS, Station, beyond_the_sheet, judge, while_running
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.rig.long_run import courses
-from tests.rig.long_run.judged import Right, complaints
+from tests.rig.long_run.plants import Right, complaints
 
 
 @pytest.mark.parametrize("number", range(12))

@@ -9,9 +9,7 @@ pytest.importorskip("sklearn")
 pytest.importorskip("pysindy")
 
 from tests.rig.peers import learnt, limits
-from tests.rig.peers.catalogue import stlsq
-from tests.rig.peers.lisdd import discovered, regions
-from tests.rig.peers.sparse import Array, Course, one_thread, rms
+from tests.rig.peers.learnt import Array, Course, discovered, one_thread, regions, rms, stlsq
 
 N, NOISE = 300, 0.02
 RNG = np.random.default_rng(1)

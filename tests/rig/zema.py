@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.conftest import ROOT, recordings_folder
-from tests.figures.share import Share
+from tests.figures.ledger import Share
 from tests.rig.called import called, commissioned
 
 CYCLE = 60.0

@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 from tests.dosing import INSIDE, Operation, Run, record
 from tests.dosing.plant import LIQUID_TEMPERATURE
 from tests.method.readings import built, calibrated, recording, ruleset
-from tests.rig.long_run.physics import SLIP, idle, scaled
+from tests.rig.long_run.plants import SLIP, idle, scaled
 
 HOLD = 60
 """Samples of each half of a recording, s."""

@@ -21,7 +21,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from tests.live.journal.own_broker import serve
 from tests.live.sources.plant_server import PlantServer
-from tests.soak.plant import Course
+from tests.soak.watching import Course
 
 HOST = "127.0.0.1"
 

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from tests.soak import mutated, score
+from tests.soak.__main__ import growing_file
+from tests.soak.watching import summed
 
 
 def test_mutated_rows_do_no_harm(tmp_path: Path) -> None:
-    found = score.summed(mutated.growing_file(tmp_path, 100))
+    found = summed(growing_file(tmp_path, 100))
     assert found["went_on"]["count"] == found["tried"] == 100
     assert found["faults"] == 1
     assert (found["all_lost"], found["all_twice"], found["all_bad"]) == (0, 0, 0)

@@ -15,7 +15,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from tests.conftest import ROOT, compiled
 from tests.hostile.texts import MARKUP, STEERING
-from tests.rig.follower.agreement import first_rows
+from tests.rig.follower.plants import first_rows
 
 CALENDAR = Calendar(1_790_000_000.0, ((0.0, 7200.0),))
 KINDS = ("sensor", "fault", "unknown", "blind")

@@ -17,13 +17,10 @@ from rulec.export.program import Routine, Value
 from rulec.export.st_printer import blocks
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
-from tests.figures.share import Share
-from tests.rig.exported.compiled import compiled
-from tests.rig.exported.first_order import DEGREES, Judged, judged
-from tests.rig.exported.parsed import Block, parsed
-from tests.rig.exported.recordings import real, shipped
-from tests.rig.exported.reference import differences, expected, inputs_of
-from tests.rig.exported.split import same_story, split
+from tests.figures.ledger import Share
+from tests.rig.exported import split as parts
+from tests.rig.exported.parsed import Block, differences, expected, inputs_of, parsed
+from tests.rig.exported.split import DEGREES, Judged, judged, real, same_story, shipped, split
 
 PLANTS = (
     *("abc", "mixing-rig", "dosing-line", "zema-hydraulic"),
@@ -50,7 +47,7 @@ def code(work: Path) -> dict[str, Any]:
         ruleset = compile_plant(ROOT / "plants" / name)
         codes, folder = code_of(ruleset), work / name
         folder.mkdir()
-        library = compiled(codes, folder)
+        library = parts.compiled(codes, folder)
         for module in codes:
             text = blocks(module)
             modules += 1

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from tests.rig.long_run.judged import last_of, names_of, now_of, within
-from tests.rig.long_run.plants import asked, clock, constant, moving, recorded
-from tests.rig.long_run.readings import Columns
+from tests.rig.long_run import plants
+from tests.rig.long_run.plants import Columns, asked, clock, constant, last_of, moving, names_of
 
 DRAWN = 60
 
@@ -115,7 +114,9 @@ def readings_of(drawn: Drawn) -> Columns:
     hold = int(random.integers(20, 60)) if interval < 3600.0 else int(random.integers(12, 48))
     speed = moving(drawn.rig, time, hold, random) if drawn.moves else constant(drawn.rig, time)
     degree = drawn.course(time)
-    return recorded(drawn.rig, time, 7_000 + drawn.number, {drawn.fault: degree}, speed=speed)
+    return plants.recorded(
+        drawn.rig, time, 7_000 + drawn.number, {drawn.fault: degree}, speed=speed
+    )
 
 
 def measure() -> dict[str, Any]:
@@ -130,7 +131,7 @@ def said_of(drawn: Drawn) -> dict[str, Any]:
     """What is told of one: its degree with bounds, when it reaches another one; and the truth."""
     form, course = asked(drawn.rig, readings_of(drawn)), drawn.course
     finding = last_of(form, drawn.fault) or {}
-    true, now = float(course(np.array(course.ends))), now_of(finding) if finding else None
+    true, now = float(course(np.array(course.ends))), plants.now_of(finding) if finding else None
     told = finding.get("reaches")
     truly = None if told is None else course.reaches(float(told["degree"]))
     return {
@@ -140,6 +141,6 @@ def said_of(drawn: Drawn) -> dict[str, Any]:
         "reaches": told,
         "truly": truly,
         "named": any(drawn.fault in names_of(f) for f in form["findings"]),
-        "degree_right": now is not None and within(now, true),
+        "degree_right": now is not None and plants.within(now, true),
         "forecast_holds": truly is not None and told["earliest"] <= truly <= told["latest"],
     }

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from tests.figures.share import Share
-from tests.rig.long_run import physics, readings
-from tests.rig.long_run.judged import LIQUID, Right, names_of, surely_wrong, told
-from tests.rig.long_run.plants import asked, clock, constant, moving, plant, recorded
-from tests.rig.long_run.readings import Columns, changed
+from tests.figures.ledger import Share
+from tests.rig.long_run import plants
+from tests.rig.long_run.plants import LIQUID, Columns, Right, asked, changed, clock, constant, plant
 
 DRAWN = 300
 ROWS = 360
@@ -37,23 +35,21 @@ Random = np.random.Generator
 Broken = Callable[[Columns, str, Random], Columns]
 
 READINGS: Mapping[str, Broken] = {
-    "frozen": lambda c, s, r: readings.held(c, s, BREAKS),
-    "clipped": lambda c, s, r: readings.clipped(c, s, float(r.uniform(0.05, 0.5))),
-    "dead": lambda c, s, r: readings.held(c, s, BREAKS, 0.0),
-    "no column": lambda c, s, r: readings.absent(c, s),
-    "lost later": lambda c, s, r: readings.held(c, s, BREAKS, np.nan),
-    "gaps": lambda c, s, r: changed(c, s, lambda v: readings.gaps(v, r.uniform(0.1, 0.6), r)),
+    "frozen": lambda c, s, r: plants.held(c, s, BREAKS),
+    "clipped": lambda c, s, r: plants.clipped(c, s, float(r.uniform(0.05, 0.5))),
+    "dead": lambda c, s, r: plants.held(c, s, BREAKS, 0.0),
+    "no column": lambda c, s, r: plants.absent(c, s),
+    "lost later": lambda c, s, r: plants.held(c, s, BREAKS, np.nan),
+    "gaps": lambda c, s, r: changed(c, s, lambda v: plants.gaps(v, r.uniform(0.1, 0.6), r)),
     "too high": lambda c, s, r: changed(c, s, lambda v: v * (1.0 + r.uniform(0.05, 0.3))),
     "too low": lambda c, s, r: changed(c, s, lambda v: v * (1.0 - r.uniform(0.05, 0.3))),
     "drift": lambda c, s, r: changed(c, s, lambda v: v * (1.0 + r.uniform(0.05, 0.2) * ALONG)),
     "offset": lambda c, s, r: changed(c, s, lambda v: v + r.uniform(0.05, 0.2) * v.mean()),
     "noise": lambda c, s, r: changed(c, s, lambda v: v + _noise(v, r.uniform(0.02, 0.08), r)),
-    "spikes": lambda c, s, r: changed(c, s, lambda v: readings.spikes(v, r.uniform(0.01, 0.05), r)),
+    "spikes": lambda c, s, r: changed(c, s, lambda v: plants.spikes(v, r.uniform(0.01, 0.05), r)),
     "late": lambda c, s, r: changed(c, s, lambda v: _late(v, int(r.integers(2, 8)))),
-    "swapped": lambda c, s, r: readings.swapped(c, s, _other(c, s)),
-    "unit": lambda c, s, r: readings.all_in(
-        c, s.split(".")[1], float(r.choice([1e-3, 0.1, 100.0]))
-    ),
+    "swapped": lambda c, s, r: plants.swapped(c, s, _other(c, s)),
+    "unit": lambda c, s, r: plants.all_in(c, s.split(".")[1], float(r.choice([1e-3, 0.1, 100.0]))),
 }
 """What goes wrong with a reading, by name."""
 
@@ -111,9 +107,9 @@ def draw(number: int) -> Pair:
 def readings_of(pair: Pair) -> Columns:
     random = np.random.default_rng([53, pair.number])
     time, rig, built = clock(ROWS), pair.rig, plant(pair.rig)
-    speed = moving(rig, time, 45, random) if pair.moves else constant(rig, time)
+    speed = plants.moving(rig, time, 45, random) if pair.moves else constant(rig, time)
     is_cold = pair.problem == "cold liquid"
-    faults = physics.everywhere(built, np.full(ROWS, 0.15)) if is_cold else {}
+    faults = plants.everywhere(built, np.full(ROWS, 0.15)) if is_cold else {}
     there = np.where(time >= LEAKS, pair.degree, 0.0)
     before = faults.get(pair.fault, np.zeros(ROWS))
     faults[pair.fault] = (1.0 + before) * (1.0 + there) - 1.0 if before.any() else there
@@ -121,15 +117,15 @@ def readings_of(pair: Pair) -> Columns:
     if pair.problem == "pump off":
         off = str(random.choice([n for n in built.modules if n != pair.fault.split(".")[0]]))
         speed = {**speed, off: np.where(time >= BREAKS, 0.0, speed[off])}
-        built, backflow = physics.idle(built, off, time >= BREAKS), True
+        built, backflow = plants.idle(built, off, time >= BREAKS), True
     elif pair.problem in ("ramps", "restless"):
         period, size = (90.0, 0.12) if pair.problem == "ramps" else (9.0, 0.06)
         speed = {n: v * (1.0 + size * np.sin(6.283 * time / period)) for n, v in speed.items()}
     elif is_cold:
-        built = physics.scaled(built, physics.SLIP, np.full(ROWS, 0.8))
+        built = plants.scaled(built, plants.SLIP, np.full(ROWS, 0.8))
     elif pair.problem == "starts late":
         time = clock(ROWS) + np.where(clock(ROWS) >= BREAKS, 4.0 * 3600.0, 0.0)
-    columns = recorded(
+    columns = plants.recorded(
         rig, time, 9_000 + pair.number, faults, speed=speed, built=built, backflow=backflow
     )
     return READINGS[pair.problem](columns, pair.signal, random) if pair.signal else columns
@@ -149,15 +145,15 @@ def measure() -> dict[str, Any]:
     pairs, misses, verdicts = [draw(number) for number in range(DRAWN)], [], Counter[str]()
     for pair in pairs:
         said = asked(pair.rig, readings_of(pair))
-        if any(pair.fault in names_of(f) for f in said["findings"]):
+        if any(pair.fault in plants.names_of(f) for f in said["findings"]):
             verdict = "right"
-        elif any(surely_wrong(right_of(pair), said)):
+        elif any(plants.surely_wrong(right_of(pair), said)):
             verdict = "wrong"
         else:
             verdict = "ok" if said["status"] == "ok" else "without a name"
         verdicts[verdict] += 1
         if verdict != "right":
-            misses.append({"what": pair.what, "verdict": verdict, "said": told(said)})
+            misses.append({"what": pair.what, "verdict": verdict, "said": plants.told(said)})
     shares = {verdict: Share(verdicts[verdict], len(pairs)) for verdict in VERDICTS}
     counts = {name: f"{s.count} of {s.of} ({s.value:.1%})" for name, s in shares.items()}
     return {"counts": counts, "misses": misses}

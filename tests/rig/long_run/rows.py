@@ -7,20 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.rig.long_run import physics, readings
-from tests.rig.long_run.judged import LIQUID, Right, complaints, told
-from tests.rig.long_run.plants import (
-    Form,
-    asked,
-    clock,
-    command,
-    constant,
-    moving,
-    plant,
-    recorded,
-    watched,
-)
-from tests.rig.long_run.readings import Columns
+from tests.rig.long_run import plants
+from tests.rig.long_run.plants import Columns, Form, Right, clock, constant, plant, recorded
 
 RIGS = ("abc", "mixing-rig")
 HOUR = 3600
@@ -40,7 +28,7 @@ def growth(rig: str, seed: int) -> Iterator[Asked]:
         columns = recorded(rig, time, seed, {fault: np.linspace(0.0, degree, HOUR)})
         right = Right(faults={fault: degree}, grows=True)
         yield f"{fault} file", columns, right
-        yield f"{fault} live", columns, right, watched
+        yield f"{fault} live", columns, right, plants.watched
 
 
 def drifts(rig: str, seed: int) -> Iterator[Asked]:
@@ -59,7 +47,7 @@ def fast_reading(rig: str, seed: int) -> Iterator[Asked]:
     """A speed is read too high, the plant is sound."""
     for share in (0.1, 0.2, 0.3):
         columns = recorded(rig, clock(SHORT), seed)
-        columns = readings.changed(columns, "A.n", partial(np.multiply, 1.0 + share))
+        columns = plants.changed(columns, "A.n", partial(np.multiply, 1.0 + share))
         yield f"n {share:.0%} high", columns, Right(sensors=("A.n.",))
 
 
@@ -68,15 +56,15 @@ def blind(rig: str, seed: int) -> Iterator[Asked]:
     leak = _step(0.6)
     columns = recorded(rig, clock(SHORT), seed, {"A.leakage": leak})
     cells: Mapping[str, Callable[[str], Columns]] = {
-        "no column": lambda signal: readings.absent(columns, signal),
-        "empty": lambda signal: readings.held(columns, signal, 0, np.nan),
-        "from row 50": lambda signal: readings.held(columns, signal, 50, np.nan),
+        "no column": lambda signal: plants.absent(columns, signal),
+        "empty": lambda signal: plants.held(columns, signal, 0, np.nan),
+        "from row 50": lambda signal: plants.held(columns, signal, 50, np.nan),
     }
     hidden = Right(blind=("A.leakage",), also=("A.", "C.", "M1."))
     for name, without in cells.items():
-        yield f"A.dp {name}", without("A.dp"), hidden, command
+        yield f"A.dp {name}", without("A.dp"), hidden, plants.command
     seen = Right(faults={"A.leakage": 0.6}, blind=("B.leakage",), also=("B.",))
-    yield "B.dp no column", cells["no column"]("B.dp"), seen, command
+    yield "B.dp no column", cells["no column"]("B.dp"), seen, plants.command
 
 
 def comes_and_goes(rig: str, seed: int) -> Iterator[Asked]:
@@ -92,10 +80,10 @@ def comes_and_goes(rig: str, seed: int) -> Iterator[Asked]:
 def cold(rig: str, seed: int) -> Iterator[Asked]:
     """The liquid gets cold: more friction, less slip, everywhere at once."""
     there = _step(1.0)
-    built = physics.scaled(plant(rig), physics.SLIP, 1.0 - 0.2 * there)
-    faults = physics.everywhere(plant(rig), 0.15 * there)
+    built = plants.scaled(plant(rig), plants.SLIP, 1.0 - 0.2 * there)
+    faults = plants.everywhere(plant(rig), 0.15 * there)
     falls = dict.fromkeys(plant(rig).modules, 293.15 - 10.0 * there)
-    right = Right(states=(LIQUID,))
+    right = Right(states=(plants.LIQUID,))
     for variant, temperature in (("T recorded", falls), ("T as usual", {})):
         columns = recorded(rig, clock(SHORT), seed, faults, built=built, temperature=temperature)
         yield variant, columns, right
@@ -106,7 +94,7 @@ def pump_states(rig: str, seed: int) -> Iterator[Asked]:
     time, speed = clock(SHORT), constant(rig, clock(SHORT))
     name = "A" if rig == "abc" else "E"
     off = {**speed, "A": np.where(time >= HERE, 0.0, speed["A"])}
-    back = physics.idle(plant(rig), "A", time >= HERE, physics.OPEN)
+    back = plants.idle(plant(rig), "A", time >= HERE, plants.OPEN)
     columns = recorded(rig, time, seed, speed=off, built=back, backflow=True)
     right = Right(states=("reverse|back ?flow|runs back",), also=("A.",))
     yield "A off, reverse flow", columns, right
@@ -116,7 +104,7 @@ def pump_states(rig: str, seed: int) -> Iterator[Asked]:
     columns = recorded(rig, time, seed, shut, speed=slow, backflow=True)
     right = Right(states=("dead.?head|closed valve|shut",), also=(f"{name}.clogging",))
     yield f"{name} dead-heading", columns, right
-    built = physics.idle(plant(rig), name, time >= HERE)
+    built = plants.idle(plant(rig), name, time >= HERE)
     columns = recorded(rig, time, seed, built=built, backflow=True)
     right = Right(states=(r"\bdr(y|ies)\b|runs.dry|dry.run",), also=(f"{name}.leakage",))
     yield f"{name} dry", columns, right
@@ -127,12 +115,14 @@ def leak_behind_sensor(rig: str, seed: int) -> Iterator[Asked]:
     time = clock(SHORT)
     for speeds in ("constant", "moving"):
         random = np.random.default_rng(seed)
-        speed = constant(rig, time) if speeds == "constant" else moving(rig, time, 50, random)
+        speed = (
+            constant(rig, time) if speeds == "constant" else plants.moving(rig, time, 50, random)
+        )
         columns = recorded(rig, time, seed, {"A.leakage": _step(0.4, 2 * HERE)}, speed=speed)
         right = Right(faults={"A.leakage": 0.4}, sensors=("A.dp.",))
         broken = {
-            "frozen": readings.held(columns, "A.dp", HERE),
-            "clipped": readings.clipped(columns, "A.dp", 0.02 if speeds == "constant" else 0.3),
+            "frozen": plants.held(columns, "A.dp", HERE),
+            "clipped": plants.clipped(columns, "A.dp", 0.02 if speeds == "constant" else 0.3),
         }
         for name, shown in broken.items():
             yield f"A.dp {name}, {speeds} speeds", shown, right
@@ -143,9 +133,9 @@ def mistaken_table(rig: str, seed: int) -> Iterator[Asked]:
     columns = recorded(rig, clock(SHORT), seed, {"A.leakage": _step(0.4)})
     mixer = next(iter(plant(rig).rig.mixers))
     for variant, shown, mistake in (
-        ("A.dp, mixer swapped", readings.swapped(columns, "A.dp", f"{mixer}.dp"), "dp.swapped"),
-        ("dp in kPa", readings.all_in(columns, "dp", 100.0), "dp.unit"),
-        ("dp in MPa", readings.all_in(columns, "dp", 0.1), "dp.unit"),
+        ("A.dp, mixer swapped", plants.swapped(columns, "A.dp", f"{mixer}.dp"), "dp.swapped"),
+        ("dp in kPa", plants.all_in(columns, "dp", 100.0), "dp.unit"),
+        ("dp in MPa", plants.all_in(columns, "dp", 0.1), "dp.unit"),
     ):
         right = Right(faults={"A.leakage": 0.4}, states=(mistake,), also=(r".*\.dp\.",))
         yield variant, shown, right
@@ -178,9 +168,9 @@ def measure() -> dict[str, Any]:
     answers = []
     for (row, questions), rig in product(ROWS.items(), RIGS):
         for variant, columns, right, *how in questions(rig, 0):
-            said = (how[0] if how else asked)(rig, columns)
-            about = {"row": row, "variant": variant, "rig": rig, "said": told(said)}
-            answers.append({**about, "complaints": complaints(right, said)})
+            said = (how[0] if how else plants.asked)(rig, columns)
+            about = {"row": row, "variant": variant, "rig": rig, "said": plants.told(said)}
+            answers.append({**about, "complaints": plants.complaints(right, said)})
     fine = sum(not answer["complaints"] for answer in answers)
     return {"recordings": len(answers), "right": fine, "answers": answers}
 

@@ -13,10 +13,8 @@ from rulec.prove.truth.smooth import Drift
 from tests.dosing import Sensing, record
 from tests.dosing.plant import LIQUID_TEMPERATURE, Operation
 from tests.dosing.runs import HIGHEST, LOWEST, Run
-from tests.rig.long_run import physics
-from tests.rig.long_run.judged import told
-from tests.rig.long_run.plants import asked, plant
-from tests.rig.long_run.readings import Columns
+from tests.rig.long_run import plants
+from tests.rig.long_run.plants import Columns, asked, plant, told
 
 RIG, SEED = "abc", 0
 ROWS, MINUTE = 1_440, 60.0
@@ -39,7 +37,7 @@ def day_of(day: int) -> Columns:
     days = time / 86_400.0
     colder = np.cos(2.0 * np.pi * days / YEAR) + np.cos(2.0 * np.pi * (days - 0.125)) / 4.0
     temperature = LIQUID_TEMPERATURE - SEASON * colder
-    built, faults = physics.water_at(plant(RIG), temperature)
+    built, faults = plants.water_at(plant(RIG), temperature)
     random = np.random.default_rng([54, SEED, day])
     speed = {}
     for name, module in built.modules.items():

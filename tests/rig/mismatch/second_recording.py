@@ -12,7 +12,7 @@ from typing import Any
 
 from rulec.limits import UNSURE
 from tests.conftest import ROOT
-from tests.figures.share import Share
+from tests.figures.ledger import Share
 from tests.rig.called import called
 
 PLANT = ROOT / "plants" / "dosing-line"

@@ -1,6 +1,7 @@
 """Tasks to answers: record, diagnose, and say in plain data what was answered."""
 
 import functools
+import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -11,15 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import Trace, trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form
 
+from rulec.prove.truth.streams import factor
 from tests import dosing as truth
+from tests.conftest import ROOT
+from tests.dosing import RIGS, Plant, Sensing, calibration_run, record, write_csv
 from tests.method.readings import recording
+from tests.rig.called import called, commissioned
 from tests.rig.mixing_rig.cases import Task
-from tests.rig.mixing_rig.commission import commission, key_of, ruleset_file, ruleset_of
 
 
 @dataclass(frozen=True)
@@ -151,3 +156,72 @@ def _samples(
     k = [f.id for f in rules.faults].index(fault)
     true = columns[f"{fault} [1]"]
     return Samples(task.group, mode, result.verdict, true, result.degree[k])
+
+
+BENCH_SEED = 500_000  # a bench has sensors of its own
+Key = tuple[str, Sensing, int, bool]
+
+
+def key_of(task: Task) -> Key:
+    """Plant, sensors of the bench, number of the draw, whether the plant is off its data sheet."""
+    return task.plant, task.sensing, task.draw, task.spread
+
+
+def plant_of(key: Key) -> Plant:
+    plant, _, draw, spread = key
+    return drawn(RIGS[plant], draw) if spread else RIGS[plant]
+
+
+def commission(folder: Path, key: Key) -> None:
+    """Write the ruleset of a replicate into a folder."""
+    plant, sensing, draw, _ = key
+    place = folder / _name(key)
+    place.mkdir()
+    shutil.copy(ROOT / "plants" / plant / "plant.yaml", place)
+    made = record(calibration_run(plant_of(key)), sensing, BENCH_SEED + draw)
+    write_csv(place / "bench.csv", made.readings)
+    # About one bench in a hundred is refused; what its values do to a diagnosis counts here too.
+    commissioned(place / "plant.yaml", place / "bench.csv", "--force")
+    called("compile", place, "-o", ruleset_file(folder, key))
+
+
+@functools.lru_cache(maxsize=128)
+def ruleset_of(folder: Path, key: Key) -> Ruleset:
+    """Read what `commission` wrote, once per process."""
+    return read_ruleset(ruleset_file(folder, key))
+
+
+def ruleset_file(folder: Path, key: Key) -> Path:
+    return folder / f"{_name(key)}.ruleset.json"
+
+
+def _name(key: Key) -> str:
+    plant, sensing, draw, spread = key
+    return f"{plant}-{sensing.law}-{draw}" + "-spread" * spread
+
+
+# Standard uncertainties as shares of the value. Source: the data sheets of the modules as printed
+# (column u over value of kb/modules/dosing-pcp.yaml, dosing-centrifugal.yaml, static-mixer.yaml);
+# the swept volume and the reference speed are exact there.
+LINE = {"k0": 0.04, "k2": 0.0038}
+MOTOR = {"P0": 0.02, "P1": 0.0105, "eta": 0.0071}
+MODULES: Mapping[str, Mapping[str, float]] = {
+    # A number is drawn for each part of the slip, also for one that a kind of pump does not have.
+    "cavity": {**LINE, "C0": 0.083, "C1": 0.10, "linear": 0.05, "C2": 0.05, **MOTOR},
+    "membrane": {**LINE, "C0": 0.083, "C1": 0.10, "C2": 0.05, "square": 0.05, **MOTOR},
+    "centrifugal": {
+        **LINE,
+        **{"h0": 0.0018, "h1": 0.0175, "h2": 0.0066, "p0": 0.0035, "p1": 0.0093, "p2": 0.0237},
+    },
+}
+MIXER_FRICTION = 0.0043
+
+
+def drawn(plant: Plant, seed: int) -> Plant:
+    """Return a plant of the same type, each parameter drawn within its uncertainty."""
+    rig, factors = plant.rig, {}
+    random = np.random.default_rng([seed, len(rig.pumps), len(rig.mixers)])
+    for module, kind in rig.pumps.items():
+        factors |= {f"{module}.{n}": factor(u, random) for n, u in MODULES[kind].items()}
+    factors |= {f"{name}.k2": factor(MIXER_FRICTION, random) for name in rig.mixers}
+    return plant.with_values({n: v * factors.get(n, 1.0) for n, v in plant.values.items()})

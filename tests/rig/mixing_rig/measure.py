@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from tests.figures.share import Share
+from tests.figures.ledger import Share
 from tests.rig.mixing_rig.judge import Answer, Covered, Judged, Samples
 
 REMARKS = ("ok", "unknown", "cannot judge", "moving")
