@@ -38,6 +38,8 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
     atexit.register(shutil.rmtree, os.environ["RULEC_CACHE"], ignore_errors=True)
 
 Capsys = pytest.CaptureFixture[str]
+Patch = pytest.MonkeyPatch
+Folders = pytest.TempPathFactory
 
 Things = tuple[tuple[object, ...], list[Diagnostic]]
 """What something is read from, and the mistakes found so far."""

@@ -13,7 +13,7 @@ from rich.console import Console
 import rulec
 from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capsys
 from tests.dosing import NOISE_FREE, RIGS, calibration_run, record, write_csv
 from tests.written import told_by, write_plant
 
@@ -91,9 +91,7 @@ def _stated(folder: Path, parameters: str) -> Path:
     return folder
 
 
-def test_what_is_not_believed_is_written_by_force_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_believed_is_written_by_force_alone(tmp_path: Path, capsys: Capsys) -> None:
     """A sheet 10 u off: what strains is told, and how to go on; never a tick."""
     plant = _stated(tmp_path, "{C2: {value: 3.0, unit: l/h/bar**2, u: 0.1, source: test}}")
     target = tmp_path / "f.yaml"
@@ -129,9 +127,7 @@ def _pump(folder: Path, h0: float) -> Path:
     return write_plant(folder, {"A": f"metered-centrifugal, parameters: {{{stated}}}"})
 
 
-def test_one_operating_point_leaves_the_rest_to_the_sheet(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_operating_point_leaves_the_rest_to_the_sheet(tmp_path: Path, capsys: Capsys) -> None:
     """A pump that runs at one point only, or stands: no noise of a reading bends its curve."""
     speed = np.tile(np.repeat([2650.0, 0.0], [30, 6]), 20)
     given = {"time [s]": np.arange(len(speed)), "A.n [rpm]": speed, "A.T [degC]": 20.0 + 0 * speed}
@@ -186,9 +182,7 @@ def test_what_is_off_bends_no_fit(tmp_path: Path) -> None:
     assert 0.5 > _calibrate(file, tmp_path)["A"]["misfit"]["power"]["value"]
 
 
-def test_a_module_that_stood_keeps_its_values(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_module_that_stood_keeps_its_values(tmp_path: Path, capsys: Capsys) -> None:
     """Where one of several pumps never ran, the others are calibrated, and this one is named."""
     write_plant(tmp_path, {"A": "dosing-pcp", "B": "dosing-pcp", "C": "pump-set"})
     file = _noise_free(tmp_path, lambda r: {**r, "C.Q [l/min]": 0 * r["A.Q [l/h]"]})

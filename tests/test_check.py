@@ -13,7 +13,7 @@ from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.commands.recording_facts import Facts, facts_of, sought_of
 from rulec.effects.model_builder import open_builder
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capsys, Patch
 
 ABC, TANKS = ROOT / "plants" / "abc", ROOT / "plants" / "cascaded-tanks"
 HEALTHY = ABC / "examples" / "healthy.csv"
@@ -88,9 +88,7 @@ def test_command_tells_files_and_recording(
     assert told["recordings"][str(file)]["lacks"][0]["signal"] == "A.P_el"
 
 
-def test_doubts_and_mistakes_in_sarif(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_doubts_and_mistakes_in_sarif(tmp_path: Path, capsys: Capsys, monkeypatch: Patch) -> None:
     """Doubts are told where there is no mistake, and a program may tell them apart. A log as
     the standard asks for has both places of a clash, by relative paths."""
     folder = shutil.copytree(ROOT / "tests" / "errors" / "KB141-apart", tmp_path / "p")

@@ -18,7 +18,7 @@ from rulec.language.diagnostics import Refused, render_all
 from rulec.limits import MAX_FILE_BYTES
 from rulec.passes.pipeline import compile_plant
 from rulec.separation.limits_file import read_limits
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Patch
 from tests.hostile.json_cases import parts
 
 ERRORS = Path("tests/errors")
@@ -234,9 +234,7 @@ def _mutant(rng: random.Random, raw: bytes) -> bytes:
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(n, marks=pytest.mark.prove) for n in range(1, 20))]
 )
-def test_mutated_files_give_diagnostics_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
+def test_mutated_files_give_diagnostics_only(tmp_path: Path, monkeypatch: Patch, seed: int) -> None:
     """No change of a shipped file leads to anything but messages."""
     _kb(tmp_path, monkeypatch)
     rng = random.Random(seed)

@@ -13,7 +13,7 @@ from rulec.commands import mismatch as command
 from rulec.effects import model_builder
 from rulec.mismatch import analyse as analysis
 from rulec.mismatch.result import Mismatch
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, Capsys, compiled
 from tests.runtime.mismatches import NAMED, UNNAMED
 
 PLANT = ROOT / "plants" / "abc"
@@ -51,9 +51,7 @@ def call(*options: str) -> int:
     return main(["mismatch", str(PLANT), str(RECORDING), *options])
 
 
-def test_files_are_written(
-    calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_are_written(calls: Calls, tmp_path: Path, capsys: Capsys) -> None:
     """JSON with the name of the recording and the plant as given, the page, courses of the models,
     and, beside the JSON, that of a hidden driver. A mismatch is a result: exit code 0."""
     form, page, courses = (tmp_path / name for name in ("m.json", "m.html", "m.csv"))
@@ -77,9 +75,7 @@ def test_files_are_written(
     assert table.startswith("time [s],course [l/h]\n")
 
 
-def test_json_on_standard_output_is_alone_there(
-    calls: Calls, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_on_standard_output_is_alone_there(calls: Calls, capsys: Capsys) -> None:
     """The story goes to standard error, and no series is written anywhere."""
     calls.found = UNNAMED
     assert 0 == call("--json", "-")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capsys
 from tests.curves.test_import_curve import NB
 
 ABC, TANKS = "plants/abc", "plants/cascaded-tanks"
@@ -177,9 +177,7 @@ def test_a_command_is_refused(
 
 
 @pytest.mark.parametrize(("line", "text", "said"), FILES)
-def test_a_file_is_refused(
-    line: str, text: str, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_is_refused(line: str, text: str, said: str, folder: Path, capsys: Capsys) -> None:
     (name,) = (word for word in line.split() if word.startswith("given."))
     (folder / name).write_text(text, encoding="utf-8")
     code, told = refused(line, folder, capsys)

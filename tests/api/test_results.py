@@ -16,7 +16,7 @@ import pytest
 import rulec
 from rulec.cli import main
 from rulec.commands import result
-from tests.conftest import ROOT, SOURCES
+from tests.conftest import ROOT, SOURCES, Capsys
 from tests.written import told_by
 
 ABC = ROOT / "plants" / "abc"
@@ -101,9 +101,7 @@ def test_a_repair_in_memory_is_adopted(tmp_path: Path) -> None:
     assert [True] * 3 == [step["covers"] for step in planned["steps"]]
 
 
-def test_mistakes_raise_what_the_command_says(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistakes_raise_what_the_command_says(tmp_path: Path, capsys: Capsys) -> None:
     """Of YAML: every mistake with its place, not the end of the process."""
     (tmp_path / "plant.yaml").write_text("plant: x\n", encoding="utf-8")
     with pytest.raises(rulec.Refused) as refused:

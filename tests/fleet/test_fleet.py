@@ -25,7 +25,7 @@ from rulec.fleet.plant_days import judged, tasks_of
 from rulec.fleet.ranking import ranked, verdict
 from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, Capsys, Patch, compiled
 from tests.fleet import deadly
 
 ABC = ROOT / "plants/abc"
@@ -127,9 +127,7 @@ def test_a_killed_worker_of_a_cluster_changes_nothing(fleet: Fleet, here: dict[T
     assert here == found
 
 
-def test_a_plant_day_that_kills_its_process_is_given_up(
-    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plant_day_that_kills_its_process_is_given_up(fleet: Fleet, monkeypatch: Patch) -> None:
     monkeypatch.setattr(fleet_judged, "judge_day", deadly.ends)
     (task, *_), rulesets = tasks_of(fleet), fleet.rulesets
     ((_, row),) = judged(Engine(), [task], rulesets)
@@ -209,9 +207,7 @@ def test_ranking_puts_the_worst_first() -> None:
     )
 
 
-def test_results_go_elsewhere_only_by_the_command(
-    home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_results_go_elsewhere_only_by_the_command(home: Path, capsys: Capsys) -> None:
     """A fleet that somebody sent writes below its own folder; hosts that it asks are told."""
     file, other = home / "elsewhere.yaml", home.parent / "other"
     file.write_text("fleet: few\nrecordings: recordings\njudged_by: abc.json\nresults: ../other\n")

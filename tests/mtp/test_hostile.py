@@ -15,6 +15,7 @@ from rulec.commands.check_files import collect
 from rulec.mtp import limits
 from rulec.mtp.package import MtpRefused
 from rulec.mtp.read_package import read_packages
+from tests.conftest import Patch
 from tests.mtp.writer import FLOW, PRESSURE, analog, example, manifest
 
 BOMB = (
@@ -117,9 +118,7 @@ def test_a_hostile_container_is_refused(tmp_path: Path, name: str) -> None:
     assert [file] == list(tmp_path.iterdir())
 
 
-def test_a_manifest_in_several_files_is_one_module(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_manifest_in_several_files_is_one_module(tmp_path: Path, monkeypatch: Patch) -> None:
     """With a path of Windows, as some makers write it; files may use the ids of others again.
     What a Mac puts beside them, and XML of the container's own, is left alone. Together members
     keep to the limit, though each is small enough alone."""

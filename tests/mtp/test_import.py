@@ -11,7 +11,7 @@ from rulec_runtime.live.sources.map import OPCUA, read_map
 from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capsys
 from tests.mtp import writer
 from tests.mtp.writer import ENDPOINT, EXAMPLE, FLOW, LIBRARY, PRESSURE, analog, example, manifest
 from tests.written import told_by
@@ -149,9 +149,7 @@ def test_identifiers_are_of_their_types(tmp_path: Path) -> None:
         assert told == ([said] if why else [])
 
 
-def test_good_files_are_imported_beside_bad_ones(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_good_files_are_imported_beside_bad_ones(tmp_path: Path, capsys: Capsys) -> None:
     """And nothing is written over."""
     bad, out = tmp_path / "bad.mtp", tmp_path / "out"
     bad.write_bytes(b"")

@@ -23,7 +23,7 @@ from rulec.prove.real.rig_folder import ANSWER, SEAL, FalseAlarm, Missing, Rig, 
 from rulec.prove.real.run_tool import MODELS, Commands, lay_out, predicted
 from rulec.prove.real.score import Scored, alarms, scored, scored_finding, totals, utility
 from rulec.prove.real.score_table import Result, form, page, tell
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Patch
 from tests.runtime.mismatches import NAMED
 
 SHIPPED = ROOT / "tests" / "rig" / "shipped"
@@ -184,9 +184,7 @@ def test_without_an_answer_prediction_is_judged(folder: Path) -> None:
     assert 0.5 == result.ratio("recalibrated")
 
 
-def test_what_judges_is_not_shown(
-    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_judges_is_not_shown(rig: Rig, tmp_path: Path, monkeypatch: Patch) -> None:
     """When the tool looks, its folder holds neither answer nor unseen rows, nor a way to them."""
     work, seen = tmp_path / "work", {}
 

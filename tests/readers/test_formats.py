@@ -26,6 +26,7 @@ from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
 from rulec.cli import main
+from tests.conftest import Capsys, Patch
 from tests.readers.conftest import ABC
 from tests.readers.writers import WRITERS, readings_of
 from tests.runtime.sheets import example, write
@@ -91,9 +92,7 @@ def test_binary_files_come_through_a_pipe(
 
 
 @pytest.mark.parametrize("name", ["openpyxl.xlsx", "h5py.h5"])
-def test_simulated_recordings_are_written_as_csv(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulated_recordings_are_written_as_csv(name: str, tmp_path: Path, capsys: Capsys) -> None:
     """With titles and units of the file, and dates as it holds them; a folder file by file."""
     folder = tmp_path / "runs"
     folder.mkdir()
@@ -260,9 +259,7 @@ def test_hdf5_never_leads_out_of_its_file(
     assert "copy what it leads to into the file" in refusal(tmp_path / "y.h5", abc)
 
 
-def test_structures_without_end(
-    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_structures_without_end(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) -> None:
     """A group that stands in itself is looked at once, many groups are refused; of structures in
     structures some levels are looked at, and no more."""
     monkeypatch.setattr(limits, "MOST_PLACES", 50)

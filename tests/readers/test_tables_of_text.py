@@ -17,6 +17,7 @@ from rulec_runtime.recordings.recording import Recording, RecordingRefused, read
 
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
+from tests.conftest import Patch
 from tests.readers.conftest import ABC
 from tests.readers.test_formats import same
 from tests.runtime.sheets import Sheet, example, write
@@ -223,9 +224,7 @@ def test_standard_input(
     same(expected, read_recording(write(tmp_path, SHEET.text(), "run#3.csv"), abc))
 
 
-def test_a_cell_in_quotes_that_goes_on_behind_the_last_row_of_a_part(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_cell_in_quotes_that_goes_on_behind_the_last_row_of_a_part(monkeypatch: Patch) -> None:
     monkeypatch.setattr(text_table, "BATCH", 8)
     lines = ["time,a,b", *(f"{i},{i},1" for i in range(7)), '7,"7', '",2', "8,8,3"]
     text = "\n".join(lines).encode()

@@ -17,7 +17,7 @@ from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
 from rulec.separation.table import Separated, show_separated
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, Capsys, compiled
 from tests.written import told_by, write_columns
 
 PLANT = ROOT / "plants" / "abc"
@@ -73,9 +73,7 @@ def test_step_leads_from_two_causes_to_one(tmp_path: Path, fault: str) -> None:
     assert unclear >= len(SEEDS) // 2
 
 
-def test_step_keeps_a_file_of_limits_and_says_what_it_costs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_step_keeps_a_file_of_limits_and_says_what_it_costs(tmp_path: Path, capsys: Capsys) -> None:
     file = tmp_path / "limits.yaml"
     file.write_text(LIMITS, encoding="utf-8")
     inputs = _inputs(tmp_path / "inputs.csv", [HERE, HERE])

@@ -8,13 +8,12 @@ import pytest
 from rulec.cli import main
 from rulec.commands import demo
 from rulec.demo import limits
+from tests.conftest import Capsys, Patch
 
 PLANTED = "A.leakage=0.3@20:39"
 
 
-def test_a_planted_fault_is_found(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_planted_fault_is_found(capfd: Capsys, monkeypatch: Patch) -> None:
     monkeypatch.setattr(limits, "ROWS", 40)
     monkeypatch.setattr(demo, "planted", lambda: [PLANTED])
     assert main(["demo", "--live", "--speed", "12"]) == 0
@@ -30,9 +29,7 @@ def test_a_planted_fault_is_found(
     assert "\x1b[" not in out
 
 
-def test_what_is_missing_is_named(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_missing_is_named(capfd: Capsys, monkeypatch: Patch) -> None:
     assert main(["demo", "--live", "--speed", "0"]) == 1
     assert "--speed 0: give a number up to 50" in capfd.readouterr().err
     here = lambda name: None if name == "asyncua" else find_spec(name)  # noqa: E731

@@ -18,6 +18,7 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.titles import TitleSearch
 
+from tests.conftest import Patch
 from tests.live.sources.taking import Taken, append, growing, lines
 from tests.readers.test_strangers import BARE, DATES, FORMS, SHEET, beside, long, stamped
 from tests.runtime.sheets import write
@@ -166,9 +167,7 @@ def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> Non
     taken.until(lambda t: t.times == [0, 1, 3])
 
 
-def test_silence_is_told_once(
-    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_silence_is_told_once(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) -> None:
     """Rows that are left out are silence: a logger whose clock was set back writes on."""
     monkeypatch.setattr(limits, "STALE", 0.1)
     monkeypatch.setattr(limits, "STALE_STEPS", 0.1)

@@ -11,7 +11,7 @@ from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.remarks import SourceRefused
 from rulec_runtime.live.sources.sparkplug import Sparkplug
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Patch
 
 GOOD = """
 endpoint: opc.tcp://10.0.0.5:4840
@@ -83,9 +83,7 @@ def test_a_password_travels_encrypted_and_is_never_shown(
 BLOCK = re.compile(r"^```yaml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
-def test_maps_of_the_page_are_read(
-    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_maps_of_the_page_are_read(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) -> None:
     """Each map that docs/read-recordings.md shows; the part on security joined to one."""
     monkeypatch.setenv("PLANT_PASSWORD", "x")
     for name in ("watch.der", "watch.pem", "plant.der"):
