@@ -143,12 +143,6 @@ class StepEquations:
         factors = self.zeros[rows, places]
         return tuple(zip(rows.tolist(), places.tolist(), factors.tolist(), strict=True))
 
-    @cached_property
-    def faults(self) -> tuple[str, ...]:
-        """Faults that change some estimate."""
-        names = (name for name in self.plan.inputs if name.startswith(DEGREE))
-        return tuple(name.removeprefix(DEGREE) for name in names)
-
 
 def _rows(sums: tuple[Mapping[str, float], ...], order: tuple[str, ...]) -> Array:
     rows = [[part.get(name, 0.0) for name in order] for part in sums]

@@ -6,7 +6,6 @@ balances if these need them, else after.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,9 +127,9 @@ def _stored(
     found, remarks, first = [], list(notes), 0
     for file, start in zip(files, starts or [dict[str, float]() for _ in files], strict=True):
         last = first + len(file.time)
-        run = run_of(file, {n: inputs[n][first:last] for n in every}, held, remarks)
+        part, values = {n: inputs[n][first:last] for n in every}, {**dynamics.values, **start}
         try:
-            found.append(course(balances, run, {**dynamics.values, **start}))
+            found.append(_course(balances, file, part, held, values, remarks))
         except RanAway:
             raise SimulationRefused(
                 f"{file.path}: a state of {ruleset.plant} grows beyond all bounds; check the "
@@ -138,11 +137,11 @@ def _stored(
             ) from None
         first = last
     shown = np.concatenate(found)
-    values = {name: shown[:, i] for i, name in enumerate(names)}
-    remarks += _beyond_sensors(ruleset, values)
+    predicted = {name: shown[:, i] for i, name in enumerate(names)}
+    remarks += _beyond_sensors(ruleset, predicted)
     whole = np.asarray(np.isfinite(shown).all(axis=1))
     return Prediction(
-        given=tuple(given), values=values, whole=whole, notes=tuple(remarks), limited=names
+        given=tuple(given), values=predicted, whole=whole, notes=tuple(remarks), limited=names
     )
 
 
@@ -169,32 +168,20 @@ def _beyond_sensors(ruleset: Ruleset, values: Mapping[str, Array]) -> Iterator[s
             )
 
 
-@dataclass(frozen=True)
-class Run:
-    """n rows of a file, of which some have a time.
+def _course(
+    balances: Balances,
+    file: RecordingFile,
+    inputs: Mapping[str, Array],
+    held: NDArray[np.bool_],
+    values: Mapping[str, float],
+    notes: list[str],
+) -> Array:
+    """Outputs of balances over the n rows of a file, shape (n, outputs).
 
-    Attributes
-    ----------
-    count : n.
-    order : the rows with a time, in order of time.
-    time : shape (rows in order,), s, from 0 on.
-    inputs : shape (rows in order, inputs), SI, finite.
-    held : per input, whether it keeps its value until the next sample.
-    """
-
-    count: int
-    order: NDArray[np.intp]
-    time: Array
-    inputs: Array
-    held: NDArray[np.bool_]
-
-
-def run_of(
-    file: RecordingFile, inputs: Mapping[str, Array], held: NDArray[np.bool_], notes: list[str]
-) -> Run:
-    """Put the rows of a file in order of time, and hold inputs where they are missing.
-
-    Raises `SimulationRefused` if no row has a time, or if an input has no reading.
+    Rows are put in order of time; those without a time are NaN. Inputs, shape (n,), SI, keep their
+    value where they are missing, and until the next sample if they are `held`. Raises
+    `SimulationRefused` if no row has a time, or if an input has no reading, and `RanAway` if a
+    state grows without bound.
     """
     has_time = np.isfinite(file.time) & (np.abs(file.time) < ABSURD)
     if not has_time.any():
@@ -203,28 +190,22 @@ def run_of(
     order = kept[np.argsort(file.time[kept], kind="stable")]
     time = file.time[order] - file.time[order[0]]
     notes += (f"{file.path.name}: {note}" for note in _odd_times(has_time, order, time))
-    for name, values in inputs.items():
-        if not np.isfinite(values[order]).any():
+    for name, given in inputs.items():
+        if not np.isfinite(given[order]).any():
             raise SimulationRefused(f"{file.path}: {name} has not one reading")
-        blank = ~np.isfinite(values)
+        blank = ~np.isfinite(given)
         if blank.any():
-            notes.append(
-                f"{file.path.name}: {rows(blank)}: {name} has no reading; the last one counts on"
-            )
-    columns = [filled(values[order]) for values in inputs.values()]
-    whole = np.column_stack(columns) if columns else np.empty((len(order), 0))
-    return Run(len(file.time), order, time, whole, held)
-
-
-def course(balances: Balances, run: Run, values: Mapping[str, float]) -> Array:
-    """Outputs of balances over a run, shape (rows, outputs); NaN in rows without a time.
-
-    Raises `RanAway` if a state grows without bound.
-    """
-    time, inputs, own = _bridged(run)
-    found = balances.run(time, inputs, run.held, values)
-    result = np.full((run.count, len(balances.outputs)), np.nan)
-    result[run.order] = found.shown[own]
+            what = f"{rows(blank)}: {name} has no reading; the last one counts on"
+            notes.append(f"{file.path.name}: {what}")
+    whole = np.array([filled(given[order]) for given in inputs.values()])
+    full, own = _bridged(time)
+    last = np.searchsorted(own, np.arange(len(full)), side="right") - 1
+    between = whole.reshape(len(inputs), len(time))[:, last].T.copy()
+    for j in np.flatnonzero(~held):
+        between[:, j] = np.interp(full, time, whole[j])
+        between[own, j] = whole[j]
+    result = np.full((len(file.time), len(balances.outputs)), np.nan)
+    result[order] = balances.run(full, between, held, values).shown[own]
     return result
 
 
@@ -253,22 +234,17 @@ def _interval(steps: Array) -> float:
     return float(np.median(steps[steps > 0])) if np.any(steps > 0) else np.inf
 
 
-def _bridged(run: Run) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Times and inputs with extra samples in gaps, and the indices of the rows among them."""
-    time, wide = run.time, np.flatnonzero(_gaps(run.time))
-    interval = _interval(np.diff(time))
+def _bridged(time: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Times with extra samples in gaps, and the indices of the rows among them."""
+    wide, interval = np.flatnonzero(_gaps(time)), _interval(np.diff(time))
     parts = [
         np.linspace(a, b, min(int((b - a) / interval), limits.GAP_STEPS) + 1)[1:-1]
         for a, b in zip(time[wide], time[wide + 1], strict=True)
     ]
-    own = np.arange(len(time)) + np.repeat(
-        np.cumsum([0, *map(len, parts)]), np.diff([0, *(wide + 1), len(time)])
-    )
+    counts = [len(part) for part in parts]
+    shift = np.zeros(len(time), dtype=int)
+    shift[wide + 1] = counts
     between = np.concatenate([np.empty(0), *parts])
-    full = np.insert(time, np.repeat(wide + 1, [len(p) for p in parts]), between)
-    last = np.searchsorted(own, np.arange(len(full)), side="right") - 1
-    inputs = run.inputs[last]
-    for j in np.flatnonzero(~run.held):
-        inputs[:, j] = np.interp(full, time, run.inputs[:, j])
-        inputs[own, j] = run.inputs[:, j]
-    return full, inputs, own
+    return np.insert(time, np.repeat(wide + 1, counts), between), np.arange(
+        len(time)
+    ) + shift.cumsum()

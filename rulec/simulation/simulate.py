@@ -67,20 +67,16 @@ def simulate_with(
     """
     offsets = offsets or {}
     _check(equations, given, degrees, offsets)
-    asked = [*given.values(), *degrees.values(), *offsets.values()]
-    (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in asked))
-    course = _Course(
-        equations=equations,
-        known={s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals},
-        degrees={name: _spread(degree, n) for name, degree in degrees.items()},
-        offsets={name: _spread(offset, n) for name, offset in offsets.items()},
-        failed=np.full(n, -1),
-        reached=np.ones(n),
-        worst=np.full((n, 2), -1.0),
-    )
+    ends = {
+        **{s.id: given.get(s.id, s.reference) for s in equations.given_signals},
+        **{f"{DEGREE}{name}": degree for name, degree in degrees.items()},
+        **{f"{OFFSET}{name}": offset for name, offset in offsets.items()},
+    }
+    (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in ends.values()))
+    known = {k: np.broadcast_to(np.asarray(v, dtype=float), (n,)) for k, v in ends.items()}
+    course = _Course(equations, known, np.full(n, -1), np.ones(n), np.full((n, 2), -1.0))
     for number, step in enumerate(equations.steps):
         course.take(number, step)
-    known = course.known
     found = [known[name] for name in (*equations.predicted, *equations.flows)]
     return Simulated(
         {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
@@ -91,48 +87,40 @@ def simulate_with(
     )
 
 
-def _spread(value: Array | float, n: int) -> Array:
-    return np.broadcast_to(np.asarray(value, dtype=float), (n,))
+OFFSET = "offset:"
+"""Prefix of the error of an observer's law among what is known."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Course:
-    """The steps taken so far: known readings, SI, and flows, and where a step failed.
+    """The steps taken so far.
 
-    `failed` and `reached`, shape (n,), are the number of the first step without solution, and the
-    share of the way on which it has one. `worst`, shape (n, 2), is its smallest flow: number, and
-    share of its scale.
+    `known` are readings, SI, flows, degrees and offsets. `failed` and `reached`, shape (n,), are
+    the number of the first step without solution, and the share of the way on which it has one.
+    `worst`, shape (n, 2), is its smallest flow: number, and share of its scale.
     """
 
     equations: Equations
     known: dict[str, Array]
-    degrees: Mapping[str, Array]
-    offsets: Mapping[str, Array]
     failed: NDArray[np.intp]
     reached: Array
     worst: Array
 
     def take(self, number: int, step: StepEquations) -> None:
-        """Find the readings and flows of a step wherever its inputs are known."""
+        """Find the readings and flows of a step wherever its inputs are known.
+
+        Flows that are not positive are no operating point.
+        """
         n = len(self.failed)
         needed = [self.known[name] for name in (*step.known_readings, *step.known_flows)]
         index = np.flatnonzero(np.isfinite(needed).all(axis=0) & np.ones(n, dtype=bool))
-        points = OperatingPoints(
-            step, self.known, self.equations.reference, self.degrees, self.offsets
-        )
+        points = OperatingPoints(step, self.known, self.equations.reference)
         self.known.update({name: np.full(n, np.nan) for name in (*step.readings, *step.flows)})
         if not index.size:
             return
         at, reached = np.tile(step.start, (len(index), 1)), np.ones(len(index))
         if step.readings:
             at, reached = follow(points, at, index)
-        self._keep(number, points, index, at, reached)
-
-    def _keep(
-        self, number: int, points: OperatingPoints, index: Index, at: Array, reached: Array
-    ) -> None:
-        """Keep what was found; flows that are not positive are no operating point."""
-        step = points.step
         flows = points.flows(at, np.maximum(reached, 0.0), index)
         found = (reached == 1.0) & (flows > 0).all(axis=1)
         for j, name in enumerate(step.readings):
@@ -143,15 +131,13 @@ class _Course:
         lost = index[first]
         self.failed[lost], self.reached[lost] = number, reached[first]
         if step.flows and lost.size:
-            smallest = np.argmin(flows[first], axis=1)
-            self.worst[lost] = np.column_stack(
-                [smallest, flows[first][np.arange(len(lost)), smallest]]
-            )
+            self.worst[lost] = np.c_[flows[first].argmin(axis=1), flows[first].min(axis=1)]
 
     def why(self, sample: int) -> str:
         """Why the failed step has no solution."""
         step, reached = self.equations.steps[self.failed[sample]], float(self.reached[sample])
-        what = [f"{name} {degree[sample]:g}" for name, degree in self.degrees.items()]
+        acting = {n: d for n, d in self.known.items() if n.startswith(DEGREE)}
+        what = [f"{n.removeprefix(DEGREE)} {degree[sample]:g}" for n, degree in acting.items()]
         for signal in self.equations.given_signals:
             shown = signal.shown(self.known[signal.id][sample])
             what.append(f"{signal.id} {shown:.4g} {signal.unit}")
@@ -197,16 +183,13 @@ def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -
 class OperatingPoints:
     """One step of n operating points, from the reference point (share 0) to the requested ones.
 
-    The unknowns are the readings of the step in units of their scales. `known` (readings, SI, and
-    flows, m3/s), `degrees` and `offsets` per observer (m3/s) hold arrays of shape (n,).
-    `reference` holds the known values at share 0.
+    The unknowns are the readings of the step in units of their scales. `ends` holds what is known,
+    shape (n,); `starts` the same at share 0, where degrees and offsets are 0.
     """
 
     step: StepEquations
-    known: Mapping[str, Array]
-    reference: Mapping[str, float]
-    degrees: Mapping[str, Array]
-    offsets: Mapping[str, Array]
+    ends: Mapping[str, Array]
+    starts: Mapping[str, float]
 
     def linearised(self, at: Array, share: Array, index: Index) -> tuple[Array, Array]:
         """Residuals, shape (k, m), and their derivatives, shape (k, m, m)."""
@@ -227,33 +210,24 @@ class OperatingPoints:
         values = step.plan.run(self._inputs(at, share, index))
         return _summed(step.sums, self._terms(values, share, index)).T / step.flow_scales
 
-    def _inputs(self, at: Array, share: Array, index: Index) -> dict[str, Array | float]:
-        step = self.step
-        inputs: dict[str, Array | float] = {f"{DEGREE}{name}": 0.0 for name in step.faults}
-        for name in step.known_readings:
-            inputs[name] = self._on_the_way(name, share, index)
-        for name in step.faults:
-            if name in self.degrees:
-                inputs[f"{DEGREE}{name}"] = share * self.degrees[name][index]
-        inputs.update(zip(step.readings, at.T * step.scales[:, None], strict=True))
-        return inputs
+    def _inputs(self, at: Array, share: Array, index: Index) -> dict[str, Array]:
+        own = dict(zip(self.step.readings, at.T * self.step.scales[:, None], strict=True))
+        others = (name for name in self.step.plan.inputs if name not in own)
+        return {**{name: self._on_the_way(name, share, index) for name in others}, **own}
 
     def _on_the_way(self, name: str, share: Array, index: Index) -> Array:
-        start = self.reference[name]
-        between: Array = start + share * (self.known[name][index] - start)
-        return between
+        start, end = self.starts.get(name, 0.0), self.ends.get(name)
+        return np.asarray(start if end is None else start + share * (end[index] - start))
 
     def _terms(self, values: Mapping[str, Array], share: Array, index: Index) -> Array:
         """Estimates, then known flows, shape (observers + known flows, k), m3/s."""
-        step, k = self.step, len(index)
-        rows = []
-        for name in step.observers:
-            estimate = np.broadcast_to(values[f"q:{name}"], (k,))
-            if name in self.offsets:
-                estimate = estimate + share * self.offsets[name][index]
-            rows.append(estimate)
-        rows += [self._on_the_way(name, share, index) for name in step.known_flows]
-        return np.array(rows).reshape(len(rows), k)
+        rows = [
+            values[f"q:{name}"] + self._on_the_way(f"{OFFSET}{name}", share, index)
+            for name in self.step.observers
+        ]
+        rows += [self._on_the_way(name, share, index) for name in self.step.known_flows]
+        rows = [np.broadcast_to(row, index.shape) for row in rows]
+        return np.array(rows).reshape(len(rows), len(index))
 
 
 def _summed(factors: Array, terms: Array) -> Array:
