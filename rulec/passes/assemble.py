@@ -6,7 +6,7 @@ of that input. Covariances are then plain sums of products, and two estimates th
 are correlated by construction.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -153,7 +153,6 @@ class _Instance:
         for name, signals in self.gathers.items():
             self.nodes[symbols[GATHERED + name]] = graph.sum(graph.input(s) for s in signals)
         self._blocks = {p: b for b in module.blocks for p in b.parameters}
-        self._responses: dict[str, Node] = {}
 
     def id(self, name: str) -> str:
         return f"{self.module.name}.{name}"
@@ -182,12 +181,7 @@ class _Instance:
                 parameter = self.module.parameters[name]
                 u = graph.mul(graph.constant(parameter.u), graph.input(PARAMETERS))
                 contribute(name if parameter.shared else self.id(name), graph.mul(node, u))
-        self._whiten(lowered, contribute)
-        return {name: node for name, node in result.items() if not graph.is_zero(node)}
-
-    def _whiten(self, lowered: Mapping[str, Node], contribute: Callable[[str, Node], None]) -> None:
-        """Convert correlated parameters to independent ones by the factor of their block."""
-        graph = self.graph
+        # Correlated parameters become independent ones by the factor of their block.
         for index, block in enumerate(self.module.blocks):
             for j in range(len(block.parameters)):
                 terms = [
@@ -198,6 +192,7 @@ class _Instance:
                 if terms:
                     node = graph.mul(graph.sum(terms), graph.input(PARAMETERS))
                     contribute(f"{self.module.name}#{index}.{j}", node)
+        return {name: node for name, node in result.items() if not graph.is_zero(node)}
 
     def lower_observers(
         self,
@@ -214,10 +209,7 @@ class _Instance:
                 node = self.graph.mul(self.graph.constant(misfit), self.graph.input(MODEL))
                 gradient[f"{key}{MISFIT}"] = node
             gradients[key] = gradient
-            guards[key] = tuple(
-                (condition.text, self.lower(condition.value))
-                for condition in self.model.guards[name]
-            )
+            guards[key] = tuple((text, self.lower(e)) for text, e in self.model.guards[name])
 
     def lower_targets(self, targets: dict[str, TargetNodes]) -> None:
         for name, target in self.model.targets.items():
@@ -274,11 +266,6 @@ class _Instance:
         The primary observers of both components hold; their common signal adapts. The slope is the
         same for every module downstream.
         """
-        if gathered not in self._responses:
-            self._responses[gathered] = self._respond(gathered)
-        return self._responses[gathered]
-
-    def _respond(self, gathered: str) -> Node:
         graph, variable = self.graph, GATHERED + gathered
         primaries = [names[0] for names in self.module.type.components().values()]
         for line in primaries:

@@ -95,18 +95,11 @@ class TypeFault:
     rule: DegreeRule
 
 
-@dataclass(frozen=True)
-class Condition:
-    """A value that must be positive for an observer to be defined."""
-
-    text: str
-    value: sympy.Expr
-
-
 @dataclass(frozen=True, kw_only=True)
 class TypeModel:
     """A differentiated module type; its local variables are `symbols`, by name.
 
+    `guards` are the values that must be positive for an observer to be defined, with their text.
     `unlisted` are errors of readings that only the sensor classes list. `margins` are those of the
     conditions of its regimes, such as ``reverse-flow:0``, each with its gradient.
     """
@@ -115,7 +108,7 @@ class TypeModel:
     symbols: Mapping[str, sympy.Symbol]
     observers: Mapping[str, sympy.Expr]
     gradients: Mapping[str, Gradient]
-    guards: Mapping[str, tuple[Condition, ...]]
+    guards: Mapping[str, tuple[tuple[str, sympy.Expr], ...]]
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
     undone: Undone
@@ -174,7 +167,8 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
     observers = _observers(kind, symbols, {})
     opening = partial(opened, kind, symbols=symbols, observers=observers)
     faults = tuple(_faults(kind, knowledge, opening))
-    unlisted = tuple(_unlisted(kind, knowledge, opening)) if any_error else ()
+    further = tuple(unlisted_uses(kind, knowledge)) if any_error else ()
+    unlisted = tuple(_faults(kind, knowledge, opening, further)) if further else ()
     targets = {f.target: None for f in (*faults, *unlisted) if f.fault.acts_on != "flow"}
     return TypeModel(
         type=kind,
@@ -256,13 +250,13 @@ def gradient_of(
 
 def _guards(
     kind: ModuleType, expression: Expression, symbols: Mapping[str, sympy.Symbol]
-) -> Iterator[Condition]:
+) -> Iterator[tuple[str, sympy.Expr]]:
     """Arguments of roots and logarithms in an equation and its definitions, with original text."""
     table = written_out(kind, symbols, {})
     for part in kind.with_definitions(expression):
         for inner in part.guarded():
             text = ast.unparse(inner)
-            yield Condition(text, _translated(kind, Expression(text, inner), table, symbols))
+            yield text, _translated(kind, Expression(text, inner), table, symbols)
 
 
 def opened(
@@ -312,29 +306,19 @@ def _target(
     )
 
 
-def _faults(kind: ModuleType, knowledge: Knowledge, opening: Opened) -> Iterator[TypeFault]:
-    for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
-        fault = knowledge.fault_in(use)
-        affects = _affected(kind, fault, use.target, opening)
-        yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
+def _faults(
+    kind: ModuleType, knowledge: Knowledge, opening: Opened, unlisted: Sequence[FaultUse] = ()
+) -> Iterator[TypeFault]:
+    """The faults that a module type lists, or those that are `unlisted`.
 
-
-def _unlisted(kind: ModuleType, knowledge: Knowledge, opening: Opened) -> Iterator[TypeFault]:
-    """Errors of readings that the sensor classes list, but not the module.
-
-    They are named as if it listed them; its own faults keep the shorter names.
+    The latter are named as if it listed them; its own faults keep the shorter names.
     """
-    uses = [*unlisted_uses(kind, knowledge)]
-    targets = [use.target for use in (*kind.faults, *uses)]
-    for use in uses:
+    for use, variant, name in fault_names((*kind.faults, *unlisted), knowledge, kind.signals):
         fault, target = knowledge.fault_in(use), use.target
-        affects = _affected(kind, fault, target, opening)
-        if affects or target in kind.provides.values():
-            stem = target if targets.count(target) == 1 else f"{target}.{fault.name}"
-            for variant in fault.variants:
-                own = for_signal(variant, kind.signals[target], knowledge.units)
-                name = f"{stem}.{variant.name}" if variant.name else stem
-                yield TypeFault(name, fault, own, target, affects, _rule(fault, own))
+        if not unlisted or use in unlisted:
+            affects = _affected(kind, fault, target, opening)
+            if affects or not unlisted or target in kind.provides.values():
+                yield TypeFault(name, fault, variant, target, affects, _rule(fault, variant))
 
 
 def unlisted_uses(kind: ModuleType, knowledge: Knowledge) -> Iterator[FaultUse]:
