@@ -12,7 +12,7 @@ from rulec.cli import main
 from tests.conftest import ROOT, Capsys, compiled, recordings_folder
 from tests.rig.zema import read_cycles, write_cycles
 from tests.states.plants import plant_in
-from tests.written import read_columns, told_by
+from tests.written import read_columns
 
 ABC = ROOT / "plants" / "abc"
 HEALTHY = ABC / "examples" / "healthy.csv"
@@ -80,17 +80,6 @@ def test_a_folder_becomes_a_folder(tmp_path: Path) -> None:
     )
     assert first == pytest.approx(second, abs=2e-4)
     assert abs(first) > 1e-3
-
-
-@pytest.mark.parametrize("fault", ["", "A.leakage", "C.clogging", "B.P_el.high"])
-def test_what_was_put_in_is_found(fault: str, tmp_path: Path) -> None:
-    options = (*(("--fault", f"{fault}=0.2@20:60") if fault else ()), "--noise", "5")
-    made = simulated(HEALTHY, tmp_path / "made.csv", *options)
-    findings = told_by("diagnose", ABC, made)["findings"]
-    assert [fault] * bool(fault) == [finding["fault"] for finding in findings]
-    for finding in findings:
-        assert 0.2 == pytest.approx(finding["degree"], abs=0.02)
-        assert 20 == pytest.approx(finding["since"], abs=2)
 
 
 def test_a_fault_is_there_in_its_period(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     deep.mkdir(parents=True)
     (place / "kb" / "modules" / "dosing-pcp.yaml").rename(deep / "pump.yaml")
     shutil.copy(Path(__file__).parent / "plant.yaml", place / "plant.yaml")
-    recording = warmed({SLIP: {"b": 0.1, "T0": USUAL}}, seed=3)
+    recording = warmed({SLIP: {"b": 0.1, "T0": USUAL}}, 144, seed=3)
     columns = {"time [s]": recording.time}
     for signal in alone()[0].signals:
         if signal.id in recording.values:

@@ -196,8 +196,8 @@ def test_the_answer_tells_of_each_recording() -> None:
 
 
 def leaking() -> Recording:
-    degree = np.where(np.arange(300) < 150, 0.0, 0.3)
-    return recorded(alone(), tour(alone()[0], 300), {"A.leakage": {"x": degree}})
+    degree = np.where(np.arange(180) < 90, 0.0, 0.3)
+    return recorded(alone(), tour(alone()[0], 180), {"A.leakage": {"x": degree}})
 
 
 def test_a_run_has_a_clock_and_a_table_has_none() -> None:
