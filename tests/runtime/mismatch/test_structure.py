@@ -76,7 +76,7 @@ def rig(*case: object) -> Any:
 def test_a_wrong_column_is_told(
     plant: str, name: str, wrong: Mending, kind: str, text: str
 ) -> None:
-    recording = made(TANKS, 1) if plant == TANKS else example(plant, name)
+    recording = made(TANKS, 1, count=600) if plant == TANKS else example(plant, name)
     (found,) = looked(plant, wrong.of(recording))
     assert kind == found.hypothesis.kind
     assert text in found.hypothesis.text
