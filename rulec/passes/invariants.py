@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from rulec.passes.derive_signatures import most_telling
 from rulec.passes.types import Compilation
@@ -19,74 +19,116 @@ def checks_are_on() -> bool:
 
 def check_invariants(field: str, known: Compilation) -> None:
     """Check the result of a pass; raises `Broken` with all violations."""
-    first = field in ("network", "residuals", "types", "assembly", "signatures")
-    wrong = list(_of_equations(field, known) if first else _of_results(field, known))
+    wrong = list(INVARIANTS[field](known)) if field in INVARIANTS else []
     if wrong:
         raise Broken(f"{field}: {'; '.join(wrong)}")
 
 
-def _of_equations(field: str, known: Compilation) -> Iterator[str]:
-    """What does not hold after the passes up to the fault-symptom matrix."""
-    modules, assembly = known.plant.modules, known.assembly
-    match field:
-        case "network":
-            named = {n for b in known.network.balances for n in (*b.outlets, *b.inlets)}
-            named |= {n for (m, _), flow in known.network.sums.items() for n in (m, *flow.terms)}
-            yield from (f"{name} is no module" for name in sorted(named - modules.keys()))
-        case "residuals":
-            observers = set(known.plant.observers)
-            for residual in known.residuals:
-                signs, names = zip(*residual.terms, strict=True)
-                if len(set(names)) < len(names) or not set(names) <= observers:
-                    yield f"{residual.id} is over {', '.join(names)}"
-                if set(signs) - {1, -1}:
-                    yield f"{residual.id} has factors other than 1 and -1"
-            if len({r.id for r in known.residuals}) < len(known.residuals):
-                yield "two residuals have one id"
-        case "types":
-            for key in {m.type.key for m in modules.values()}:
-                model = known.types.get(key)
-                if model is None or model.observers.keys() != model.gradients.keys():
-                    yield f"{key} has no model, or observers without gradient"
-        case "assembly":
-            if assembly.observers.keys() != assembly.gradients.keys():
-                yield "observers without gradient, or gradients without observer"
-            if {r.id for r in known.residuals} != assembly.residual_nodes.keys():
-                yield "nodes are not those of the residuals"
-            for hypothesis in assembly.hypotheses:
-                if not set(hypothesis.affects) <= assembly.observers.keys():
-                    yield f"{hypothesis.id} acts on what is no observer"
-        case "signatures":
-            faults = {h.id for h in assembly.hypotheses}
-            for cell in known.signatures.cells:
-                place = f"{cell.fault} in {cell.residual}"
-                if cell.fault not in faults or cell.residual not in assembly.residual_nodes:
-                    yield f"{place} is no cell of this plant"
-                if not math.isfinite(cell.sensitivity) or cell.sign * cell.sensitivity <= 0.0:
-                    yield f"{place}: {cell.sensitivity}"
+def _network(known: Compilation) -> Iterator[str]:
+    """Balances and sums contain only modules of the plant."""
+    modules = known.plant.modules
+    for balance in known.network.balances:
+        for name in (*balance.outlets, *balance.inlets):
+            if name not in modules:
+                yield f"a balance of {name}, which is no module"
+    for (module, _), flow in known.network.sums.items():
+        if not {module, *flow.terms} <= modules.keys():
+            yield f"a sum for {module} over what is no module"
 
 
-def _of_results(field: str, known: Compilation) -> Iterator[str]:
-    """What does not hold after the passes that use the matrix."""
-    match field:
-        case "rules":
-            if [r.signature for r in known.rules] != list(most_telling(known.signatures.cells)):
-                yield "rules are not those of the cells"
-            for rule in known.rules:
-                key = f"{rule.signature.fault}:{rule.signature.residual}"
-                forms = {f"x:{form}:{key}" for form in rule.forms}
-                if lacking := sorted(forms - known.assembly.graph.outputs.keys()):
-                    yield f"no output {', '.join(lacking)}"
-        case "simulation":
-            solved = [name for step in known.simulation.steps for name in step.readings]
-            if len(set(solved)) < len(solved) or set(solved) & set(known.simulation.given):
-                yield "a reading is solved for twice, or given as well"
-        case "balanced":
-            faults = known.balanced.dynamics.faults if known.balanced.dynamics else ()
-            if len(set(faults)) < len(faults):
-                yield "a fault is built into the balances twice"
-        case "ruleset":
-            needed = {f"q:{o.id}" for o in known.ruleset.observers}
-            needed |= {f"{k}:{r.id}" for r in known.ruleset.residuals for k in ("R", "u")}
-            if lacking := sorted(needed - known.ruleset.plan.outputs.keys()):
-                yield f"no output {', '.join(lacking)}"
+def _residuals(known: Compilation) -> Iterator[str]:
+    """Residuals are signed sums of known observers, each at most once, and have unique ids."""
+    observers = set(known.plant.observers)
+    for residual in known.residuals:
+        names = [o for _, o in residual.terms]
+        if len(set(names)) < len(names) or not set(names) <= observers:
+            yield f"{residual.id} is over {', '.join(names)}"
+        if {sign for sign, _ in residual.terms} - {1, -1}:
+            yield f"{residual.id} has factors other than 1 and -1"
+    ids = [r.id for r in known.residuals]
+    if len(set(ids)) < len(ids):
+        yield "two residuals have one id"
+
+
+def _types(known: Compilation) -> Iterator[str]:
+    """Each type in use has a model, and each of its observers a gradient."""
+    for module in known.plant.modules.values():
+        model = known.types.get(module.type.key)
+        if model is None:
+            yield f"no model of {module.type.key}"
+            continue
+        for name in model.observers:
+            if name not in model.gradients:
+                yield f"{module.type.key}.{name} has no gradient"
+
+
+def _assembly(known: Compilation) -> Iterator[str]:
+    """Observers have nodes and gradients, residuals have nodes; faults affect known observers."""
+    assembly = known.assembly
+    if assembly.observers.keys() != assembly.gradients.keys():
+        yield "observers without gradient, or gradients without observer"
+    if {r.id for r in known.residuals} != assembly.residual_nodes.keys():
+        yield "nodes are not those of the residuals"
+    for hypothesis in assembly.hypotheses:
+        if not set(hypothesis.affects) <= assembly.observers.keys():
+            yield f"{hypothesis.id} acts on what is no observer"
+
+
+def _signatures(known: Compilation) -> Iterator[str]:
+    """Cells have known faults and residuals, and a finite sensitivity of their sign."""
+    faults = {h.id for h in known.assembly.hypotheses}
+    for cell in known.signatures.cells:
+        if cell.fault not in faults or cell.residual not in known.assembly.residual_nodes:
+            yield f"{cell.fault} in {cell.residual} is no cell of this plant"
+        if not math.isfinite(cell.sensitivity) or cell.sign * cell.sensitivity <= 0.0:
+            yield f"{cell.fault} in {cell.residual}: {cell.sensitivity}"
+
+
+def _rules(known: Compilation) -> Iterator[str]:
+    """The most telling cells of each fault have rules, whose forms are outputs."""
+    if [r.signature for r in known.rules] != list(most_telling(known.signatures.cells)):
+        yield "rules are not those of the cells"
+    outputs = known.assembly.graph.outputs
+    for rule in known.rules:
+        key = f"{rule.signature.fault}:{rule.signature.residual}"
+        missing = [form for form in rule.forms if f"x:{form}:{key}" not in outputs]
+        if missing:
+            yield f"{key} lacks {', '.join(missing)}"
+
+
+def _simulation(known: Compilation) -> Iterator[str]:
+    """No reading is both given and solved for, and none is solved for twice."""
+    steps = known.simulation.steps
+    solved = [name for step in steps for name in step.readings]
+    if len(set(solved)) < len(solved) or set(solved) & set(known.simulation.given):
+        yield "a reading is solved for twice, or given as well"
+
+
+def _balanced(known: Compilation) -> Iterator[str]:
+    """Balances hold each fault once."""
+    faults = known.balanced.dynamics.faults if known.balanced.dynamics else ()
+    if len(set(faults)) < len(faults):
+        yield "a fault is built into the balances twice"
+
+
+def _ruleset(known: Compilation) -> Iterator[str]:
+    """The plan has all outputs that the runtime needs."""
+    outputs = known.ruleset.plan.outputs
+    needed = [f"q:{o.id}" for o in known.ruleset.observers]
+    needed += [f"{kind}:{r.id}" for r in known.ruleset.residuals for kind in ("R", "u")]
+    missing = [name for name in needed if name not in outputs]
+    if missing:
+        yield f"no output {', '.join(missing)}"
+
+
+INVARIANTS: Mapping[str, Callable[[Compilation], Iterator[str]]] = {
+    "network": _network,
+    "residuals": _residuals,
+    "types": _types,
+    "assembly": _assembly,
+    "signatures": _signatures,
+    "rules": _rules,
+    "simulation": _simulation,
+    "balanced": _balanced,
+    "ruleset": _ruleset,
+}
