@@ -258,10 +258,12 @@ def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
 def test_a_pressure_without_noise_is_dead_while_its_pump_runs(
     speed: float, dead: list[str], tmp_path: Path
 ) -> None:
-    """Also where nothing else gives the flow."""
+    """Also where nothing else gives the flow, and another given reading is not recorded."""
     noise = np.random.default_rng(1).normal(0.0, 0.1, 80) * (speed > 0.0)
     readings = sampled({"A.n": (speed + noise) / 60.0, "A.dp": np.zeros(80)})
-    found = diagnose(readings, compile_plant(write_plant(tmp_path, {"A": "dosing-pcp"})))
+    rules = compile_plant(write_plant(tmp_path, {"A": "dosing-pcp"}))
+    other = replace(rules.signal_by_id["A.n"], id="A.other")
+    found = diagnose(readings, replace(rules, signals=(other, *rules.signals)))
     assert dead == [f.signal for f in found.sensors if f.condition.name == "dead"]
 
 

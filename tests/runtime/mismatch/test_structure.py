@@ -113,7 +113,6 @@ def answered(folder: Path, sheet: Sheet, capsys: Capsys, *options: str) -> tuple
 def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     tmp_path: Path, capsys: Capsys
 ) -> None:
-    """Most of the readings of its sensor are then impossible."""
     """Most of the readings of its sensor are impossible as they stand."""
     answer, page = tmp_path / "answer.json", tmp_path / "answer.html"
     bent = CALIBRATION.mapped("A.dp", lambda _, cell: f"{100.0 * float(cell):.6g}")
