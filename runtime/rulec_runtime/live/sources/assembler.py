@@ -191,16 +191,14 @@ class Assembler:
                 self.lost(place)
             # Silent alone, while others still come, is a matter of that signal.
             others = any(self._silence[place].lasts < self._stale / 2 for place in self._heard)
-            alone = {
-                place: silent.pop(place) for place in [*silent] if others and self._single(place)
-            }
-            if silent:
-                names = f"{', '.join(silent)}: " if any(silent) else ""
-                text = f"{names}no value for {max(silent.values()):.0f} s"
+            alone = {place for place in silent if others and self._single(place)}
+            if whole := [place for place in silent if place not in alone]:
+                names = f"{', '.join(whole)}: " if any(whole) else ""
+                text = f"{names}no value for {max(silent[place] for place in whole):.0f} s"
                 found.append(notice("stale", clocks.time(), text))
             for signal, one in self._missing.items():
                 place = self._place_of[signal]
-                lasts = alone.get(place, now - (one.since if one.told else one.first))
+                lasts = silent.get(place, now - (one.since if one.told else one.first))
                 heard = place in self._heard and lasts >= self._stale and one.told != one.why
                 if heard or place in alone:
                     one.told = one.why
