@@ -252,6 +252,7 @@ class Evidence(ABC):
 
     def __init__(self) -> None:
         self._sizes: dict[str, Size] = {}
+        self._errors: dict[str, tuple[float, float]] | None = None
 
     def of_reading(self, changed: Candidate | DisturbanceLocation) -> bool:
         """Is it the reading of a sensor, rather than a law or a parameter, that changes?"""
@@ -310,9 +311,38 @@ class Evidence(ABC):
     def columns(self, point: Point, candidates: Iterable[Candidate]) -> list[Column]:
         """Columns for each amplitude of candidates that are not joined, at several shapes."""
 
-    @abstractmethod
     def terms(self, point: Point) -> list[Term]:
-        """Terms without a name for each place and each driver, linearised at a model."""
+        """Terms without a name for each place and each driver, linearised at a model.
+
+        Those at a reading are usually as large as the errors that the catalogue has for it.
+        """
+        if self._errors is None:
+            self._errors = self._usual_errors(point)
+        found = []
+        for term in self.terms_at(point):
+            place = f"{term.changed.module}.{term.changed.place}"
+            usual, factor = self._errors.get(place, (np.inf, 1.0))
+            found.append(replace(term, usual=usual, factor=factor))
+        return found
+
+    def _usual_errors(self, point: Point) -> dict[str, tuple[float, float]]:
+        """Usual size of the largest error that the catalogue has for each reading, in units of the
+        noise of a point, as the median over its shapes, and its geometric standard deviation."""
+        shown = dict[tuple[str, str, float], list[float]]()
+        for column in self.columns(point, filter(self.of_reading, self.candidates)):
+            one, amplitude = column.candidate, column.amplitude
+            if amplitude.usual is not None and column.course is None:
+                place = f"{one.module}.{one.place}"
+                size = self.size(one, amplitude).usual * float(np.sqrt(np.mean(column.rows**2)))
+                shown.setdefault((place, amplitude.id, amplitude.usual.factor), []).append(size)
+        found = dict[str, tuple[float, float]]()
+        for (place, _, factor), sizes in shown.items():
+            found[place] = max(found.get(place, (0.0, factor)), (float(np.median(sizes)), factor))
+        return found
+
+    @abstractmethod
+    def terms_at(self, point: Point) -> list[Term]:
+        """`terms` at any size."""
 
     @abstractmethod
     def starting_points(

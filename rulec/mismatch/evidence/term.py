@@ -76,7 +76,8 @@ class Term:
     `spot` is the id of the place; `changed` is that place or a parameter of its law. `slopes`,
     shape (open rows,), are those of the residuals by `changed`, SI. `columns`, shape (open rows,
     functions), are the effects of the functions of `basis` on the residuals, over their `norm`;
-    their size is estimated along with the errors of form.
+    their size is estimated along with the errors of form. At a reading, sizes above the `usual`
+    one, in the same units, are improbable by the geometric standard deviation `factor`.
     """
 
     name: str
@@ -87,6 +88,14 @@ class Term:
     basis: Basis | Switching
     norm: float
     columns: Array
+    usual: float = float("inf")
+    factor: float = 1.0
+
+    def odds(self, size: float) -> float:
+        """Log prior density of a size, relative to that of a usual one."""
+        if size <= self.usual:
+            return 0.0
+        return -0.5 * float(np.log(size / self.usual) / np.log(self.factor)) ** 2
 
 
 def term_with(

@@ -38,10 +38,26 @@ class Posterior:
         weight = np.exp(np.array(list(self.odds.values())) - max(self.odds.values()))
         return dict(zip(self.odds, (weight / weight.sum()).tolist(), strict=True))
 
-    @property
+    @cached_property
     def best(self) -> Names:
-        """The most probable set."""
-        return likeliest_of(self.odds)
+        """The most probable set; of terms over one driver at several places that are about as
+        probable, one that a module type can hold."""
+        best = likeliest_of(self.odds)
+        for term in self.models[best].terms:
+            if term.changed.may_follow(term.driver):
+                continue
+            rest, least = best - {term.name}, self.odds[best] + float(np.log(common.MENTIONED))
+            near = {
+                names: odds
+                for names, odds in self.odds.items()
+                if rest < names and len(names) == len(best) and odds > least
+                for other in self.models[names].terms
+                if other.name not in rest
+                and other.driver == term.driver
+                and other.changed.may_follow(other.driver)
+            }
+            best = likeliest_of(near) if near else best
+        return best
 
     @property
     def told(self) -> Names:

@@ -316,6 +316,7 @@ class _Problem:
             )
             score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
             score += sizes.odds + evidence.noise_odds(noise)
+            score += sum(map(Term.odds, random.terms, sizes.terms))
             return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
 
         @cache

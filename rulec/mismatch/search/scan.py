@@ -208,17 +208,27 @@ def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
 def nameless(
     evidence: Evidence, model: Model, every: Sequence[Term], most: int
 ) -> list[tuple[float, Term]]:
-    """The terms that gain most beside a model, with their gain in log odds to first order."""
-    found = []
+    """The terms that gain most beside a model, with their gain in log odds to first order, each
+    with one over its driver that gains about as much and that a module type can hold."""
+    found: list[tuple[float, Term]] = []
     for term in every:
         gram, moment = model.beside(evidence.whitened(term.columns, model.noise))
         own, ways = np.linalg.eigh(gram)
         square, own = (ways.T @ moment) ** 2, np.maximum(own, 0.0)
         gains = [
             0.5 * float(np.sum(square / (own + s**-2.0)) - np.sum(np.log1p(own * s**2)))
+            + term.odds(s)
             for s in common.TERM_SIZES
         ]
         count = len(every) * len(common.TERM_SIZES)
         odds = max(gains) + limits.TERM_ODDS - term.basis.price - float(np.log(count))
         found.append((odds, term))
-    return sorted(found, key=lambda f: -f[0])[:most]
+    found.sort(key=lambda f: -f[0])
+    written = [f for f in found if f[1].changed.may_follow(f[1].driver)]
+    chosen, near = found[:most], float(np.log(common.MENTIONED))
+    for gain, term in found[:most]:
+        alike = (f for f in written if f[1].driver == term.driver and f[0] > gain + near)
+        one = next(alike, None)
+        if one is not None and not any(one is other for other in chosen):
+            chosen.append(one)
+    return chosen

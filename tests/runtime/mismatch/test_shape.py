@@ -62,6 +62,19 @@ source: "[assumed]"
 """
 
 
+LAW = DisturbanceLocation(
+    id="",
+    kind="definition",
+    module="A",
+    place="",
+    title="",
+    unit="W",
+    factor=1.0,
+    observers=(),
+    unknown="",
+)
+
+
 def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RULEC_KB", str(shutil.copytree(ROOT / "kb", tmp_path / "kb")))
     entry = tmp_path / "kb" / "effects" / "shaking-frame.yaml"
@@ -338,3 +351,33 @@ def test_explanations_coincide(own: Any, other: Any, same: bool) -> None:
     law: Any = SimpleNamespace(unknowns=[SimpleNamespace(id="a", null=0.0)])
     models: Any = Fitted(own), Fitted(other)
     assert coincide(evidence, models[0], law, models[1], law) is same
+
+
+def test_a_reading_is_rarely_off_by_more_than_usual() -> None:
+    """An error of a reading that no entry names is hardly larger than those that have a name; a law
+    may be off by anything."""
+    start = begun(rows_at(open_builder(PLANT), recorded(alone(), tour(alone()[0], 120))))
+    terms = start.evidence.terms(start.models[frozenset()].point)
+    of_readings = [t for t in terms if t.changed.kind == "signal"]
+    assert of_readings
+    for term in of_readings:
+        assert 0.0 < term.usual < np.inf
+        assert term.odds(0.5 * term.usual) == term.odds(term.usual) == 0.0
+        assert term.odds(term.usual * term.factor) == pytest.approx(-0.5)
+    assert {0.0} == {t.odds(1e6) for t in terms if t.changed.kind == "definition"}
+
+
+@pytest.mark.parametrize(("behind", "told"), [(2.0, "A.P_law"), (2.5, "A.P_el")])
+def test_of_places_that_fit_alike_one_that_a_plant_can_hold_is_told(
+    behind: float, told: str
+) -> None:
+    def term(kind: str, place: str) -> SimpleNamespace:
+        where = replace(LAW, id=f"A.{place}", kind=kind, place=place)
+        return SimpleNamespace(name=f"{where.id}~A.n", changed=where, driver="A.n")
+
+    reading, law = term("signal", "P_el"), term("definition", "P_law")
+    models = {frozenset({t.name}): SimpleNamespace(terms=(t,)) for t in (reading, law)}
+    odds = dict(zip(models, (20.0, 20.0 - behind), strict=True))
+    every = {frozenset[str](): SimpleNamespace(terms=()), **models}
+    found = Posterior(cast("Any", None), cast("Any", every), {frozenset(): 0.0, **odds})
+    assert {f"{told}~A.n"} == found.told
