@@ -7,7 +7,7 @@ where a step pays for itself; levels that differ from those at rest are periods 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,24 +50,17 @@ def cut(course: Array, penalty: float) -> Segments:
     n = len(course)
     sums = np.concatenate([[0.0], np.cumsum(course)])
     squares = np.concatenate([[0.0], np.cumsum(course**2)])
-    best = np.full(n + 1, np.inf)
-    best[0] = -penalty
-    before = np.zeros(n + 1, dtype=int)
-    starts = np.arange(n)
+    best, before = np.full(n + 1, -penalty), np.zeros(n + 1, dtype=int)
     for end in range(1, n + 1):
-        low = starts[:end]
-        length = end - low
-        total = sums[end] - sums[low]
-        cost = best[low] + (squares[end] - squares[low]) - total**2 / length + penalty
+        own = squares[end] - squares[:end] - (sums[end] - sums[:end]) ** 2 / np.arange(end, 0, -1)
+        cost = best[:end] + own + penalty
         before[end] = int(np.argmin(cost))
         best[end] = cost[before[end]]
     edges = [n]
     while edges[-1]:
         edges.append(int(before[edges[-1]]))
-    first = np.array(edges[:0:-1])
-    length = np.diff(np.append(first, n))
-    level = (sums[first + length] - sums[first]) / length
-    return Segments(first, level, length)
+    first, length = np.array(edges[:0:-1]), np.diff(edges[::-1])
+    return Segments(first, (sums[first + length] - sums[first]) / length, length)
 
 
 def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
@@ -79,64 +72,36 @@ def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
 
     Source: two classes of levels (Otsu 1979).
     """
-    on = np.zeros(len(segments.level), dtype=bool)
-    order = np.argsort(segments.level)
-    share = np.cumsum(segments.length[order]) / segments.length.sum()
-    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
-    segments = replace(segments, level=np.clip(segments.level, *segments.level[order][ends]))
-    rest = np.flatnonzero(segments.length >= limits.SHORTEST)
-    while True:
-        found = _split(segments, rest)
-        if found is None:
-            return on
-        middle, rest_is_low = found
-        on |= segments.level > middle if rest_is_low else segments.level < middle
-        if not on[rest].any():
-            return on
-        rest = rest[~on[rest]]
-
-
-def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] | None:
-    """The level between two states, and whether the lower one is at rest; None for one state."""
     level, length = segments.level, segments.length
-    if len(lasting) < 2:
-        return None
-    order = lasting[np.argsort(level[lasting])]
-    scatter = [
-        _scatter(level[order[:i]], length[order[:i]])
-        + _scatter(level[order[i:]], length[order[i:]])
-        for i in range(1, len(order))
-    ]
-    split = int(np.argmin(scatter)) + 1
-    whole = _scatter(level[order], length[order])
-    low, high = order[:split], order[split:]
-    if whole <= 0 or 1.0 - scatter[split - 1] / whole < limits.TWO_STATES:
-        return None
-    # Levels of one state differ by noise: two states must pay for themselves.
-    if whole - scatter[split - 1] < limits.STEP_PENALTY * float(np.log(length.sum())):
-        return None
-    middle = 0.5 * float(level[low].max() + level[high].min())
-    if not _changes_at_once(level, lasting, level > middle):
-        return None
-    # Of a degree that cannot be negative, the lower state is at rest.
-    one_sided = bool(level[order].max() > -level[order].min())
-    return middle, one_sided or length[low].sum() >= length[high].sum()
-
-
-def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:
-    """Is a change of state a step, with at most a short segment in between?"""
-    before, after = lasting[:-1], lasting[1:]
-    changed = above[before] != above[after]
-    if not changed.any():
-        return False
-    steps = np.abs(level[after] - level[before])[changed]
-    distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
-    return float(np.median(steps)) > limits.AT_ONCE * distance
-
-
-def _scatter(level: Array, length: NDArray[np.intp]) -> float:
-    mean = float(np.average(level, weights=length))
-    return float(np.sum(length * (level - mean) ** 2))
+    order = np.argsort(level)
+    share = np.cumsum(length[order]) / length.sum()
+    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
+    level = np.clip(level, *level[order][ends])
+    on, rest = np.zeros(len(level), dtype=bool), np.flatnonzero(length >= limits.SHORTEST)
+    while len(rest) > 1:
+        order = rest[np.argsort(level[rest])]
+        time, total = (np.cumsum(v[order]) for v in (length, length * level))
+        low, high, mean = time[:-1], time[-1] - time[:-1], total[-1] / time[-1]
+        between = (total[:-1] - low * mean) ** 2 * (1.0 / low + 1.0 / high)
+        split = int(np.argmax(between))
+        scatter = float(length[order] @ (level[order] - mean) ** 2)
+        # Levels of one state differ by noise: two states must pay for themselves.
+        least = limits.STEP_PENALTY * float(np.log(length.sum()))
+        middle = float(level[order[split : split + 2]].mean())
+        above = level > middle
+        steps = np.abs(np.diff(level[rest]))[np.diff(above[rest])]
+        distance = level[order[split + 1 :]].mean() - level[order[: split + 1]].mean()
+        if not (
+            between[split] >= max(limits.TWO_STATES * scatter, least)
+            and len(steps)
+            and np.median(steps) > limits.AT_ONCE * distance
+        ):
+            break
+        # Of a degree that cannot be negative, the lower state is at rest.
+        rests_low = level[order[-1]] > -level[order[0]] or low[split] >= high[split]
+        on |= above if rests_low else level < middle
+        rest = rest[~on[rest]]
+    return on
 
 
 def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
@@ -146,17 +111,12 @@ def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
     runs: list[tuple[int, int, float]] = []
     rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
     for i in np.flatnonzero(on):
-        level = float(segments.level[i]) - rest
-        if (
-            runs
-            and runs[-1][1] == first[i]
-            and abs(level - runs[-1][2]) < limits.ONE_LEVEL * abs(level)
-        ):
-            begin, _, known = runs[-1]
-            share = (last[i] - first[i]) / (last[i] - begin)
-            runs[-1] = (begin, int(last[i]), known + share * (level - known))
-        else:
-            runs.append((int(first[i]), int(last[i]), level))
+        begin, level = int(first[i]), float(segments.level[i]) - rest
+        near = limits.ONE_LEVEL * abs(level)
+        if runs and runs[-1][1] == begin and abs(level - runs[-1][2]) < near:
+            begin, _, known = runs.pop()
+            level = known + (last[i] - first[i]) / (last[i] - begin) * (level - known)
+        runs.append((begin, int(last[i]), level))
     return [(begin, end) for begin, end, _ in runs]
 
 
@@ -171,23 +131,20 @@ def few_levels(
     >>> number.tolist(), centres.round(3).tolist()
     ([0, 0, 1], [0.205, 0.4])
     """
-    order = np.argsort(levels)
-    whole = _scatter(levels, lengths)
-    best = np.zeros(len(levels), dtype=int)
-    for count in range(1, min(most, len(levels)) + 1):
-        splits = itertools.combinations(range(1, len(levels)), count - 1)
-        parts = [np.split(order, split) for split in itertools.islice(splits, 5000)]
-        scatters = [sum(_scatter(levels[p], lengths[p]) for p in part) for part in parts]
-        chosen = parts[int(np.argmin(scatters))]
-        for i, part in enumerate(chosen):
-            best[part] = i
-        if min(scatters) <= limits.LEVELS_LEAVE * whole or whole <= 0:
+
+    def centred(number: NDArray[np.intp]) -> tuple[float, NDArray[np.intp], Array]:
+        centres = np.bincount(number, lengths * levels) / np.bincount(number, lengths)
+        return float(lengths @ (levels - centres[number]) ** 2), number, centres
+
+    rank = np.argsort(np.argsort(levels))
+    whole, best, centres = centred(np.zeros(len(levels), dtype=np.intp))
+    for count in range(2, min(most, len(levels)) + 1 if whole > 0.0 else 2):
+        splits = itertools.islice(itertools.combinations(range(1, len(levels)), count - 1), 5000)
+        ways = (centred(np.searchsorted(split, rank, side="right")) for split in splits)
+        left, best, centres = min(ways, key=lambda way: way[0])
+        if left <= limits.LEVELS_LEAVE * whole:
             break
-    centres = [
-        float(np.average(levels[best == i], weights=lengths[best == i]))
-        for i in range(int(best.max()) + 1)
-    ]
-    return best, np.array(centres)
+    return best, centres
 
 
 def intermittent(fitted: Fitted, candidates: Sequence[Candidate]) -> list[InitialCandidate]:
@@ -207,35 +164,41 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
     columns = columns_of(fitted, candidate, {unknown.id: unknown.null}, {})
     if columns is None:
         return None
-    tests, column = score_tests_at(fitted), columns[:, 0]
-    degree, weight = degree_course(fitted, column)
+    degree, weight = degree_course(fitted, columns[:, 0])
     # Held-out points do not count, but a period includes those within it.
     known = np.flatnonzero(np.isfinite(degree) & fitted.used)
     if len(known) < 4 * limits.SHORTEST:
         return None
     edges = np.linspace(0, len(known), min(limits.LONGEST_COURSE, len(known)) + 1).astype(int)
-    weight = weight[known]
-    sums = np.add.reduceat(weight, edges[:-1])
-    value = np.add.reduceat(weight * degree[known], edges[:-1]) / sums
+    sums = np.add.reduceat(weight[known], edges[:-1])
+    value = np.add.reduceat((weight * degree)[known], edges[:-1]) / sums
     # Robust against steps.
     noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
+    course = _Degree(
+        fitted=fitted,
+        tests=score_tests_at(fitted),
+        candidate=candidate,
+        unknown=unknown,
+        column=columns[:, 0],
+        first=known[edges[:-1]],
+        last=known[edges[1:] - 1],
+        value=value,
+        weight=sums,
+    )
     segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
     states = [apart(segments, odd) for odd in limits.ODD]
     some = [on for on in states if on.any() and not on.all()]
-    states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
-    means = _Means(known, edges, value, sums, noise)
-    ways = list({tuple(np.flatnonzero(on)): (segments, on) for on in states}.values())
+    each = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
+    ways = [(segments, on) for on in {on.tobytes(): on for on in each}.values()]
     if len(segments.first) > 1:
-        ways.append(_begun(fitted, tests, unknown, column, means))
+        ways.append((course.begun(), np.array([False, True])))
     trials = [
-        _trial(fitted, tests, candidate, unknown, column, means, *way, levels)
+        course.trial(*way, levels)
         for way in ways
         for levels in (1, limits.MOST_LEVELS)
-        if way[1].any() and not way[1].all()
+        if not way[1].all()
     ]
-    each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
-    found = [t for t in trials if t is not None]
-    return max(found, key=lambda t: _likely(t, each), default=None)
+    return max((t for t in trials if t is not None), key=course.worth, default=None)
 
 
 def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
@@ -246,111 +209,93 @@ def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
 
 def _hull(on: np.ndarray) -> np.ndarray:
     """One period from the first to the last: the gaps may be noise as well."""
-    there = np.flatnonzero(on)
-    inside: np.ndarray = np.zeros(len(on), dtype=bool)
-    inside[there[0] : there[-1] + 1] = True
-    return inside
+    return np.logical_or.accumulate(on) & np.logical_or.accumulate(on[::-1])[::-1]
 
 
-def _begun(
-    fitted: Fitted, tests: Sequence[ScoreTest], unknown: Unknown, column: Array, means: _Means
-) -> tuple[Segments, np.ndarray]:
-    """One permanent change, at the time that explains most.
+@dataclass(frozen=True, kw_only=True)
+class _Degree:
+    """The course of the degree of a fault as means over known points from `first` to `last`, with
+    their weights; `column`, shape (rows,), are the slopes of the residuals by the degree."""
 
-    Values are refitted beside it: those of a plain fit lie between the values before and after the
-    change, and so hide a part of it.
-    """
-    count = len(means.value)
-    begins = np.unique(
-        np.linspace(limits.SHORTEST, count - limits.SHORTEST, limits.BEGINS).astype(int)
-    )
-    since = means.known[means.edges[begins]]
-    terms = column[:, None] * (fitted.rows.point[:, None] >= since)
-    null = unknown.null or 0.0
-    low, high = (np.full(len(begins), end - null) for end in (unknown.lowest, unknown.highest))
-    each = np.arange(len(begins))[:, None]
-    gains = np.max([test.best_of(terms, each, low, high)[1] for test in tests], axis=0)
-    first = np.array([0, begins[int(np.argmax(gains))]])
-    length = np.diff(np.append(first, count))
-    level = np.add.reduceat(means.value, first) / length / means.noise
-    return Segments(first, level, length), np.array([False, True])
-
-
-def _likely(trial: InitialCandidate, each: float) -> float:
-    """Gain of a trial less the price of its periods and degrees.
-
-    A fault that begins is likelier than one that was there and ended.
-    """
-    course = trial.course
-    assert course is not None
-    first = int(np.flatnonzero(course.segment >= 0)[0])
-    begins = first > 0 and course.periods[0].since > 0.0
-    price = each * (limits.PERIOD_PRICE * len(course.periods) + course.levels)
-    return trial.gain * (1.0 if begins else limits.PASSING) - price
-
-
-@dataclass(frozen=True)
-class _Means:
-    """Means of a course over points ``known[edges[i] : edges[i + 1]]``, and their weights."""
-
-    known: NDArray[np.intp]
-    edges: NDArray[np.intp]
+    fitted: Fitted
+    tests: Sequence[ScoreTest]
+    candidate: Candidate
+    unknown: Unknown
+    column: Array
+    first: NDArray[np.intp]
+    last: NDArray[np.intp]
     value: Array
     weight: Array
-    noise: float
 
+    @property
+    def _null(self) -> float:
+        return self.unknown.null or 0.0
 
-def _trial(
-    fitted: Fitted,
-    tests: Sequence[ScoreTest],
-    candidate: Candidate,
-    unknown: Unknown,
-    column: Array,
-    means: _Means,
-    segments: Segments,
-    on: np.ndarray,
-    most: int,
-) -> InitialCandidate | None:
-    """The fault with at most `most` degrees; None where no period is long enough."""
-    null = unknown.null or 0.0
-    rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
-    runs, levels = [], []
-    for first, last in runs_of(segments, on):
-        level = float(np.average(means.value[first:last], weights=means.weight[first:last])) - rest
-        level = float(np.clip(null + level, unknown.lowest, unknown.highest))
-        if level != null and last - first >= limits.SHORTEST:
-            runs.append((first, last))
-            levels.append(level)
-    if not runs:
-        return None
-    number, centres = few_levels(np.array(levels), np.array([b - a for a, b in runs]), most)
-    segment = np.full(len(fitted.rows.system.data), -1)
-    time = fitted.rows.system.data.time
-    periods = []
-    for first, last, i in _joined(runs, number):
-        inside = means.known[means.edges[first] : means.edges[last]]
-        segment[inside[0] : inside[-1] + 1] = i
-        periods.append(Span(float(time[inside[0]]), float(time[inside[-1]]), int(i)))
-    course = Course(unknown.id, segment, tuple(periods))
-    values = dict(zip(course.names(), centres.tolist(), strict=True))
-    term = column * (course.degrees(values) - null)[fitted.rows.point]
-    wide = np.array([np.inf])
-    gain = max(test.best(term[:, None], -wide, wide)[1] for test in tests)
-    return InitialCandidate(candidate=candidate, values=values, fixed={}, gain=gain, course=course)
+    def begun(self) -> Segments:
+        """One permanent change, at the time that explains most.
 
+        Values are refitted beside it: those of a plain fit lie between the values before and after
+        the change, and so hide a part of it.
+        """
+        count, null = len(self.value), self._null
+        ends = limits.SHORTEST, count - limits.SHORTEST
+        begins = np.unique(np.linspace(*ends, limits.BEGINS).astype(int))
+        terms = self.column[:, None] * (self.fitted.rows.point[:, None] >= self.first[begins])
+        low, high = self.unknown.lowest - null, self.unknown.highest - null
+        whole = np.ones(len(begins))
+        each = np.arange(len(begins))[:, None]
+        gains = np.max(
+            [test.best_of(terms, each, low * whole, high * whole)[1] for test in self.tests], axis=0
+        )
+        first = np.array([0, begins[int(np.argmax(gains))]])
+        length = np.diff(np.append(first, count))
+        return Segments(first, np.add.reduceat(self.value, first) / length, length)
 
-def _joined(
-    runs: Sequence[tuple[int, int]], number: NDArray[np.intp]
-) -> Iterator[tuple[int, int, int]]:
-    """Runs with the number of their level; short gaps between two of one level are closed."""
-    first, last, level = *runs[0], int(number[0])
-    for (begin, end), i in zip(runs[1:], number[1:].tolist(), strict=True):
-        if begin - last < limits.SHORTEST and i == level:
-            last = end
-            continue
-        yield first, last, level
-        first, last, level = begin, end, i
-    yield first, last, level
+    def trial(self, segments: Segments, on: np.ndarray, most: int) -> InitialCandidate | None:
+        """The fault with at most `most` degrees; None where no period is long enough."""
+        null, sums = self._null, np.add.reduceat(self.value, segments.first)
+        rest = float(sums[~on].sum() / segments.length[~on].sum())
+        runs, levels = [], []
+        for begin, end in runs_of(segments, on):
+            level = float(np.average(self.value[begin:end], weights=self.weight[begin:end])) - rest
+            level = float(np.clip(null + level, self.unknown.lowest, self.unknown.highest))
+            if level != null and end - begin >= limits.SHORTEST:
+                runs.append((begin, end))
+                levels.append(level)
+        if not runs:
+            return None
+        number, centres = few_levels(np.array(levels), np.array([b - a for a, b in runs]), most)
+        joined = list[tuple[int, int, int]]()
+        for (begin, end), own in zip(runs, number.tolist(), strict=True):
+            # A short gap between two periods of one level is closed.
+            if joined and joined[-1][2] == own and begin - joined[-1][1] < limits.SHORTEST:
+                begin = joined.pop()[0]
+            joined.append((begin, end, own))
+        time, point = self.fitted.rows.system.data.time, self.fitted.rows.point
+        segment, periods = np.full(len(time), -1), []
+        for begin, end, own in joined:
+            a, b = self.first[begin], self.last[end - 1]
+            segment[a : b + 1] = own
+            periods.append(Span(float(time[a]), float(time[b]), own))
+        course = Course(self.unknown.id, segment, tuple(periods))
+        values = dict(zip(course.names(), centres.tolist(), strict=True))
+        term, wide = self.column * (course.degrees(values) - null)[point], np.array([np.inf])
+        gain = max(test.best(term[:, None], -wide, wide)[1] for test in self.tests)
+        return InitialCandidate(
+            candidate=self.candidate, values=values, fixed={}, gain=gain, course=course
+        )
+
+    def worth(self, trial: InitialCandidate) -> float:
+        """Gain of a trial less the price of its periods and degrees.
+
+        A fault that begins is likelier than one that was there and ended.
+        """
+        course = trial.course
+        assert course is not None
+        each = 0.5 * float(np.log(max(self.fitted.rows.groups, 2)))
+        begins = course.segment[0] < 0 and course.periods[0].since > 0.0
+        price = each * (limits.PERIOD_PRICE * len(course.periods) + course.levels)
+        return trial.gain * (1.0 if begins else limits.PASSING) - price
 
 
 def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
@@ -374,54 +319,39 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
 
 
 def with_refined_onset(fitted: Fitted, unknown: str) -> Fitted:
-    """Refit with a better onset of one unknown, if it lasts to the end."""
-    course = _course(fitted, unknown)
+    """Refit with a better onset of one unknown, if it lasts to the end: of a step the best point
+    near it, of a growing fault by Gauss-Newton steps, each halved until it pays."""
+    time, best = fitted.rows.system.data.time, fitted
+    course = next(c for c in fitted.setting.courses if c.unknown == unknown)
     if len(course.periods) != 1 or course.segment[-1] < 0:
         return fitted
-    return _where_it_grows(fitted, unknown) if course.grows else _where_it_steps(fitted, course)
-
-
-def _course(fitted: Fitted, unknown: str) -> Course:
-    return next(c for c in fitted.setting.courses if c.unknown == unknown)
-
-
-def _where_it_steps(fitted: Fitted, course: Course) -> Fitted:
-    """Try points around an onset."""
-    time = fitted.rows.system.data.time
-    near = np.abs(time - course.periods[0].since)
-    window = np.sort(np.argsort(near)[: 2 * limits.ONSET_POINTS])
-    best = fitted
-    for at in np.unique(np.linspace(window[0], window[-1], limits.ONSET_POINTS).astype(int)):
-        moved = _since(best, course, float(time[at]))
-        best = moved if moved.objective < best.objective else best
-    return best
-
-
-def _where_it_grows(fitted: Fitted, unknown: str) -> Fitted:
-    """Gauss-Newton steps, each halved until it pays."""
-    time = fitted.rows.system.data.time
-    best = fitted
+    if not course.grows:
+        near = np.abs(time - course.periods[0].since)
+        window = np.sort(np.argsort(near)[: 2 * limits.ONSET_POINTS])
+        ends = window[0], window[-1]
+        for at in np.unique(np.linspace(*ends, limits.ONSET_POINTS).astype(int)):
+            moved = _since(best, unknown, float(time[at]))
+            best = moved if moved.objective < best.objective else best
+        return best
     for _ in range(limits.ONSET_POINTS):
-        course = _course(best, unknown)
+        course = next(c for c in best.setting.courses if c.unknown == unknown)
         since, step = course.periods[0].since, onset_of(best, course).step
-        for share in (1.0, 0.5, 0.25):
-            there = float(np.clip(since + share * step, time[0], time[-2]))
-            trial = _since(best, course, there)
-            if trial.objective < best.objective:
-                best = trial
-                break
-        else:
+        begins = (np.clip(since + share * step, time[0], time[-2]) for share in (1.0, 0.5, 0.25))
+        trials = (_since(best, unknown, float(begin)) for begin in begins)
+        better = next((trial for trial in trials if trial.objective < best.objective), None)
+        if better is None:
             break
+        best = better
     return best
 
 
-def _since(fitted: Fitted, course: Course, begin: float) -> Fitted:
+def _since(fitted: Fitted, unknown: str, begin: float) -> Fitted:
     """Refit with another onset, s."""
-    there = course.since(begin, fitted.rows.system.data.time)
-    courses = tuple(there if c.unknown == course.unknown else c for c in fitted.setting.courses)
+    time, courses = fitted.rows.system.data.time, fitted.setting.courses
+    own = tuple(c.since(begin, time) if c.unknown == unknown else c for c in courses)
     return fit(
         fitted.rows,
-        replace(fitted.setting, courses=courses),
+        replace(fitted.setting, courses=own),
         fitted.used,
         limits.HALF_STEPS,
         variance_inflation=fitted.variance_inflation,
