@@ -7,7 +7,7 @@ Source: O'Hagan and Forster 2004, 9 (a linear model with normal priors).
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,20 +21,24 @@ from rulec.mismatch.evidence.evidence import Column, Evidence
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.scan import directions_of, term_gains
 from rulec.mismatch.search.tolerance import Tolerance, least_beyond
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Posterior probabilities in replays, all of shape (..., replays).
+    """Posterior probabilities in replays, shape (..., replays), and the verdict in each, shape
+    (replays,).
 
-    `nothing` is that nothing is missing, `columns` are those of single columns, `terms` those of
-    terms without a name.
+    `nothing` is that nothing is missing, `columns` are those of single columns. `best` is the
+    number of the column that represents the most probable class, or behind the last one that of a
+    term without a name; `sure` flags classes with enough probability.
     """
 
     nothing: Array
     columns: Array
-    terms: Array
+    best: NDArray[np.intp]
+    sure: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,16 +146,39 @@ class Judge:
         return low, np.array([c.amplitude.highest for c in self.columns]) - null
 
     def judged(self, replays: Array) -> Judged:
-        """Probabilities of all explanations; `replays` as drawn, shape (rows, replays)."""
-        moment = self._shown.T @ replays
-        columns = self._evidence(moment)
+        """Probabilities of all explanations, and the most probable one; `replays` as drawn, shape
+        (rows, replays)."""
+        moment, count = self._shown.T @ replays, len(self.columns)
         none = np.zeros((1, replays.shape[1]))
-        every = np.concatenate([none, columns, self._of_terms(replays)])
+        every = np.concatenate([none, self._evidence(moment), *self._of_terms(replays)])
         share = np.exp(every - np.logaddexp.reduce(every))
-        count = 1 + len(columns)
         out = np.abs(moment) >= self._least[:, None] * self._gram[:, None]
-        shown = share[1:count] * np.where(out, 1.0, 1.0 - of_search.INEXACT)
-        return Judged(share[0], shown, share[count:])
+        columns = share[1 : 1 + count] * np.where(out, 1.0, 1.0 - of_search.INEXACT)
+        best, probability = self._likeliest(columns, share[1 + count :])
+        return Judged(share[0], columns, best, probability >= common.CERTAIN)
+
+    def _likeliest(self, columns: Array, terms: Array) -> tuple[NDArray[np.intp], Array]:
+        """The class of the most probable explanation of each replay, and its probability.
+
+        A class consists of columns with the same signature, all columns of the same candidate, and
+        terms without a name that contain them as a special case.
+        """
+        best, share = np.full(columns.shape[1], -1), np.zeros(columns.shape[1])
+        if len(columns):
+            number = np.unique(self.owner, return_inverse=True)[1]
+            own = number == np.arange(number.max() + 1)[:, None]
+            first = np.argmax(own @ columns, axis=0)
+            best = np.argmax(np.where(own[first].T, columns, -1.0), axis=0)
+            same = self.alike[best] | (number == first[:, None])
+            share = np.sum(same * columns.T, axis=1)
+            share = share + np.sum(self.held[best] * terms.T, axis=1)
+        if self.terms:
+            term = np.argmax(terms, axis=0)
+            driver = np.array([t.driver for t in self.terms])
+            of_terms = np.sum((driver == driver[term][:, None]) * terms.T, axis=1)
+            best = np.where(of_terms > share, len(columns) + term, best)
+            share = np.maximum(share, of_terms)
+        return best, share
 
     @cached_property
     def _least(self) -> Array:
@@ -184,32 +211,17 @@ class Judge:
         return np.asarray(np.logaddexp(*ways) - freedom * np.log(wide) + self.odds[:, None])
 
     @cached_property
-    def _turned(self) -> tuple[Array, Array, NDArray[np.intp], Array]:
-        """Principal directions of all terms without the part that values can fit, weighted, shape
-        (rows, directions), the information of the rows on each, shape (directions, 1), the first
-        direction of each term, and prior log odds of the terms, shape (terms, 1)."""
-        ways, shown, own, odds = Counter((t.spot, t.driver) for t in self.terms), [], [], []
-        for term, columns in zip(self.terms, self._terms, strict=True):
-            free = self.model.alone(columns)
-            known, turned = np.linalg.eigh(columns.T @ free)
-            shown.append(free @ turned)
-            own.append(np.maximum(known, 0.0))
-            count = len(common.TERM_SIZES) * max(self.evidence.places, 1)
-            price = term.basis.price + float(np.log(count * ways[term.spot, term.driver]))
-            odds.append([of_search.MISSING_ODDS + of_search.TERM_ODDS - price])
-        first = np.cumsum([0, *(len(known) for known in own[:-1])])
-        return np.concatenate(shown, axis=1), np.concatenate(own)[:, None], first, np.array(odds)
+    def _directions(self) -> list[tuple[Array, Array]]:
+        return [directions_of(self.model, columns) for columns in self._terms]
 
-    def _of_terms(self, replays: Array) -> Array:
-        """Log odds of each term without a name, shape (terms, replays)."""
-        if not self.terms:
-            return np.zeros((0, replays.shape[1]))
-        shown, own, first, odds = self._turned
-        square, gains = (shown.T @ replays) ** 2, []
-        for size in common.TERM_SIZES:
-            each = square / (own + size**-2.0) - np.log1p(own * size**2)
-            gains.append(0.5 * np.add.reduceat(each, first))
-        return np.asarray(np.logaddexp.reduce(gains) + odds)
+    def _of_terms(self, replays: Array) -> Iterator[Array]:
+        """Log odds of each term without a name, shape (1, replays)."""
+        ways = Counter((t.spot, t.driver) for t in self.terms)
+        count = len(common.TERM_SIZES) * max(self.evidence.places, 1)
+        for term, directions in zip(self.terms, self._directions, strict=True):
+            price = term.basis.price + float(np.log(count * ways[term.spot, term.driver]))
+            gains = np.logaddexp.reduce(term_gains(term, *directions, replays))
+            yield gains[None] + (of_search.MISSING_ODDS + of_search.TERM_ODDS - price)
 
 
 def _log_between(low: Array, high: Array) -> Array:
@@ -218,41 +230,3 @@ def _log_between(low: Array, high: Array) -> Array:
     low, high = np.where(turned, -high, low), np.where(turned, -low, high)
     upper = log_ndtr(high)
     return np.asarray(upper + np.log1p(-np.exp(np.minimum(log_ndtr(low) - upper, -1e-12))))
-
-
-@dataclass(frozen=True)
-class ReplayVerdicts:
-    """The verdict in each replay, shape (replays,).
-
-    `best` is the number of the column that represents the most probable class, or behind the last
-    one that of a term without a name; `sure` flags classes with enough probability.
-    """
-
-    best: NDArray[np.intp]
-    sure: NDArray[np.bool_]
-
-
-def replay_verdicts(judge: Judge, judged: Judged) -> ReplayVerdicts:
-    """The class of the most probable explanation of each replay, and whether it is certain.
-
-    A class consists of columns with the same signature, all columns of the same candidate, and
-    terms without a name that contain them as a special case.
-    """
-    every, count = np.arange(len(judged.nothing)), len(judge.columns)
-    _, number = np.unique(judge.owner, return_inverse=True)
-    own = np.zeros((number.max(initial=-1) + 1, count))
-    own[number, np.arange(count)] = 1.0
-    by_name = own @ judged.columns
-    best, share = np.full(len(every), -1), np.zeros(len(every))
-    if count:
-        first = np.argmax(by_name, axis=0)
-        best = np.argmax(np.where(own[first].T > 0.0, judged.columns, -1.0), axis=0)
-        same = judge.alike[best] | (number == first[:, None])
-        share = np.sum(same * judged.columns.T, axis=1)
-        share = share + np.sum(judge.held[best] * judged.terms.T, axis=1)
-    if len(judge.terms):
-        term = np.argmax(judged.terms, axis=0)
-        driver = np.array([t.driver for t in judge.terms])
-        of_terms = np.sum((driver == driver[term][:, None]) * judged.terms.T, axis=1)
-        best, share = np.where(of_terms > share, count + term, best), np.maximum(share, of_terms)
-    return ReplayVerdicts(best, share >= common.CERTAIN)

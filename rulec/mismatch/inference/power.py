@@ -15,7 +15,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.evidence import Column, Evidence, Random, amplitudes_of, id_of
 from rulec.mismatch.inference import limits
-from rulec.mismatch.inference.judge import Judge, replay_verdicts
+from rulec.mismatch.inference.judge import Judge
 from rulec.mismatch.result import Detectability, SelfProof
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.posterior import Posterior, titled_with_module
@@ -84,8 +84,7 @@ NAMELESS = "something without a name"
 def called_missing(judge: Judge, replays: Array) -> int:
     """The number of replays, shape (rows, replays), in which something counts as missing."""
     judged = judge.judged(replays)
-    missing = (judged.nothing < of_search.LIKELIER) | replay_verdicts(judge, judged).sure
-    return int(missing.sum())
+    return int(((judged.nothing < of_search.LIKELIER) | judged.sure).sum())
 
 
 def asked_of(
@@ -102,8 +101,8 @@ def asked_of(
     share = np.exp(judge.odds[own] - judge.odds[own].max())
     hidden = rng.choice(own, count, p=share / share.sum())
     replays = drawn(judge, count, judge.rows[:, hidden] * size)
-    verdicts = replay_verdicts(judge, judge.judged(replays))
-    best, sure = verdicts.best, verdicts.sure
+    judged = judge.judged(replays)
+    best, sure = judged.best, judged.sure
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
     named = best < len(judge.columns)
     known = np.where(named, best, 0)

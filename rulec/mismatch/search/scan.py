@@ -212,16 +212,10 @@ def nameless(
     with one over its driver that gains about as much and that a module type can hold."""
     found: list[tuple[float, Term]] = []
     for term in every:
-        gram, moment = model.beside(evidence.whitened(term.columns, model.noise))
-        own, ways = np.linalg.eigh(gram)
-        square, own = (ways.T @ moment) ** 2, np.maximum(own, 0.0)
-        gains = [
-            0.5 * float(np.sum(square / (own + s**-2.0)) - np.sum(np.log1p(own * s**2)))
-            + term.odds(s)
-            for s in common.TERM_SIZES
-        ]
+        directions = directions_of(model, evidence.whitened(term.columns, model.noise))
+        gain = float(np.max(term_gains(term, *directions, model.left[:, None])))
         count = len(every) * len(common.TERM_SIZES)
-        odds = max(gains) + limits.TERM_ODDS - term.basis.price - float(np.log(count))
+        odds = gain + limits.TERM_ODDS - term.basis.price - float(np.log(count))
         found.append((odds, term))
     found.sort(key=lambda f: -f[0])
     written = [f for f in found if f[1].changed.may_follow(f[1].driver)]
@@ -232,3 +226,20 @@ def nameless(
         if one is not None and not any(one is other for other in chosen):
             chosen.append(one)
     return chosen
+
+
+def directions_of(model: Model, columns: Array) -> tuple[Array, Array]:
+    """Principal directions of whitened columns, shape (rows, functions), weighted, without what a
+    model imitates of them, and the information of the rows on each, shape (functions, 1)."""
+    alone = model.alone(columns)
+    known, ways = np.linalg.eigh(columns.T @ alone)
+    return alone @ ways, np.maximum(known, 0.0)[:, None]
+
+
+def term_gains(term: Term, shown: Array, known: Array, left: Array) -> Array:
+    """Gain of a term of each possible size, nats, shape (sizes, n), by its directions and whitened
+    residuals, shape (rows, n)."""
+    square = (shown.T @ left) ** 2
+    gains = [square / (known + s**-2.0) - np.log1p(known * s**2) for s in common.TERM_SIZES]
+    odds = np.array([[term.odds(size)] for size in common.TERM_SIZES])
+    return np.asarray(0.5 * np.sum(gains, axis=1) + odds)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.evidence.steady.evidence import settled
-from rulec.mismatch.inference.judge import Judge, replay_verdicts
+from rulec.mismatch.inference.judge import Judge
 from rulec.mismatch.inference.power import asked_of, called_missing, drawn, judge_of, self_proof
 from rulec.mismatch.search.grow_sets import join_columns
 from rulec.mismatch.search.operating_states import begun
@@ -79,8 +79,7 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
     own, missing = np.maximum(hidden, 0), hidden >= 0
     sizes = np.array([_size(judge, i, rng) for i in own]) * missing
     shift = judge.rows[:, own] * sizes
-    judged = judge.judged(drawn(judge, count, shift, seed=3))
-    told = replay_verdicts(judge, judged)
+    judged = told = judge.judged(drawn(judge, count, shift, seed=3))
     best = np.minimum(told.best, len(judge.columns) - 1)
     right = missing & (best == told.best)
     right &= (judge.owner[best] == judge.owner[own]) | judge.alike[best, own]
