@@ -176,8 +176,8 @@ def best_within(
     def worth(held: int) -> float:
         return best(held).worth - limits.WORTH_COST * math.log2(held)
 
-    longest, held = max(int(seconds // limited.shortest), 1), 1
-    while longer := [h for h in (2 * held, 4 * held) if h <= longest and worth(h) > worth(held)]:
+    held, most_held = 1, seconds / limited.shortest
+    while longer := [h for h in (2 * held, 4 * held) if h <= most_held and worth(h) > worth(held)]:
         held = max(longer, key=worth)
     choice = best(held)
     unhurried = [plan(times, limited.may_run, math.inf) for times in (held, 2 * held)]

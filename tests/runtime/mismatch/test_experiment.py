@@ -365,7 +365,7 @@ def test_the_best_step_within_limits() -> None:
         assert not best.time_is_short
 
 
-@pytest.mark.parametrize(("seconds", "steps"), [(90.0, 1), (120.0, 2)])
+@pytest.mark.parametrize(("seconds", "steps"), [(90.0, 1), (120.0, 2), (math.inf, 2)])
 def test_no_time_for_more_is_told(seconds: float, steps: int) -> None:
     best = best_within(_sure(2.0, 2.0), HALVES, 2, seconds, _two_places((), False), 0.0)
     assert (len(best.choice.places), best.time_is_short) == (steps, steps < 2)
