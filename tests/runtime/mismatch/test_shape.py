@@ -298,9 +298,10 @@ def test_a_driver_that_turns_is_told_as_a_course(tmp_path: Path) -> None:
 
 @pytest.mark.prove
 @pytest.mark.parametrize(
-    ("group", "effect"), [("unnamed", "play"), ("unrecorded", "friction-warm")]
+    ("group", "effect"),
+    [("unnamed", "play"), ("unnamed", "pattern"), ("unrecorded", "friction-warm")],
 )
-def test_neither_is_told_as_a_fault(group: str, effect: str, tmp_path: Path) -> None:
+def test_none_is_told_as_a_fault(group: str, effect: str, tmp_path: Path) -> None:
     found = explain(rows_of(group, effect, tmp_path), lambda text: None)
     assert share(found, "~time") > 0.9
     assert share(found, "!") < 0.1
