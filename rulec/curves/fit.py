@@ -116,9 +116,13 @@ def fit_curve(
 
 
 def _by_points_alone(off: Callable[[Array], list[Array]], stated: Sequence[Parameter]) -> Array:
-    """Values fitted to the points alone, SI. Devices of a type may differ in size a thousandfold,
-    so each value is first scaled by the power of ten that suits the points best."""
-    values = np.array([p.value or p.u or p.unit.factor for p in stated])
+    """Values fitted to the points alone, SI: from those of the type, and from these scaled.
+
+    Devices of a type may differ in size a thousandfold: there each value is first scaled by the
+    power of ten that suits the points best. That may lead to another optimum, so the better fit
+    counts.
+    """
+    values = of_type = np.array([p.value or p.u or p.unit.factor for p in stated])
     low, high = np.array([(p.lowest, p.highest) for p in stated]).T
 
     def far(p: Array) -> float:
@@ -128,13 +132,16 @@ def _by_points_alone(off: Callable[[Array], list[Array]], stated: Sequence[Param
         tried = [values * np.where(np.arange(len(values)) == i, f, 1.0) for f in SCALES]
         within = [p for p in tried if low[i] <= p[i] <= high[i]]
         values = min([values, *within], key=far)
-    size = np.abs(values)
-    ends = (low / size, high / size)
-    begin = np.clip(values / size, np.nextafter(ends[0], np.inf), np.nextafter(ends[1], -np.inf))
-    found = least_squares(
-        lambda p: np.concatenate(off(p * size)), begin, bounds=ends, x_scale="jac"
-    )
-    return np.asarray(found.x * size)
+    ways = []
+    for start in (values, of_type):
+        size = np.abs(start)
+        ends = (low / size, high / size)
+        begin = np.clip(start / size, np.nextafter(ends[0], np.inf), np.nextafter(ends[1], -np.inf))
+        found = least_squares(
+            lambda p, size=size: np.concatenate(off(p * size)), begin, bounds=ends, x_scale="jac"
+        )
+        ways.append((float(found.cost), found.x * size))
+    return np.asarray(min(ways, key=lambda way: way[0])[1])
 
 
 def _rows(law: Law, name: str, readings: Mapping[str, Array], given: Collection[str]) -> np.ndarray:

@@ -101,6 +101,17 @@ def test_several_speeds_are_one_curve(tmp_path: Path) -> None:
     assert law(found, "dp_law")["accuracy"] == "0.4 %, 19 of 20 of 12 points of the sheet"
 
 
+def test_a_device_of_the_size_of_the_type(tmp_path: Path) -> None:
+    """Within a half of the type's values, from which the fit finds it."""
+    lines = ["n [rpm],dp [bar],Q [m3/h],P_el [kW]"]
+    for share in np.linspace(0.1, 0.9, 6):
+        dp = share * 998.2 * G * 131.0 / 1e5
+        lines.append(f"1450,{dp:.6g},{7.45 * (1 - share):.6g},{0.43 + 2.19 * share:.6g}")
+    found = imported(tmp_path, written(tmp_path, "\n".join(lines)), kind="side-channel-pump")
+    for name in ("Q_law", "P_law"):
+        assert law(found, name)["largest"] < 1e-3
+
+
 def test_excel_and_a_digitised_table_say_the_same(tmp_path: Path) -> None:
     """A workbook with lines above its titles; two curves side by side, and no titles at all."""
     book = xlsxwriter.Workbook(str(tmp_path / "sheet.xlsx"))
