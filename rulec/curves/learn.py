@@ -19,15 +19,16 @@ from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import memory_of, spread_about
-from scipy.optimize import lsq_linear
+from scipy.optimize import least_squares
 
 from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
 from rulec.calibration.calibrate import local_readings, settled_points
 from rulec.calibration.fit import CalibrationRefused
+from rulec.calibration.limits import NO_VALUE, ROBUST_WIDTH, SOLVED
 from rulec.calibration.true_flow import Local, TrueFlow, true_flows
-from rulec.curves.limits import GAP, KNOT_GAP, LEARNT_FAR, LEARNT_KNOTS, LEARNT_STEPS
+from rulec.curves.limits import GAP, KNOT_GAP, LEARNT_FAR, LEARNT_KNOTS
 from rulec.knowledge.module_type import ModuleType, Signal
 from rulec.knowledge.plant import Module
 from rulec.limits import FAR_POINT, POINTS_PER_PARAMETER
@@ -168,52 +169,47 @@ def _between(driver: Array, knots: Array) -> Array:
 
 
 def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
-    """Knots, values there, and rows kept: by least absolute errors, then by least squares."""
+    """Knots, values there, and rows kept: far points hardly count at first, then they are left
+    out."""
     knots = _knots(samples.driver)
-    values = _either_way(samples, knots, 1)
-    off = samples.run(_between(samples.driver, knots) @ values)[0]
+    off = samples.run(_between(samples.driver, knots) @ _monotone(samples, knots, "soft_l1"))[0]
     spread = spread_about(off, float(np.median(off)))
     near = np.maximum(FAR_POINT * spread, LEARNT_FAR * np.abs(samples.flow))
     rows = np.flatnonzero(np.abs(off) <= near)
     kept = samples.at(rows)
     knots = _knots(kept.driver)
-    return knots, _either_way(kept, knots, 2), rows
+    return knots, _monotone(kept, knots, "linear"), rows
 
 
-def _either_way(samples: Samples, knots: Array, power: int) -> Array:
-    """Rising or falling values, whichever leaves smaller errors."""
-    tried = [_monotone(samples, knots, sign, power) for sign in (1.0, -1.0)]
-    return min(tried, key=lambda found: found[1])[0]
+def _monotone(samples: Samples, knots: Array, loss: str) -> Array:
+    """Values that rise or fall from knot to knot, whichever leaves smaller errors: the lowest one
+    and increments, as least squares with the `loss` of scipy find them."""
+    weights, count = _between(samples.driver, knots), len(knots)
+    largest = float(np.max(np.abs(samples.flow)))
+    size = max(float(np.max(np.abs(samples.before))), np.finfo(float).tiny)
+    begin, low = np.full(count, 1.0 / count), np.zeros(count)
+    begin[0] = float(np.median(samples.before)) / size
+    low[0] = 1e-3 * begin[0] if np.all(samples.before > 0.0) else -np.inf
+    rising = size * np.tril(np.ones((count, count)))
+    ways = []
+    for sums in (rising, rising[::-1]):
 
+        def off(parts: Array, sums: Array = sums) -> Array:
+            share = samples.run(weights @ (sums @ parts))[0] / largest
+            return np.where(np.isfinite(share), share, NO_VALUE)
 
-def _monotone(samples: Samples, knots: Array, sign: float, power: int) -> tuple[Array, float]:
-    """Values that rise (or fall) from knot to knot, and the remaining sum of errors, absolute or
-    squared by `power`. Absolute errors are squares, each weighted by its previous error."""
-    weights = _between(samples.driver, knots)
-    sums = np.tril(np.ones((len(knots), len(knots))))
-    sums[:, 1:] *= sign
-    positive = bool(np.all(samples.before > 0.0))
-    begin = np.full(len(knots), float(np.median(samples.before)))
-    usual = max(float(np.max(np.abs(samples.before))), np.finfo(float).tiny)
-    values, left = begin, float("inf")
-    for _ in range(LEARNT_STEPS):
-        off, slope, _ = samples.run(weights @ values)
-        if not np.isfinite(off).all() or not np.isfinite(slope).all():
-            break
-        sum_of_errors = float(np.sum(np.abs(off) ** power))
-        if sum_of_errors > left * (1.0 - 1e-10):
-            break
-        best, left = values, sum_of_errors
-        least = 1e-6 * float(np.max(np.abs(samples.flow)))
-        own = 1.0 if power == 2 else 1.0 / np.sqrt(np.maximum(np.abs(off), least))
-        moved = (own * slope)[:, None] * weights
-        size = max(float(np.max(np.abs(moved))), np.finfo(float).tiny)
-        wanted = (moved @ values - own * off) / (size * usual)
-        low = np.concatenate([[-np.inf], np.zeros(len(knots) - 1)])
-        values = usual * (sums @ lsq_linear(moved / size @ sums, wanted, (low, np.inf)).x)
-        if positive:
-            values = np.maximum(values, 1e-3 * np.max(np.abs(values)))
-    return (best, left) if np.isfinite(left) else (begin, left)
+        found = least_squares(
+            off,
+            begin,
+            bounds=(low, np.inf),
+            loss=loss,
+            f_scale=ROBUST_WIDTH,
+            x_scale="jac",
+            xtol=SOLVED,
+            ftol=SOLVED,
+        )
+        ways.append((float(found.cost), sums @ found.x))
+    return np.asarray(min(ways, key=lambda way: way[0])[1])
 
 
 def _errors(

@@ -34,9 +34,6 @@ LEARNT_FAR = 0.2
 """Share of the flow within which no point is set aside from a learnt curve, as straight lines may
 be off between knots. Origin: assumed."""
 
-LEARNT_STEPS = 30
-"""Steps that a fit of a learnt curve takes at most. Origin: numerical."""
-
 KNOT_GAP = 0.03
 """Share of the span of what a curve follows by which its points are apart at least. Origin:
 assumed."""

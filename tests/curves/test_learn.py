@@ -12,6 +12,8 @@ import rulec
 from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
 from rulec.commands.check_files import collect
+from tests.conftest import ROOT
+from tests.rig import real
 from tests.written import told_by, write_columns, write_plant
 
 TYPE = """\
@@ -106,6 +108,18 @@ def test_what_was_learnt_is_knowledge(plant: Path) -> None:
     blocked = {**day, "M.Q [m3/h]": 0.5 * day["M.Q [m3/h]"]}
     finding = rulec.diagnose(plant, blocked).findings[0]
     assert finding.fault.id in {"M.seat-deposit", "M.Q.low"}
+
+
+def test_a_day_of_a_real_boiler() -> None:
+    """Its branch passes a fifth of what the sheet says; the fit goes there, and leaves out a point
+    of 72."""
+    day = real("rse-district-heating") / "0412_Test1.csv.gz"
+    data = rulec.learn(ROOT / "plants" / "rse-boiler", day, "boiler.opening").to_dict()
+    at, value, u = points_of(data)
+    assert (75.0, 100.0) == (at[0], at[-1])
+    assert value[0] + 2.0 * u[0] < 10.0
+    assert (71, 1) == (data["settled"], data["set_aside"])
+    assert data["accuracy"] < 0.1
 
 
 def test_the_command_writes_the_type(plant: Path, capsys: Any) -> None:
