@@ -120,13 +120,13 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
         flow = flows[module.name]
-        if np.isfinite(flow.values).any():  # else the module never ran, and keeps its values
+        if np.nansum(np.abs(flow.values)) > 0.0:  # else it never ran, and keeps its values
             readings = Readings(local[module.name], flow)
             fits.append(fit_module(module, models.types[module.type.key], readings))
     if not fits:
         raise CalibrationRefused(
-            "no module has a true flow to fit to: the recording needs a flow meter column, "
-            "or a module type an observer with 'reference: true'"
+            "no module has a true flow to fit to: the recording needs a flow meter column that is "
+            "not zero throughout, or a module type an observer with 'reference: true'"
         )
     return Calibrated(
         models=models,

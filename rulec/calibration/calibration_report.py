@@ -129,4 +129,6 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
             entry["range"][name]["source"] = (
                 "the reading stood in the calibration; these are the 95 % bounds of its sensor"
             )
+    if not fit.parameters:
+        del entry["covariance"]
     return {key: value for key, value in entry.items() if value}

@@ -88,6 +88,8 @@ def learn(
     chosen = samples.at(usable)
     if np.ptp(chosen.driver) == 0.0:
         raise CalibrationRefused(f"{what}: {over} stood; record operation in which it varies")
+    if not np.any(chosen.flow):
+        raise CalibrationRefused(f"{what}: nothing flows through {module.name} while it is settled")
     knots, values, kept = _fitted(chosen)
     final = chosen.at(kept)
     doubt = {n: np.array(p.u) for n, p in module.parameters.items()}

@@ -158,3 +158,17 @@ def test_recordings_that_tell_nothing(plant: Path) -> None:
     lacking = {k: v for k, v in operation(TRAVELS).items() if k != "M.dp [bar]"}
     with pytest.raises(CalibrationRefused, match="lacks dp"):
         rulec.learn(plant, lacking, "M.Kv")
+    shut = {**operation(TRAVELS), "M.Q [m3/h]": np.zeros(20 * len(TRAVELS))}
+    with pytest.raises(CalibrationRefused, match="nothing flows through M"):
+        rulec.learn(plant, shut, "M.Kv")
+    with pytest.raises(CalibrationRefused, match="that is not zero throughout"):
+        rulec.calibrate(plant, shut)
+
+
+def test_a_module_with_nothing_to_fit(plant: Path) -> None:
+    """Its misfit and ranges are calibrated all the same, and the file compiles."""
+    kind = plant / "kb" / "own-valve.yaml"
+    kind.write_text(TYPE.replace("u: 1,", "u: 1, fit: false,").replace("0.001,", "0, fit: false,"))
+    rulec.calibrate(plant, operation(TRAVELS)).write(plant / "calibration.yaml")
+    write_plant(plant, {"M": "own-valve"}, calibration="[calibration.yaml]")
+    assert [] == [one for one in collect([plant]) if not one.doubt]
