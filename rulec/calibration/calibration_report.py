@@ -10,7 +10,7 @@ from rulec_runtime.output.terminal import styled
 
 from rulec.calibration.calibrate import Calibrated
 from rulec.calibration.fit import ModuleFit
-from rulec.effects.recalibrate import FLOW_FACTOR, flow_entry, range_entry
+from rulec.effects.recalibrate import FLOW_FACTOR, block_entry, flow_entry, range_entry
 from rulec.knowledge.plant import Module
 from rulec.language.write_yaml import rounded
 from rulec.passes.types import Compilation
@@ -80,7 +80,7 @@ def _table(found: Calibrated) -> Table:
 
 
 DIGITS = 10
-"""Significant digits in the file: enough for a covariance."""
+"""Significant digits of values in the file."""
 
 
 def calibration_form(models: Compilation, fits: Sequence[ModuleFit]) -> dict[str, Any]:
@@ -94,23 +94,14 @@ def calibration_form(models: Compilation, fits: Sequence[ModuleFit]) -> dict[str
 
 def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
     units = [module.type.parameters[n].unit for n in fit.parameters]
-    factors = np.array([u.factor for u in units])
-    spread = np.sqrt(np.diag(fit.covariance)) / factors
+    spread = np.sqrt(np.diag(fit.covariance)) / np.array([u.factor for u in units])
     entry: dict[str, Any] = {
         "type": module.type.name,
         "parameters": {
             name: {"value": rounded(u.from_si(v), DIGITS), "unit": u.text, "u": rounded(s, DIGITS)}
             for name, u, v, s in zip(fit.parameters, units, fit.values, spread, strict=True)
         },
-        "covariance": [
-            {
-                "of": list(fit.parameters),
-                "matrix": [
-                    [rounded(v, DIGITS) for v in row]
-                    for row in fit.covariance / np.outer(factors, factors)
-                ],
-            }
-        ],
+        "covariance": [block_entry(fit.parameters, units, fit.covariance)] if units else [],
         "misfit": {},
         "range": {},
     }
@@ -129,6 +120,4 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
             entry["range"][name]["source"] = (
                 "the reading stood in the calibration; these are the 95 % bounds of its sensor"
             )
-    if not fit.parameters:
-        del entry["covariance"]
     return {key: value for key, value in entry.items() if value}

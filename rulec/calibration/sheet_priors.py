@@ -94,7 +94,8 @@ class SheetPriors:
         """Standard uncertainties of values by the covariance of points, shape (n,): the inverse of
         `Coordinates.scales`, so a logarithm gives that of a log-normal value."""
         u = np.sqrt(np.diag(covariance))
-        relative = np.sqrt(np.expm1(u**2)) / u
+        with np.errstate(over="ignore"):  # of values that are no logarithms
+            relative = np.sqrt(np.expm1(u**2)) / u
         return np.where(self.coordinates.positive, self.values(at) * relative, self.size)
 
     def left(self, covariance: Array) -> Array:

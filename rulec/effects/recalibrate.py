@@ -1,6 +1,6 @@
 """The values of a repaired plant as a calibration file, which replaces the old ones."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -79,21 +79,24 @@ def _blocks(
     fitted = [n for n in values if n in found and repair.covariance[found[n], found[n]] > 0.0]
     if len(fitted) > 1:
         rows = [found[name] for name in fitted]
-        result.append(_block(fitted, repair.covariance[np.ix_(rows, rows)], values))
+        units = [values[name].unit for name in fitted]
+        result.append(block_entry(fitted, units, repair.covariance[np.ix_(rows, rows)]))
     for block in own.module.blocks:
         kept = [i for i, name in enumerate(block.parameters) if name not in found]
         if kept:
             factor = np.array(block.factor)
             covariance = (factor @ factor.T)[np.ix_(kept, kept)]
-            result.append(_block([block.parameters[i] for i in kept], covariance, values))
+            names = [block.parameters[i] for i in kept]
+            result.append(block_entry(names, [values[n].unit for n in names], covariance))
     return result
 
 
-def _block(names: list[str], covariance: Array, values: Mapping[str, Parameter]) -> dict[str, Any]:
-    scale = np.array([values[name].unit.factor for name in names])
+def block_entry(names: Sequence[str], units: Sequence[Unit], covariance: Array) -> dict[str, Any]:
+    """A joint covariance (SI), shape (n, n), as written in a calibration file."""
+    scale = np.array([unit.factor for unit in units])
     shown = covariance / np.outer(scale, scale)
     shown = (shown + shown.T) / 2.0
-    return {"of": names, "matrix": [[rounded(v, FULL) for v in row] for row in shown]}
+    return {"of": list(names), "matrix": [[rounded(v, FULL) for v in row] for row in shown]}
 
 
 def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:

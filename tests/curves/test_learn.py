@@ -165,6 +165,39 @@ def test_recordings_that_tell_nothing(plant: Path) -> None:
         rulec.calibrate(plant, shut)
 
 
+ALIKE = """\
+module: own-line
+version: 1
+title: Line
+signals:
+  x: {quantity: valve travel, unit: "%", sensor: positioner, range: [0, 100], input: true, reference: 50}
+  Q: {quantity: volume flow, unit: m3/h, sensor: magnetic-inductive, range: [0, 20], reference: 8.25}
+parameters:
+  a: {value: 3, unit: m3/h, u: 0, sign: any, source: made up}
+  b: {value: 10, unit: m3/h, u: 0, sign: any, source: made up}
+  c: {value: 1, unit: m3/h, u: 0, sign: any, source: made up}
+observers:
+  law:  {component: line, Q: a + b*x + c*x**2, source: made up}
+  flow: {component: line, Q: Q, reference: true, source: flow meter}
+faults: [slope(Q)]
+"""  # noqa: E501
+
+
+def test_a_covariance_keeps_its_digits(tmp_path: Path) -> None:
+    """Where the travel hardly varies, its three parameters are known together alone; a plant reads
+    the file all the same."""
+    (tmp_path / "kb").mkdir()
+    (tmp_path / "kb" / "own-line.yaml").write_text(ALIKE, encoding="utf-8")
+    plant = write_plant(tmp_path, {"M": "own-line"})
+    day = operation(50.0 + 0.04 * np.linspace(-1, 1, 40))
+    share = day["M.x [%]"] / 100
+    noise = 1 + 1e-3 * np.random.default_rng(1).standard_normal(len(share))
+    day["M.Q [m3/h]"] = (3 + 10 * share + share**2) * noise
+    rulec.calibrate(plant, day).write(plant / "calibration.yaml")
+    write_plant(plant, {"M": "own-line"}, calibration="[calibration.yaml]")
+    assert [] == [one for one in collect([plant]) if not one.doubt]
+
+
 def test_a_module_with_nothing_to_fit(plant: Path) -> None:
     """Its misfit and ranges are calibrated all the same, and the file compiles."""
     kind = plant / "kb" / "own-valve.yaml"
