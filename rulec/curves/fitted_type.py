@@ -10,7 +10,7 @@ import numpy as np
 
 from rulec.curves.fit import Compared, FittedCurve
 from rulec.curves.learn import Learnt
-from rulec.curves.limits import SHEET_SCATTER
+from rulec.curves.limits import MOST_ACCURACY, SHEET_SCATTER
 from rulec.effects.write_module import file_text, plain_number
 from rulec.knowledge.module_type import Accuracy, ModuleType
 from rulec.language.read_yaml import Document
@@ -70,8 +70,9 @@ def _sized(data: dict[str, Any], compared: Compared, source: str) -> None:
 def form_of(compared: Compared) -> Accuracy:
     """The accuracy of a law's form, apart from its size: by the points if all that the law reads
     varies there, else the accuracy that the type states, if that is larger."""
+    share = min(max(compared.usual, 2.0 * SHEET_SCATTER), MOST_ACCURACY)
     by_points = Accuracy(
-        plain_number(max(compared.usual, 2.0 * SHEET_SCATTER), 2),
+        plain_number(share, 2),
         f"19 of 20 of {compared.points} points of the sheet",
     )
     stated = compared.stated
@@ -130,7 +131,7 @@ def type_of(
     for parameter in dropped(kind, definition):
         data["parameters"].pop(parameter, None)
     share = float(np.median(learnt.u / np.abs(learnt.values)))
-    accuracy = min(max(100.0 * learnt.accuracy, 0.1), 50.0)  # no type may state more than 50 %
+    accuracy = 100.0 * min(max(learnt.accuracy, 1e-3), MOST_ACCURACY)
     over, unit = units
     data.setdefault("tables", {})[definition] = {
         "over": learnt.over,

@@ -26,7 +26,7 @@ from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
 from rulec.calibration.calibrate import local_readings, settled_points
 from rulec.calibration.fit import CalibrationRefused
-from rulec.calibration.limits import NO_VALUE, ROBUST_WIDTH, SOLVED
+from rulec.calibration.limits import COVERAGE, NO_VALUE, ROBUST_WIDTH, SOLVED
 from rulec.calibration.true_flow import Local, TrueFlow, true_flows
 from rulec.curves.limits import GAP, KNOT_GAP, LEARNT_FAR, LEARNT_KNOTS
 from rulec.knowledge.module_type import ModuleType, Signal
@@ -86,8 +86,13 @@ def learn(
             f"{2 * POINTS_PER_PARAMETER} are needed for a curve"
         )
     chosen = samples.at(usable)
-    if np.ptp(chosen.driver) == 0.0:
-        raise CalibrationRefused(f"{what}: {over} stood; record operation in which it varies")
+    # As in a calibration, what varies within the bounds of its sensor is one value.
+    bounds = (
+        2.0 * COVERAGE * np.max(own.systematic[over][usable]) if over in own.systematic else 0.0
+    )
+    if not np.ptp(chosen.driver) > bounds:
+        why = "as far as its sensor can tell; record operation in which it varies"
+        raise CalibrationRefused(f"{what}: {over} stood, {why}")
     if not np.any(chosen.flow):
         raise CalibrationRefused(f"{what}: nothing flows through {module.name} while it is settled")
     knots, values, kept = _fitted(chosen)

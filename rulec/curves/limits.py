@@ -12,6 +12,10 @@ SHEET_SCATTER = 0.002
 """Share by which points of a sheet scatter at least: it prints three digits, or somebody read it
 off a picture. Origin: assumed."""
 
+MOST_ACCURACY = 0.99
+"""Accuracy that a law states at most, as a share. Origin: source, the schema of module types, which
+allows less than 1."""
+
 SHEET_DENSITY = 998.2
 """Density to which heads belong where a sheet names none, kg/m3. Origin: source: water at 20 degC,
 IAPWS-95; sheets hold for clean cold water (ISO 9906:2012, 1)."""
