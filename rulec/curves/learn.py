@@ -21,9 +21,9 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import memory_of, spread_about
 from scipy.optimize import least_squares
 
-from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
+from rulec.algebra.tangent import run_with_slopes
 from rulec.calibration.calibrate import local_readings, settled_points
 from rulec.calibration.fit import CalibrationRefused
 from rulec.calibration.limits import COVERAGE, NO_VALUE, ROBUST_WIDTH, SOLVED
@@ -78,7 +78,7 @@ def learn(
     samples = samples_of(models.types[module.type.key], kind, module, definition, over, own, true)
     usable = np.flatnonzero(
         np.isfinite(samples.driver) & np.isfinite(samples.flow) & np.isfinite(samples.before)
-        & np.isfinite(samples.run(samples.before)[0])
+        & np.isfinite(samples.off(samples.before))
     )  # fmt: skip
     if len(usable) < 2 * POINTS_PER_PARAMETER:
         raise CalibrationRefused(
@@ -96,20 +96,19 @@ def learn(
     if not np.any(chosen.flow):
         raise CalibrationRefused(f"{what}: nothing flows through {module.name} while it is settled")
     knots, values, kept = _fitted(chosen)
-    final = chosen.at(kept)
-    doubt = {n: np.array(p.u) for n, p in module.parameters.items()}
-    errors = _errors(final, values, knots, {**doubt, **own.systematic}, true, usable[kept])
-    curve = _between(final.driver, knots) @ values
-    off, slope, _ = final.run(curve)
-    share = np.abs(off / slope) / np.abs(curve)
+    final, rows = chosen.at(kept), usable[kept]
+    known: dict[str, Array | float] = {n: p.u for n, p in module.parameters.items()}
+    known |= {n: u[rows] for n, u in own.systematic.items()}
+    errors = {n: e[rows] for n, e in true.errors.items()}
+    u, accuracy = _band(final, values, knots, known, errors)
     return Learnt(
         module=module,
         name=definition,
         over=over,
         knots=knots,
         values=values,
-        u=errors,
-        accuracy=float(np.nanquantile(share, 0.95)),
+        u=u,
+        accuracy=accuracy,
         points=len(kept),
         set_aside=len(usable) - len(kept),
         gaps=tuple(_gaps(final.driver, kind.signals.get(over))),
@@ -179,7 +178,7 @@ def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
     """Knots, values there, and rows kept: far points hardly count at first, then they are left
     out."""
     knots = _knots(samples.driver)
-    off = samples.run(_between(samples.driver, knots) @ _monotone(samples, knots, "soft_l1"))[0]
+    off = samples.off(_between(samples.driver, knots) @ _monotone(samples, knots, "soft_l1"))
     spread = spread_about(off, float(np.median(off)))
     near = np.maximum(FAR_POINT * spread, LEARNT_FAR * np.abs(samples.flow))
     rows = np.flatnonzero(np.abs(off) <= near)
@@ -202,7 +201,7 @@ def _monotone(samples: Samples, knots: Array, loss: str) -> Array:
     for sums in (rising, rising[::-1]):
 
         def off(parts: Array, sums: Array = sums) -> Array:
-            share = samples.run(weights @ (sums @ parts))[0] / largest
+            share = samples.off(weights @ (sums @ parts)) / largest
             return np.where(np.isfinite(share), share, NO_VALUE)
 
         found = least_squares(
@@ -219,30 +218,30 @@ def _monotone(samples: Samples, knots: Array, loss: str) -> Array:
     return np.asarray(min(ways, key=lambda way: way[0])[1])
 
 
-def _errors(
+def _band(
     samples: Samples,
     values: Array,
     knots: Array,
-    known: Mapping[str, Array],
-    true: TrueFlow,
-    rows: np.ndarray,
-) -> Array:
-    """Standard uncertainties of the values: scatter of the points, and errors `known` of inputs."""
+    known: Mapping[str, Array | float],
+    errors: Mapping[str, Array],
+) -> tuple[Array, float]:
+    """Standard uncertainties of the values, by the scatter of the points, those `known` of readings
+    and parameters, and `errors` of the true flow; and the share by which 95 % of the points deviate
+    at most."""
     weights = _between(samples.driver, knots)
-    off, slope, out = samples.run(weights @ values)
-    inverse = np.linalg.pinv(slope[:, None] * weights)
+    curve = weights @ values
+    at = {**samples.inputs, CURVE: curve}
+    out, slopes = run_with_slopes(samples.plan, at, [CURVE, *known])
+    off, by = out["Q"] - samples.flow, slopes["Q"]
+    inverse = np.linalg.pinv(by[CURVE][..., None] * weights)
     variance = float(np.sum(off**2)) / max(len(off) - len(knots), 1)
     variance *= memory_of(off, np.ones(len(off), dtype=bool))
     total = variance * np.sum(inverse**2, axis=1)
-    for name in dict.fromkeys([*known, *true.errors]):
-        error = np.zeros(len(rows))
-        if name in known and f"d:{name}" in out:
-            error = error + out[f"d:{name}"] * np.broadcast_to(known[name], true.values.shape)[rows]
-        if name in true.errors:
-            error = error - true.errors[name][rows]
-        total = total + (inverse @ np.where(np.isfinite(error), error, 0.0)) ** 2
-    root: Array = np.sqrt(total)
-    return root
+    for name in dict.fromkeys([*known, *errors]):
+        moved = by.get(name, 0.0) * known.get(name, 0.0) - errors.get(name, np.zeros(len(off)))
+        total += (inverse @ np.where(np.isfinite(moved), moved, 0.0)) ** 2
+    share = np.abs(off / by[CURVE]) / np.abs(curve)
+    return np.sqrt(total), float(np.nanquantile(share, 0.95))
 
 
 def _gaps(driver: Array, signal: Signal | None) -> Sequence[tuple[float, float]]:
@@ -275,11 +274,9 @@ class Samples:
         inputs = {n: v[rows] if isinstance(v, np.ndarray) else v for n, v in self.inputs.items()}
         return Samples(self.plan, inputs, self.driver[rows], self.before[rows], self.flow[rows])
 
-    def run(self, curve: Array) -> tuple[Array, Array, dict[str, Array]]:
-        """The error of the law, its slope by the curve, and all outputs of the plan."""
-        out = self.plan.run({**self.inputs, CURVE: curve})
-        wide = {n: np.broadcast_to(v, curve.shape) for n, v in out.items()}
-        return wide["Q"] - self.flow, wide[f"d:{CURVE}"], wide
+    def off(self, curve: Array) -> Array:
+        """The error of the law where the definition has the values `curve`, shape (n,), m3/s."""
+        return np.asarray(self.plan.run({**self.inputs, CURVE: curve})["Q"] - self.flow)
 
 
 def samples_of(
@@ -303,11 +300,7 @@ def samples_of(
     table = written_out(kind, model.symbols, {})
     graph = Graph((*model.symbols, CURVE))
     nodes = {s: graph.input(n) for n, s in model.symbols.items()} | {symbol: graph.input(CURVE)}
-    uncertain = [n for n, p in module.parameters.items() if p.u]
-    read = [*_readings(whole[0], model), *uncertain]
-    by = {CURVE: symbol, **{n: model.symbols[n] for n in read}}
-    outputs = {"Q": whole[0], **{f"d:{n}": derivative(whole[0], s) for n, s in by.items()}}
-    outputs |= {DRIVER: table[over], BEFORE: table[definition]}
+    outputs = {"Q": whole[0], DRIVER: table[over], BEFORE: table[definition]}
     for name, expression in outputs.items():
         graph.outputs[name] = lower(graph, expression, nodes)
     plan = graph.plan()
