@@ -182,6 +182,13 @@ def test_what_is_off_bends_no_fit(tmp_path: Path) -> None:
     assert 0.5 > _calibrate(file, tmp_path)["A"]["misfit"]["power"]["value"]
 
 
+def test_the_flow_in_a_main_is_not_what_is_dosed() -> None:
+    """No pump of litres per hour is fitted to the meter of the main it doses into."""
+    plant = ROOT / "plants" / "dosing-skid"
+    with pytest.raises(CalibrationRefused, match="no module has a true flow"):
+        rulec.calibrate(plant, plant / "examples" / "gas_in_head.csv")
+
+
 def test_a_module_that_stood_keeps_its_values(tmp_path: Path, capsys: Capsys) -> None:
     """Where one of several pumps never ran, the others are calibrated, and this one is named."""
     write_plant(tmp_path, {"A": "dosing-pcp", "B": "dosing-pcp", "C": "pump-set"})

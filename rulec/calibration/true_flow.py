@@ -1,8 +1,9 @@
 """The true flow that a calibration fits to, with its errors.
 
 It follows from the equation of a module's own reference observer: a current loop that reads mA, a
-venturi, a meter with a zero of its own. Without one, any reading of a volume flow counts, or
-continuity with the meters of other modules.
+venturi, a meter with a zero of its own. Without one, a reading of a volume flow counts, or
+continuity with the meters of other modules. A reading that enters another law, such as the flow in
+the main that a module doses into, is not the flow through the module.
 
 Each error is one column: how far the flow would move, at every point, if one sensor or one
 parameter of the equation were one standard uncertainty off (GUM, 5.1: first order).
@@ -78,8 +79,11 @@ def _own(module: Module, model: TypeModel, local: Local) -> TrueFlow | None:
     for observer in module.type.observers.values():
         if observer.is_reference:
             return _by_equation(module, model, observer.name, local)
+    laws = model.observers.values()
     for signal in module.type.signals.values():
-        if signal.quantity == "volume flow" and signal.name in local.values:
+        symbol = model.symbols[signal.name]
+        own = symbol in laws or not any(symbol in law.free_symbols for law in laws)
+        if signal.quantity == "volume flow" and own and signal.name in local.values:
             name = signal.name
             errors, noise = {name: local.systematic[name]}, {name: local.statistical[name]}
             return TrueFlow(f"{module.name}.{name}", local.values[name], errors, noise)
