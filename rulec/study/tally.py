@@ -112,10 +112,7 @@ def tally(
     early = sum(o.early for o in faulty)
     return Tally(
         cells=tuple(_cell(order[i], degree, groups[i, degree]) for i, degree in sorted(groups)),
-        # The most frequent confusion first.
-        confusions=tuple(
-            sorted(confusions, key=lambda c: (-c.count / c.of, -c.count, c.fault.name))
-        ),
+        confusions=tuple(confusions),
         healthy=_alarms(alarms, len(healthy), samples + lead_in),
         lead_in=_alarms(early, len(faulty) if lead_in else 0, lead_in),
     )
