@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import subprocess
 import sys
 import tempfile
@@ -137,8 +136,9 @@ def _interrupt_at_end(playing: Process, watching: Process) -> None:
 
 
 def _interrupt(process: Process) -> None:
-    """As Ctrl-C does; nothing happens if it has ended."""
-    process.terminate() if sys.platform == "win32" else process.send_signal(signal.SIGINT)
+    """SIGTERM, which `rulec watch` takes as Ctrl-C: what a shell starts in the background, as a job
+    of CI may be, ignores an interrupt. Nothing happens if the process has ended."""
+    process.terminate()
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """`rulec demo --live`: servers, watch, journal, on a short recording."""
 
 import re
+import signal
 from importlib.util import find_spec
 
 import pytest
@@ -16,7 +17,12 @@ PLANTED = "A.leakage=0.3@20:39"
 def test_a_planted_fault_is_found(capfd: Capsys, monkeypatch: Patch) -> None:
     monkeypatch.setattr(limits, "ROWS", 40)
     monkeypatch.setattr(demo, "planted", lambda: [PLANTED])
-    assert main(["demo", "--live", "--speed", "12"]) == 0
+    # As in a job of CI that a shell started in the background: no Ctrl-C reaches the watch.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        assert main(["demo", "--live", "--speed", "12"]) == 0
+    finally:
+        signal.signal(signal.SIGINT, before)
     out, _ = capfd.readouterr()
     assert "the page: http://127.0.0.1:" in out
     # How many rows tell it first is a matter of time; its bounds hold what was planted.
