@@ -1,6 +1,7 @@
 """Calibration finds the parameters of the independent truth, and says when it cannot."""
 
 import itertools
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -180,6 +181,19 @@ def test_what_is_off_bends_no_fit(tmp_path: Path) -> None:
     assert found["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-2)
     file = _noise_free(tmp_path, lambda r: {**r, "A.P_el [W]": r["A.P_el [W]"] + 10.0})
     assert 0.5 > _calibrate(file, tmp_path)["A"]["misfit"]["power"]["value"]
+
+
+def test_a_speed_at_which_no_point_fits_is_told(tmp_path: Path, capsys: Capsys) -> None:
+    """Points that were set aside because the law is wrong there look like outliers, but for their
+    speed."""
+
+    def throttled(readings: Any) -> dict[str, Any]:
+        fast = readings["A.n [rpm]"] > 0.95 * readings["A.n [rpm]"].max()
+        return {**readings, "A.Q [l/h]": np.where(fast, 0.6, 1.0) * readings["A.Q [l/h]"]}
+
+    _calibrate(_noise_free(tmp_path, throttled), tmp_path)
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"A\.pump: \d+ of \d+ points, those with A\.n from \S+ to \S+ rpm, were", told)
 
 
 def test_the_flow_in_a_main_is_not_what_is_dosed() -> None:

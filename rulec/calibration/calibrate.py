@@ -42,7 +42,8 @@ class Calibrated:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Values of another order of magnitude than stated, and readings that were not varied."""
+        """Operating states set aside, values of another order of magnitude than stated, and
+        readings that were not varied."""
         modules = self.models.plant.modules
         notes = [note for fit in self.fits for note in _notes(modules[fit.module], fit)]
         return (*notes, *([NOTE] if self.table else []))
@@ -203,8 +204,18 @@ def _root_of_squares(parts: Sequence[Array], n: int) -> Array:
 
 
 def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
-    """Notes on parameters without a stated uncertainty that are of another order of magnitude than
-    stated, and on readings that were not varied."""
+    """Notes on operating states that no law was fitted to, on parameters without a stated
+    uncertainty that are of another order of magnitude than stated, and on readings that were not
+    varied."""
+    for one in fit.set_aside:
+        unit = module.type.signals[one.signal].unit
+        low, high = (f"{unit.from_si(end):.4g}" for end in (one.low, one.high))
+        yield (
+            f"{fit.module}.{one.observer}: {one.points} of {one.of} points, those with "
+            f"{fit.module}.{one.signal} from {low} to {high} {unit.text}, were set aside: no "
+            "parameters fit them and the others. If the plant was sound there, the law is "
+            "wrong, and this file holds for the other points alone; rulec mismatch shows where"
+        )
     u = np.sqrt(np.diag(fit.covariance)).tolist()
     for name, value, error in zip(fit.parameters, fit.values.tolist(), u, strict=True):
         stated = module.stated[name]
@@ -217,12 +228,13 @@ def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
                 f"the data sheet {unit.from_si(stated.value):.4g} {unit.text}; check the units of "
                 "the columns and the equation of the flow meter before this file is used"
             )
+    when = "in all points that were kept" if fit.set_aside else "all the time"
     for name, found in fit.valid.items():
         if found.unvaried:
             unit = module.type.signals[name].unit
             low, high = (f"{unit.from_si(end):.4g}" for end in (found.low, found.high))
             yield (
-                f"{fit.module}.{name} stood all the time, as far as its sensor can tell; the laws "
+                f"{fit.module}.{name} stood {when}, as far as its sensor can tell; the laws "
                 f"count as tested from {low} to {high} {unit.text} alone, and beyond that no fault "
                 "is named. Vary it in the calibration if it varies in operation"
             )

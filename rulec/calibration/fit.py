@@ -56,6 +56,19 @@ class ObserverFit:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StateSetAside:
+    """Most `points` that the fit of an observer set aside, of all `of`, lie where no point was
+    kept: where the input `signal` is between `low` and `high`, SI."""
+
+    observer: str
+    signal: str
+    low: float
+    high: float
+    points: int
+    of: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class ModuleFit:
     """Fitted parameters of a module (SI) with joint covariance, and the ranges of the readings.
 
@@ -69,6 +82,7 @@ class ModuleFit:
     untold: tuple[str, ...]
     observers: tuple[ObserverFit, ...]
     valid: Mapping[str, CalibratedRange]
+    set_aside: tuple[StateSetAside, ...]
 
 
 def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFit:
@@ -105,6 +119,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
         valid=_range(model, readings, kept_all),
+        set_aside=tuple(part.apart for part in parts if part.apart is not None),
     )
 
 
@@ -120,6 +135,7 @@ class _Part:
     errors: Sequence[Array]
     untold: tuple[str, ...]
     summary: ObserverFit
+    apart: StateSetAside | None
 
 
 def _fit_observer(
@@ -179,7 +195,33 @@ def _fit_observer(
             points=len(kept),
             set_aside=len(rows) - len(kept),
         ),
+        apart=_set_aside(model, observer, readings, rows, kept),
     )
+
+
+def _set_aside(
+    model: TypeModel, observer: str, readings: Readings, rows: np.ndarray, kept: np.ndarray
+) -> StateSetAside | None:
+    """Where most of the `rows` that are not `kept` lie beyond all that are, in one input."""
+    kept_flags = np.zeros(len(readings.true.values), dtype=bool)
+    kept_flags[kept] = True
+    aside, found = np.setdiff1d(rows, kept), list[StateSetAside]()
+    for name, known in _range(model, readings, kept_flags).items():
+        values = readings.own.values[name][aside]
+        beyond = values[(values < known.low) | (values > known.high)]
+        if model.type.signals[name].is_input and 2 * len(beyond) > len(aside):
+            ends = float(beyond.min()), float(beyond.max())
+            found.append(
+                StateSetAside(
+                    observer=observer,
+                    signal=name,
+                    low=ends[0],
+                    high=ends[1],
+                    points=len(beyond),
+                    of=len(rows),
+                )
+            )
+    return max(found, key=lambda one: one.points, default=None)
 
 
 def _usable_rows(
