@@ -359,21 +359,22 @@ class Evidence(ABC):
         """Columns, shape (rows,) or (rows, columns), as rows with independent noise."""
         return self.whitener(columns)(noise)
 
-    @abstractmethod
     def whitener(self, columns: Array) -> Callable[[Noise], Array]:
-        """`whitened` for fixed columns, as a function of the noise."""
+        """`whitened` for fixed columns, as a function of the noise; independent noise leaves them
+        as they are."""
+        return lambda noise: columns
 
     @abstractmethod
     def likelihood(self, residual: Array, noise: Noise) -> float:
         """Log likelihood of a whitened residual, shape (rows,)."""
 
-    @abstractmethod
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of whitened rows in the normal matrix, shape (rows,)."""
+        return self.alike(noise)
 
-    @abstractmethod
     def expected_weights(self, noise: Noise) -> Array:
         """Mean information of each whitened row, shape (rows,)."""
+        return self.alike(noise)
 
     @abstractmethod
     def noise_odds(self, noise: Noise) -> float:
@@ -383,17 +384,18 @@ class Evidence(ABC):
         """Noise from which to start, besides the given one, by a residual, shape (rows,)."""
         return []
 
-    @abstractmethod
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
-        """Noise under which further explanations show best, with all rows weighted alike.
+        """Noise under which further explanations show best, with all rows weighted alike: large and
+        rare errors show.
 
         `noise` is that of the model, `rest` gives its residual, shape (rows,); the model is `alone`
         where nothing is joined.
         """
+        return [noise]
 
-    @abstractmethod
     def alike(self, noise: Noise) -> Array:
         """Weights of whitened rows if none is an outlier, shape (rows,)."""
+        return np.ones(self.count)
 
     @abstractmethod
     def shown(self, columns: Array) -> dict[str, float]:

@@ -199,14 +199,6 @@ HUBER = 2.5
 """Scales beyond which residuals count less, in the second of two linear problems. Origin:
 assumed."""
 
-# Intervals.
-
-STEADY_PACE = (4, 0.15, 1.0, 1.2)
-"""Search for an end of an interval at settled points, see `Pace`. Origin: numerical."""
-
-STORES_PACE = (5, 0.1, 1.1, 3.0)
-"""The same for plants that store. Origin: numerical."""
-
 # Displays with coarse steps.
 
 COARSE_LEVELS = 4

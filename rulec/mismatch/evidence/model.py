@@ -106,26 +106,12 @@ class Variable:
         return np.asarray((values - self.offset) / self.factor)
 
 
-@dataclass(frozen=True)
-class Pace:
-    """The search for an end of an interval: at most `steps`, until the fall is within `near` of its
-    target. A step grows at least by the factor `shortest`, and by `uphill` where the likelihood
-    rises.
-    """
-
-    steps: int
-    near: float
-    shortest: float
-    uphill: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class Line:
     """The likelihood along one value, SI, with all other values refitted.
 
     `u` is the standard uncertainty of the linearised model, `least` the smallest one to report.
-    `fall` gives the fall of the log likelihood at a signed step from `value`. `pace` controls the
-    search for an end of an interval.
+    `fall` gives the fall of the log likelihood at a signed step from `value`.
     """
 
     value: float
@@ -134,7 +120,6 @@ class Line:
     lowest: float
     highest: float
     fall: Callable[[float], float]
-    pace: Pace
 
 
 @dataclass(frozen=True, kw_only=True)

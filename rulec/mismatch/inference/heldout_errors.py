@@ -22,10 +22,10 @@ def profile(line: Line) -> tuple[float, float]:
 
     Source: Venzon and Moolgavkar 1988.
     """
-    pace, ends = line.pace, []
+    ends = []
     for side, reach in ((-1.0, line.value - line.lowest), (1.0, line.highest - line.value)):
         step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
-        for _ in range(pace.steps):
+        for _ in range(limits.PROFILE_STEPS):
             if step <= 0.0:
                 break
             fall = line.fall(side * step)
@@ -33,14 +33,13 @@ def profile(line: Line) -> tuple[float, float]:
                 inside = step
                 if step >= reach:
                     break
-                ratio = float(np.sqrt(common.DROP / fall)) if fall > 0 else pace.uphill
-                grow = float(np.clip(ratio, pace.shortest, limits.LONGEST_STEP))
+                grow = float(np.clip(np.sqrt(common.DROP / max(fall, 1e-300)), *limits.GROWTH))
                 between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
                 step = min(step * grow, reach, between)
             else:
                 outside = step
                 step = max(step * float(np.sqrt(common.DROP / fall)), 0.25 * (inside + outside))
-            if abs(fall - common.DROP) < pace.near:
+            if abs(fall - common.DROP) < limits.PROFILE_NEAR:
                 break
         ends.append(float(line.value + side * step))
     low, high = ends

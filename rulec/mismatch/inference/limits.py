@@ -2,8 +2,15 @@
 
 # Intervals and held-out blocks.
 
-LONGEST_STEP = 3.0
-"""Largest growth factor of a step towards the end of an interval. Origin: numerical."""
+PROFILE_STEPS = 5
+"""Most steps to an end of an interval. Origin: numerical."""
+
+PROFILE_NEAR = 0.1
+"""Deviation of the log likelihood there from its target at which the search ends. Origin:
+numerical."""
+
+GROWTH = (1.1, 3.0)
+"""Least and largest growth factor of a step towards the end of an interval. Origin: numerical."""
 
 CONFOUNDED = 0.9
 """Correlation above which two values count as confounded. Origin: assumed."""

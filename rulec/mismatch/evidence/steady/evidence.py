@@ -1,6 +1,6 @@
 """Settled points as evidence: rows of errors in variables, with Student noise per point."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -289,14 +289,6 @@ class SteadyEvidence(Evidence):
 
     def effect_forms(self, now: Point) -> Array:
         return errors_of_effects(fit_of(now), self.seen)
-
-    def whitener(self, columns: Array) -> Callable[[Noise], Array]:
-        """The columns themselves: their noise is independent."""
-        return lambda noise: columns
-
-    def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
-        """The same noise: with all rows weighted alike, large and rare errors show."""
-        return [noise]
 
     def alike(self, noise: Noise) -> Array:
         return np.full(self.count, noise[0] ** -2)

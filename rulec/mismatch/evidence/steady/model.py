@@ -19,7 +19,6 @@ from rulec.mismatch.evidence.model import (
     SEARCHED,
     Line,
     Model,
-    Pace,
     Variable,
     counted_rows,
     unit_of_size,
@@ -157,7 +156,6 @@ class SteadyModel(Model):
             lowest=float(prior.lowest[i]),
             highest=float(prior.highest[i]),
             fall=fall,
-            pace=Pace(*limits.STEADY_PACE),
         )
 
     def periods(

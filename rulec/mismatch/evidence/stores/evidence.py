@@ -184,10 +184,6 @@ class StoresEvidence(Evidence):
             independent += [float(np.sqrt(np.mean(own**2))), limits.AT_ONCE_GONE, 1.0]
         return [tuple(independent), *(self.likely_noises(left) if alone else ())]
 
-    def alike(self, noise: Noise) -> Array:
-        """Weights of innovations."""
-        return np.ones(self.count)
-
     def shown(self, columns: Array) -> dict[str, float]:
         found = {}
         for (name, white), runs in zip(self.white.items(), self._runs, strict=True):
@@ -220,14 +216,6 @@ class StoresEvidence(Evidence):
         each = zip(_of_signals(noise), self._runs, strict=True)
         logs = sum(innovations(*own).logs(runs) for own, runs in each)
         return -0.5 * float(residual @ residual) - logs
-
-    def weights(self, residual: Array, noise: Noise) -> Array:
-        """All 1, as outliers were removed before."""
-        return np.ones(self.count)
-
-    def expected_weights(self, noise: Noise) -> Array:
-        """Mean information of each innovation."""
-        return np.ones(self.count)
 
     def plain_prior(self, setting: Configuration) -> Prior:
         return self.bench.prior(setting)

@@ -8,8 +8,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.model import Line, Model, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.errors_of_form import changes
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
@@ -40,7 +39,6 @@ class StoresModel(Model):
             lowest=float(prior.lowest[i]),
             highest=float(prior.highest[i]),
             fall=lambda step: fitter.fall(at, i, step, along, judged) - bottom,
-            pace=Pace(*limits.STORES_PACE),
         )
 
     def periods(
