@@ -177,7 +177,7 @@ class Explanation(Explained[Fitted]):
         simulation."""
         bench, record, recording = self._bench, self._bench.record, self.recording
         held = inside_of(recording.time, heldout_spans(record.time, ~record.open))
-        factor, found = len(recording) // len(record.time), []
+        factor, found = record.thinning, []
         for proof in (p for p in proofs if plants and p.fit.signal in plants.signals):
             assert plants is not None
             name = proof.fit.signal

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.columns import thinned
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.effects.write_plant import trial
+from rulec.mismatch import limits
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written_plant import row_errors, simulated, written
 from rulec.mismatch.evidence.configuration import Configuration
@@ -199,6 +201,19 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     rms = np.sqrt(np.nanmean(error[table["heldout [1]"] == 1] ** 2))
     assert pytest.approx(reading.fit.heldout.recalibrated, rel=1e-4) == rms
     assert reading.fit.relation is None
+
+
+def test_courses_of_a_very_long_recording_keep_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With more rows than the square of the most samples, the rest has more than one row each."""
+    monkeypatch.setattr(limits, "SAMPLE_BUDGET", 40)
+    recording = made(n=40**2 - 1)
+    plain = plain_end(bench(recording), {})
+    said = explained(recording, plain, plain)
+    _, shown = written(said, said.proofs(()))
+    assert shown.plants is not None
+    (course,) = shown.series.courses
+    means = thinned(recording.time, {}, shown.plants.recalibrated, 40)[2]["lower.y"]
+    assert course.recalibrated == pytest.approx(means, rel=1e-12)
 
 
 def test_a_cell_without_value_is_empty() -> None:

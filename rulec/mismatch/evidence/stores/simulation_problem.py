@@ -59,6 +59,11 @@ class Record(Samples):
     read: Flags
     odd: Flags
 
+    @property
+    def thinning(self) -> int:
+        """Number of rows of the recording in each sample."""
+        return int(np.count_nonzero(self.sample == 0))
+
 
 def record_of(
     recording: Recording,
@@ -149,7 +154,8 @@ def lacking(recording: Recording, ruleset: Ruleset) -> str:
         return f"{', '.join(given)} drives the plant and is not in the recording"
     if len(absent(dynamics.outputs)) == len(dynamics.outputs):
         return f"it needs a reading of {' or '.join(dynamics.outputs)}; the recording has none"
-    return f"{len(recording)} samples; more than {common.BLOCKS} with readings are needed"
+    fewest = f"more than {common.BLOCKS} with readings are needed, not counting held-out ones"
+    return f"{len(recording)} samples; {fewest}"
 
 
 def _split(
