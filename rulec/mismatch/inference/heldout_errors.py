@@ -54,7 +54,8 @@ def confounded(
     `covariance`, shape (names, names), is that of the values with these names.
     """
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    correlation = covariance / np.outer(size, size)
+    # A value that nothing determines has a variance of rounding errors, perhaps below 0.
+    correlation = np.clip(covariance / np.outer(size, size), -1.0, 1.0)
     found = [
         Confounded(first, second, float(correlation[i, j]))
         for i, first in enumerate(names)

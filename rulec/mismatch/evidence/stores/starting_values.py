@@ -38,7 +38,9 @@ def from_afar(
         at = fitter.descend(at, judged, evaluations)
         with contextlib.suppress(RanAway):
             errors, _ = fitter.errors(at, judged)
-            noise = {n: float(np.sqrt(np.mean(e[bench.known[n]] ** 2))) for n, e in errors.items()}
+            # A model may predict a reading that never moves without any error.
+            left = {n: e[bench.known[n]] for n, e in errors.items()}
+            noise = {n: max(float(np.sqrt(np.mean(e**2))), 1e-12) for n, e in left.items()}
     values = fitter.values(at)
     return replace(setting, values={n: values[n] for n in fitter.free})
 

@@ -26,7 +26,8 @@ from rulec.mismatch.evidence.stores.noise import (
     score_covariance,
 )
 from rulec.mismatch.evidence.stores.simulation_problem import Record, SimulationProblem, record_of
-from rulec.mismatch.inference.heldout_errors import profile
+from rulec.mismatch.evidence.stores.starting_values import from_afar
+from rulec.mismatch.inference.heldout_errors import confounded, profile
 from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
@@ -258,6 +259,22 @@ def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatc
     assert (candidate,) == tried.joined
     assert tried.gain(plain) < 0.0
     assert polished(plain) is plain
+
+
+def test_a_reading_that_never_moves_may_be_predicted_exactly() -> None:
+    """A transmitter that holds its value within a wide band has no error at all."""
+    still = changed(made(200), {"lower.y": np.full(200, 5.0)})
+    place = bench(still)
+    held = place.candidate("lower.sensor-hysteresis@y")
+    begin = Configuration().joining(held, {u.id: 10.0 for u in held.unknowns}, {})
+    assert np.isfinite(list(from_afar(place, begin).values.values())).all()
+
+
+def test_values_that_nothing_determines_correlate_at_most_fully() -> None:
+    """Rounding errors may leave them a variance below 0."""
+    covariance = np.array([[4.0, 3.0], [3.0, -1e-20]])
+    (pair,) = confounded(("a", "b"), covariance, frozenset({"a"}))
+    assert abs(pair.correlation) == 1.0
 
 
 @pytest.mark.parametrize("least", [0.0, -0.4])
