@@ -97,6 +97,17 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
     assert any("A.pump" in s and "B.pump" not in s for s in sets)
 
 
+def test_estimates_of_infinite_noise_are_no_rows() -> None:
+    """As where a speed is read in another unit while a reading of the other pump is lost."""
+    plant = opened("cooling-loop")
+    recording = read_recording(ROOT / "plants/cooling-loop/examples/fouling.csv", plant[0])
+    lost = np.where(np.arange(len(recording)) < 240, recording.values["P1.dp"], np.nan)
+    wrong = changed(recording, {"P1.dp": lost, "P2.n": 60.0 * recording.values["P2.n"]})
+    rows = rows_at(plant, wrong)
+    assert all(len(cell.points) for cell in rows.cells)
+    assert np.isfinite(rows.errors(rows.system.flows(Configuration()))[0]).any()
+
+
 def test_an_infinite_estimate_does_not_hide_the_flow_of_its_module() -> None:
     """A pump that stands, of which only two estimates are known: errors of form follow the flow."""
     where = opened("abc")

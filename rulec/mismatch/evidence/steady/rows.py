@@ -261,6 +261,8 @@ def _cell(
     diagonal = np.arange(len(basis))
     covariance[:, diagonal, diagonal] += (limits.LEAST_NOISE * (size + size.mean(axis=0))) ** 2
     sound = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    if not sound.any():
+        return None
     whitener = np.linalg.inv(np.linalg.cholesky(covariance[sound]))
     return Cell(points[sound], observers, basis, outputs, whitener, first)
 
