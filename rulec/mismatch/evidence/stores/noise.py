@@ -46,7 +46,8 @@ def noise_of(error: Array, known: Flags, least: float) -> Noise:
     """
     own = error[known]
     spread = float(np.sqrt(np.mean(own**2))) if len(own) else least
-    return Noise(max(spread, least), memory_of(error, known))
+    # A reading that never moves may be predicted without any error.
+    return Noise(max(spread, least, 1e-12), memory_of(error, known))
 
 
 def score_covariance(columns: Array, error: Array, known: Flags) -> Array:

@@ -270,6 +270,12 @@ def test_a_reading_that_never_moves_may_be_predicted_exactly() -> None:
     assert np.isfinite(list(from_afar(place, begin).values.values())).all()
 
 
+def test_an_exact_prediction_has_some_noise() -> None:
+    """That of a reading without steps, as of a tank that is always empty: errors are divided by
+    it."""
+    assert noise_of(np.zeros(50), np.ones(50, dtype=bool), 0.0).weight > 0.0
+
+
 def test_values_that_nothing_determines_correlate_at_most_fully() -> None:
     """Rounding errors may leave them a variance below 0."""
     covariance = np.array([[4.0, 3.0], [3.0, -1e-20]])
