@@ -13,14 +13,12 @@ from rulec_runtime.diagnosis.steady.baseline import (
     Baselines,
     Learner,
     against,
-    nothing_learned,
 )
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.independent_parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
-from rulec_runtime.diagnosis.steady.lasting_fault import throughout
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
@@ -152,16 +150,12 @@ def _evaluate(
     plain, found, isolation = in_batches(count, along, judged, size)
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})
-    baselines = learner.baselines()
-    if mode == PAPER or throughout(ruleset, plain, isolation):
-        # A fault that is there throughout is the baseline of all points.
-        compared, baselines = plain, nothing_learned(plain)
     return EvaluatedPoints(
         part=part,
         points=points,
         plain=plain,
         observed=compared,
-        baselines=baselines,
+        baselines=learner.baselines(),
         isolation=isolation,
         combined=mode != PAPER,
     )
