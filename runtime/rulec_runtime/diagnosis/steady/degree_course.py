@@ -245,7 +245,7 @@ class Stack:
     @cached_property
     def sound(self) -> tuple[Array, Array]:
         """Whitened residuals, shape (m,), and the whitening matrix, shape (m, m)."""
-        white = _whitener(self.test.spread.whole(self.test.members, None)[0])
+        white = _whitener(self.test.covariance()[0])
         assert white is not None, "checked when the stack was made"
         return white @ self.test.residuals[0], white
 
@@ -331,7 +331,7 @@ class Stack:
         own = test.basis[:, trial.places]
         residuals = test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()
         table = self._in_columns((own @ slopes[:, 0, :, 0]).T.ravel())
-        covariance = test.spread.whole(test.members, trial.scales(np.ones((1, 1))))[0]
+        covariance = test.covariance(trial.scales(np.ones((1, 1))))[0]
         if lenient:
             for row, column in zip(moved[:, :, 0], own.T, strict=True):
                 off = spec.tolerance * np.outer(row, column).ravel()
@@ -367,7 +367,7 @@ def stack_of(
             return None
         test = test.seen_by(some)
     # For readings beyond all limits, rounding hides the errors.
-    sound = len(test.basis) and _whitener(test.spread.whole(test.members, None)[0]) is not None
+    sound = len(test.basis) and _whitener(test.covariance()[0]) is not None
     if not sound or not np.isfinite(test.residuals).all():
         return None
     return Stack(test=test, time=time, end=max(end, float(time[-1])))

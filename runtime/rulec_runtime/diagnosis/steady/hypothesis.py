@@ -31,23 +31,61 @@ Wanders = tuple[tuple[float, float], ...]
 """Time constants of lasting errors, s, with their shares of the variance."""
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Uncertainty of the residuals of problems; `members` have the shape (points, n).
+@dataclass(frozen=True, kw_only=True)
+class HypothesisTest:
+    """Problems, n of them, of points that share their usable observers.
 
-    Without `wanders` the points are on their own, relative to their baselines.
+    A problem is one point, or several that have the same degrees wherever the faults are present.
+    `members` are its points, `present` is 1 where the faults are present and 0 elsewhere, both of
+    shape (points, n). Without `wanders` the points are on their own, relative to their baselines.
+    `known` is the metric as measured, if it has been worked out.
     """
 
+    ruleset: Ruleset
     observed: Observed
     valid: np.ndarray
     basis: Array
+    members: np.ndarray
+    present: Array
     wanders: Wanders = ()
-    known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+    known: Metric | None = None
+    kept_errors: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
-    def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
+    def __len__(self) -> int:
+        return int(self.members.shape[1])
+
+    def at(self, chosen: np.ndarray | slice) -> HypothesisTest:
+        """Some of the problems."""
+        members, present = self.members[:, chosen], self.present[:, chosen]
+        # A metric is too expensive to work out twice.
+        known = self.known or self.__dict__.get("metric")
+        own = None if known is None else known.problems(chosen)
+        return replace(self, members=members, present=present, known=own)
+
+    def at_other_times(self, present: Array) -> HypothesisTest:
+        """The problems again, once or more, with the faults present at other points."""
+        again = np.tile(np.arange(len(self)), present.shape[1] // len(self))
+        known = self.metric.problems(again)
+        return replace(self, members=self.members[:, again], present=present, known=known)
+
+    @property
+    def freedom(self) -> int:
+        """Residuals of a problem."""
+        return len(self.members) * len(self.basis)
+
+    @cached_property
+    def metric(self) -> Metric:
+        """Residuals in the metric of their covariance, as measured."""
+        return self.known or self._metric_of(None)
+
+    def _metric_of(self, scales: Scales | None) -> Metric:
+        return metric_of(self.covariance(scales), self.residuals, self.basis)
+
+    def covariance(self, scales: Scales | None = None) -> Array:
         """Covariance of the residuals, as measured or with scaled errors: shape (n, points * rank,
         points * rank), (m3/s)^2."""
-        basis, rank, (points, n) = self.basis, len(self.basis), members.shape
+        members, basis, rank = self.members, self.basis, len(self.basis)
+        points, n = members.shape
         if not self.wanders:
             return self._alone(members[0], scales)
         shared, noise = self._errors(members)
@@ -85,67 +123,17 @@ class Spread:
         """Slopes of the usable flows by lasting errors, and the covariance of errors new at each
         point, points and problems last."""
         key = members.tobytes()
-        if key not in self.known:
+        if key not in self.kept_errors:
             # Kept for the same problems with other residuals, which follow next.
-            self.known.clear()
+            self.kept_errors.clear()
             own, every = np.flatnonzero(self.valid), members.ravel()
             shared = self.observed.shared[..., every][own]
             noise = np.moveaxis(self.observed.noise[every][:, own][:, :, own], 0, -1)
-            self.known[key] = (
+            self.kept_errors[key] = (
                 shared.reshape(*shared.shape[:2], *members.shape),
                 noise.reshape(*noise.shape[:2], *members.shape),
             )
-        return self.known[key]
-
-
-@dataclass(frozen=True, kw_only=True)
-class HypothesisTest:
-    """Problems, n of them, of points that share their usable observers.
-
-    A problem is one point, or several that have the same degrees wherever the faults are present.
-    `members` are its points, `present` is 1 where the faults are present and 0 elsewhere, both of
-    shape (points, n). `spread` is the uncertainty of their residuals; `known` is the metric as
-    measured, if it has been worked out.
-    """
-
-    ruleset: Ruleset
-    observed: Observed
-    valid: np.ndarray
-    basis: Array
-    members: np.ndarray
-    present: Array
-    spread: Spread
-    known: Metric | None = None
-
-    def __len__(self) -> int:
-        return int(self.members.shape[1])
-
-    def at(self, chosen: np.ndarray | slice) -> HypothesisTest:
-        """Some of the problems."""
-        members, present = self.members[:, chosen], self.present[:, chosen]
-        # A metric is too expensive to work out twice.
-        known = self.known or self.__dict__.get("metric")
-        own = None if known is None else known.problems(chosen)
-        return replace(self, members=members, present=present, known=own)
-
-    def at_other_times(self, present: Array) -> HypothesisTest:
-        """The problems again, once or more, with the faults present at other points."""
-        again = np.tile(np.arange(len(self)), present.shape[1] // len(self))
-        known = self.metric.problems(again)
-        return replace(self, members=self.members[:, again], present=present, known=known)
-
-    @property
-    def freedom(self) -> int:
-        """Residuals of a problem."""
-        return len(self.members) * len(self.basis)
-
-    @cached_property
-    def metric(self) -> Metric:
-        """Residuals in the metric of their covariance, as measured."""
-        return self.known or self._metric_of(None)
-
-    def _metric_of(self, scales: Scales | None) -> Metric:
-        return metric_of(self.spread.whole(self.members, scales), self.residuals, self.basis)
+        return self.kept_errors[key]
 
     def rescaled(self, scales: Scales, places: Sequence[int]) -> ChiSquare:
         """Chi-square with the errors of some flows scaled, where the same flows move, by their
@@ -174,7 +162,7 @@ class HypothesisTest:
 
     def seen_by(self, basis: Array) -> HypothesisTest:
         """The same problems in other combinations of the flows, shape (rank, usable flows)."""
-        found = replace(self, basis=basis, spread=replace(self.spread, basis=basis), known=None)
+        found = replace(self, basis=basis, known=None)
         # These do not depend on the combinations, so they are worked out once.
         for name in ("flows", "offsets", "each"):
             found.__dict__[name] = getattr(self, name)
@@ -298,13 +286,12 @@ def stacked_test(
 ) -> HypothesisTest:
     """Test of stacks, n of them, of points: a degree that fits one of them must fit all. `members`
     and `present` of shape (points, n)."""
-    basis = residual_basis(ruleset, valid)
     return HypothesisTest(
         ruleset=ruleset,
         observed=observed,
         valid=valid,
-        basis=basis,
+        basis=residual_basis(ruleset, valid),
         members=members,
         present=present,
-        spread=Spread(observed, valid, basis, wanders),
+        wanders=wanders,
     )
