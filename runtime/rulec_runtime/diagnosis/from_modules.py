@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, in_order, told_of
 from rulec_runtime.diagnosis.hidden_faults import blind_between
 from rulec_runtime.diagnosis.steady.batch_means import Halves
-from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_observed
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_part
 from rulec_runtime.diagnosis.steady.independent_parts import parts_of
 from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
 from rulec_runtime.diagnosis.steady.points import Points
@@ -49,8 +49,9 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
     evaluated = [
-        evaluate_observed(part, observed_of(results, part.ruleset, points), points, halves)
+        evaluate_part(ruleset, part, points, "default", halves, known=observed)
         for part in parts_of(ruleset)
+        for observed in (observed_of(results, part.ruleset, points),)
     ]
     judged, found = told_of(ruleset, timeline_of_results(results), evaluated)
     lost = {name: runs for name, flags in points.bad.items() if (runs := runs_where(flags, 1))}

@@ -1,6 +1,6 @@
 """Evaluation of the points of a recording, one block of estimates at a time."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,47 +99,25 @@ def evaluate_part(
     halves: Halves | None = None,
     *,
     keep: bool = False,
+    known: Observed | None = None,
 ) -> EvaluatedPoints:
-    """Learn the baseline of one part of a plant, and isolate."""
-    own = points if part.ruleset is whole else points.of(part.ruleset.observed)
-    alike = own, extrapolated(whole, points)
-
-    def of_batch(chosen: slice) -> Observed:
-        return observe_part(whole, part, points.at(chosen))
-
-    return _evaluate(part, points, alike, of_batch, at_once(part.ruleset), mode, halves, keep)
-
-
-def evaluate_observed(
-    part: Part, plain: Observed, points: Points, halves: Halves
-) -> EvaluatedPoints:
-    """The same for existing estimates, those of the part only."""
-    alike, size = (plain.points, plain.extrapolated), max(len(points), 1)
-    return _evaluate(part, points, alike, lambda _: plain, size, "default", halves, False)
-
-
-def _evaluate(
-    part: Part,
-    points: Points,
-    alike: tuple[Points, Mapping[str, np.ndarray]],
-    of_batch: Callable[[slice], Observed],
-    size: int,
-    mode: str,
-    halves: Halves | None,
-    keep: bool,
-) -> EvaluatedPoints:
-    """The same if `of_batch` gives the estimates of a batch of `size` points; `alike` are the
-    points as the part reads them, and flags of readings outside the calibrated range."""
+    """Learn the baseline of one part of a plant, and isolate; `known` are existing estimates, those
+    of the part only."""
     ruleset, count, learner = part.ruleset, len(points), Learner(part.ruleset, keep=keep)
+    alike = ruleset is whole or known is not None
+    own = points if alike else points.of(ruleset.observed)
 
     def judged(chosen: slice) -> tuple[Observed, Observed, Isolation]:
-        plain = found = of_batch(chosen)
+        plain = known
+        if plain is None:
+            plain = observe_part(whole, part, points.at(chosen))
+        found = plain
         if mode == PAPER:
             isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, count))
         else:
             if halves is not None:
-                own = halves.part(part.observers, chosen)
-                plain = wandering(plain, wander_of(ruleset, plain, own))
+                apart = halves.part(part.observers, chosen)
+                plain = wandering(plain, wander_of(ruleset, plain, apart))
             baselines = learner.take(plain, chosen.start)
             found = against(ruleset, plain, baselines, np.arange(len(plain)))
             isolation = isolate(ruleset, found, count)
@@ -147,8 +125,10 @@ def _evaluate(
 
     shifted = {name: POINTS_ALONG[name] for name in SHIFTED}
     along = POINTS_ALONG, shifted, EXPLAINED_ALONG
+    size = at_once(ruleset) if known is None else max(count, 1)
     plain, found, isolation = in_batches(count, along, judged, size)
-    plain = replace(plain, points=alike[0], extrapolated=alike[1])
+    outside = extrapolated(whole, points) if known is None else known.extrapolated
+    plain = replace(plain, points=own, extrapolated=outside)
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})
     return EvaluatedPoints(
         part=part,
