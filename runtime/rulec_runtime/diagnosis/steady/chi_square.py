@@ -84,11 +84,6 @@ class Metric:
     value: Array
     basis: Array
 
-    @property
-    def is_large(self) -> bool:
-        """Whether matrices of a problem cost more than the calls that work on them."""
-        return bool(self.weighted.shape[1] >= limits.MANY_RESIDUALS)
-
     def problems(self, chosen: np.ndarray | slice) -> Metric:
         """Some of the problems."""
         tables = self.inverse[chosen], self.weighted[chosen], self.value[chosen]

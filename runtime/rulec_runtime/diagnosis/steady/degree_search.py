@@ -30,10 +30,6 @@ class Outcomes(NamedTuple):
     distance: Array
     evidence: Array
 
-    def where(self, chosen: np.ndarray, others: Outcomes) -> Outcomes:
-        """The same with other outcomes at flags, shape (hypotheses, n)."""
-        return Outcomes(*(np.where(chosen, b, a) for a, b in zip(self, others, strict=True)))
-
 
 def fit(
     test: HypothesisTest,

@@ -20,11 +20,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
-from rulec_runtime.diagnosis.steady.degree_search import Faults, Outcomes, fit
+from rulec_runtime.diagnosis.steady.degree_search import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, groups_of
-from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
+from rulec_runtime.diagnosis.steady.screen import beside_listed, may_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +160,8 @@ def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, singles: b
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
     every = [(fault,) for fault in test.ruleset.faults]
-    fits = fit(test, every) if singles else _fitting(test, every, gain, limit)
+    promising = beside_listed(gain, test.ruleset.is_listed, limits.GAIN_AT_FIRST)
+    fits = fit(test, every, None if singles else may_fit(test, limit, promising))
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
@@ -177,27 +178,6 @@ def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, singles: b
         result.probability[:, chosen[unexplained][better]] = 0.0
         if tried:
             _take_pairs(tried, found, better, chosen[unexplained], test.ruleset.odds, result)
-
-
-def _fitting(test: HypothesisTest, every: Sequence[Faults], gain: Array, limit: float) -> Outcomes:
-    """Single faults that may fit."""
-    promising = beside_listed(gain, test.ruleset.is_listed, limits.GAIN_AT_FIRST)
-    if not test.metric.is_large:
-        return fit(test, every, may_fit(test, limit, promising))
-    least = least_left(test, promising)
-    may = promising & (least <= limits.ROUNDED_OTHERWISE * limit)
-    # A fault that moves many flows leaves little in this bound, in which these are all free.
-    touched = np.array([len(test.touched(faults)) for faults in every])[:, None]
-    order = np.argsort(np.where(may, least + 2.0 * touched, np.inf), axis=0, kind="stable")
-    leading = np.zeros_like(may)
-    np.put_along_axis(leading, order[: limits.LEADING], True, axis=0)
-    leading &= may
-    found = fit(test, every, leading)
-    best = np.min(found.distance, axis=0, initial=np.inf)
-    others = may & ~leading & (least <= best - 2.0 * np.log(limits.IMPROBABLE))
-    enough = np.isinf(best) | (gain >= limits.GAIN_AT_FIRST * (test.metric.value - best))
-    others &= enough | (touched <= limits.ROWS_OF_A_FAULT)
-    return found.where(others, fit(test, every, others))
 
 
 def _within_range(test: HypothesisTest) -> np.ndarray:

@@ -155,8 +155,8 @@ TABLE = 1_000_000
 numerical."""
 
 MANY_RESIDUALS = 128
-"""Residuals of a problem from which on only faults that may be the best are fitted. Origin:
-numerical; below that it costs less to fit all of them."""
+"""Residuals of an operating point from which on stretches are stacked in those combinations alone
+that show the faults in question. Origin: numerical; below that it costs less to stack all."""
 
 ROWS_OF_A_FAULT = 16
 """Combinations of estimates at most of the mean of stretches, and of their differences, by which
@@ -166,14 +166,10 @@ moves up to three estimates, and of those that move hundreds the others add next
 ROWS_TOGETHER = 64
 """The same of faults that are compared with each other. Origin: numerical."""
 
-LEADING = 4
-"""Faults that leave least at best, which are tried first in such a plant: what they leave says
-which of the others need not be tried. Origin: numerical."""
-
 GAIN_AT_FIRST = 0.1
-"""Share of what the best of these lowers chi-square by which another one lowers it at least to
-first order in its degree, if it moves more than `ROWS_OF_A_FAULT` flows and is to be tried. Origin:
-assumed; readings act nearly in proportion to their errors, so the first order is nearly all."""
+"""Share of what the best listed fault lowers chi-square by which an unlisted one lowers it at least
+to first order in its degree, if it is to be tried. Origin: assumed; readings act nearly in
+proportion to their errors, so the first order is nearly all."""
 
 ORDINARY_KELVIN = 10.0
 """Kelvin by which a liquid may be warmer or colder than when its plant was calibrated, without that
@@ -185,8 +181,8 @@ to first order in its degree, if it is to be tried. Origin: assumed; its laws ar
 the first order points where it leads, and the tolerance of its laws does the rest."""
 
 IMPROBABLE = 1e-6
-"""Probability, relative to the best, below which a fault is not tried at a point of such a plant.
-Origin: numerical; alternatives are mentioned from `MENTION` on."""
+"""Probability, relative to the best, below which a course of a degree does not count. Origin:
+numerical; alternatives are mentioned from `MENTION` on."""
 
 IMPROBABLE_THROUGHOUT = 1e-3
 """Probability in every stretch of a run below which a fault is not compared in all of them

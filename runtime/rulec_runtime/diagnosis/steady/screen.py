@@ -19,8 +19,6 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     shape = (len(test.ruleset.faults), len(test))
     found = np.ones(shape, dtype=bool) if tried is None else tried.copy()
     found &= least_left(test, found) <= limits.ROUNDED_OTHERWISE * limit
-    if test.metric.is_large:
-        return found
     # The bound excludes no fault that moves the flows of all modules: its direction decides.
     wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
     if wide:
