@@ -134,13 +134,6 @@ def test_a_wrong_power_reading_is_found_by_its_course_over_operating_points(faul
         assert finding.upper >= 0.1 - 0.01
 
 
-def test_two_points_are_enough_for_a_power_reading() -> None:
-    """Learned at the first point, its error would look like the opposite one at the second."""
-    (finding,) = found({"B.P_el.low": 0.1}, 2, 0)
-    assert ("B.P_el.low", 0.0) == (finding.fault.id, finding.since)
-    assert finding.lower <= 0.1 <= finding.upper
-
-
 def test_sound_visits_say_nothing() -> None:
     for seed in range(40):
         found = said("", 0.0, 8200 + seed)
