@@ -1,12 +1,10 @@
 """The course of a degree: how large one fault was over time, is now, and will be.
 
 A fault that grows by less from stretch to stretch than sensors may drift looks like a drifting
-sensor if only neighbours are compared. One that is there from the first sample to the last may be
-too small for any single stretch: the errors of sensors and of the calibration hide it, but these
-are the same at all operating points, and its effect is not. So all stretches are explained
-together: lasting errors by their classes and the calibration, the degree by a course, which begins
-somewhere, perhaps with a jump, and then grows along a line that may bend, or in steps. Its onset
-and its bends are unknown; each possibility counts by its evidence.
+sensor if only neighbours are compared. So all stretches are explained together: lasting errors by
+their classes and the calibration, the degree by a course, which begins somewhere, perhaps with a
+jump, and then grows along a line that may bend, or in steps. Its onset and its bends are unknown;
+each possibility counts by its evidence.
 
 Source: own derivation, docs/method.md; linear Gaussian models compared by their evidence (MacKay
 1992).
@@ -25,14 +23,9 @@ from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import times_of
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.degree_search import Trial
-from rulec_runtime.diagnosis.steady.hypothesis import (
-    HypothesisTest,
-    gain_of,
-    stacked_test,
-    test_of,
-)
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, stacked_test, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import spread_evenly, thinned
+from rulec_runtime.diagnosis.steady.redundancy import spread_evenly
 
 Moments = tuple[float, float]
 """A number with its standard uncertainty."""
@@ -71,16 +64,6 @@ class Course:
     def grows(self) -> bool:
         """Whether growth explains it, and no steps."""
         return not self.steps
-
-    @property
-    def lasts(self) -> bool:
-        """Whether it is there from the first point on, and stays the same."""
-        return [at for at, _ in self.steps] == [self.time[0]]
-
-    @property
-    def shows_growth(self) -> bool:
-        """Whether it has enough points to tell growth from steps."""
-        return len(self.time) >= limits.POINTS_THAT_GROW
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,17 +335,18 @@ class Stack:
 def stack_of(
     ruleset: Ruleset, observed: Observed, points: np.ndarray, end: float, named: list[int]
 ) -> Stack | None:
-    """Points of a part stacked, thinned if many; None if they do not follow each other. For a large
-    part only the combinations that show the `named` faults, or the one that explains most."""
+    """Points of a part stacked, thinned if many; None if they are too few. For a large part only
+    the combinations that show the `named` faults."""
+    if len(points) < limits.POINTS_THAT_GROW:
+        return None
     members, valid = spread_evenly(observed.valid, points, limits.POINTS_OF_A_COURSE)
     time, present = times_of(observed)[members], np.ones((len(members), 1))
-    if len(members) < 2 or not np.all(np.diff(time) > 0.0):
+    if len(members) < limits.POINTS_THAT_GROW or not np.all(np.diff(time) > 0.0):
         return None
     test = stacked_test(ruleset, observed, valid, members[:, None], present, wanders=limits.WANDERS)
     if len(test.basis) >= limits.MANY_RESIDUALS:
         one = test_of(ruleset, observed, valid, members[len(members) // 2 :][:1])
-        contrasts = Contrasts(one, len(members))
-        some, shown = contrasts.basis(named or _most_telling(contrasts, members))
+        some, shown = Contrasts(one, len(members)).basis(named)
         if not shown:
             return None
         test = test.seen_by(some)
@@ -371,17 +355,6 @@ def stack_of(
     if not sound or not np.isfinite(test.residuals).all():
         return None
     return Stack(test=test, time=time, end=max(end, float(time[-1])))
-
-
-def _most_telling(contrasts: Contrasts, members: np.ndarray) -> list[int]:
-    """The fault that explains most of a few of the points to first order, if it is there in all."""
-    one, few = contrasts.test, thinned(members)[:, None]
-    whole = stacked_test(one.ruleset, one.observed, one.valid, few, np.ones(few.shape))
-    gains: dict[int, float] = {}
-    for basis, shown in contrasts.groups():
-        gain = gain_of(*whole.seen_by(basis).towards(shown))[:, 0]
-        gains |= zip(shown, gain.tolist(), strict=True)
-    return [max(gains, key=lambda fault: gains[fault])] if gains else []
 
 
 def _whitener(covariance: Array) -> Array | None:

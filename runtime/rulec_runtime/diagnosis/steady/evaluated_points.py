@@ -13,12 +13,14 @@ from rulec_runtime.diagnosis.steady.baseline import (
     Baselines,
     Learner,
     against,
+    nothing_learned,
 )
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.independent_parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
+from rulec_runtime.diagnosis.steady.lasting_fault import throughout
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
@@ -130,12 +132,16 @@ def evaluate_part(
     outside = extrapolated(whole, points) if known is None else known.extrapolated
     plain = replace(plain, points=own, extrapolated=outside)
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})
+    baselines = learner.baselines()
+    if mode == PAPER or throughout(ruleset, plain, isolation):
+        # A fault that is there throughout is the baseline of all points.
+        compared, baselines = plain, nothing_learned(plain)
     return EvaluatedPoints(
         part=part,
         points=points,
         plain=plain,
         observed=compared,
-        baselines=learner.baselines(),
+        baselines=baselines,
         isolation=isolation,
         combined=mode != PAPER,
     )

@@ -1,5 +1,4 @@
-"""Faults by their courses over all stretches together: those that grow, or that are there from the
-first sample to the last; and every fault followed up to the present.
+"""Growing faults: found over all stretches together, and followed up to the present.
 
 Source: own derivation, docs/method.md.
 """
@@ -26,7 +25,7 @@ from rulec_runtime.diagnosis.steady.findings import (
     findings_of,
 )
 from rulec_runtime.diagnosis.steady.growth import Growth, growth_of
-from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
+from rulec_runtime.diagnosis.steady.isolate import accepted, shares
 from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.recordings.stationary import Timeline
 
@@ -34,8 +33,7 @@ from rulec_runtime.recordings.stationary import Timeline
 def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -> Found:
     """Results of a part over a recording, by runs of stretches and by courses over all of them.
 
-    One fault with a course of its own may replace the others, and each fault that is still present
-    is extrapolated.
+    One growing fault may replace the others, and each fault that is still present is extrapolated.
     """
     found = findings_of(timeline, ruleset, evaluated)
     judged = np.flatnonzero(evaluated.isolation.judged)
@@ -45,14 +43,14 @@ def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -
     place = {fault.id: i for i, fault in enumerate(own.faults)}
     named = list(dict.fromkeys(place[f.fault.id] for f in found.findings))
     stack = stack_of(own, evaluated.plain, judged, end, named)
-    courses = [] if stack is None else _explaining(stack, named, evaluated.isolation)
+    courses = [] if stack is None else _explaining(stack, named, evaluated.isolation.chance)
     findings = found.findings
     if stack is not None and courses and not _is_reported(found, own.faults, courses[0]):
         one = _of_course(timeline, ruleset, evaluated, stack, courses)
         # In place of all that was reported during it.
         findings = [*(f for f in findings if f.until < one.since), one]
         found = replace(found, unknown=[p for p in found.unknown if p.until < one.since])
-    elif courses and courses[0].shows_growth:
+    elif courses:
         fault = own.faults[courses[0].fault]
         growth = growth_of(fault, courses[0], end)
         findings = [
@@ -72,41 +70,33 @@ def _now(one: Finding, growth: Growth | None = None) -> Growth:
 
 
 def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
-    """Whether runs of stretches say as much as a course: it goes in steps, and agrees with them,
-    also in that it lasts from the first one on. Few stretches show nothing else."""
+    """Whether runs of stretches say as much as a course: it goes in steps, and agrees with them."""
     if course.grows:
         return False
-    if not (course.lasts or course.shows_growth):
-        return True
     degree, u = course.now
     # What remains after a fault that came and went must be as certain as a course, of many faults.
     certain = np.sqrt(-2.0 * np.log(limits.ALARM_PER_RECORDING / len(faults)))
     if degree < u * (certain if found.findings else common.THRESHOLD):
         return True
     half, fault = common.COVERAGE * u, faults[course.fault].id
-    own = [f for f in found.findings if f.fault.id == fault and f.active]
-    if course.lasts:
-        own = [f for f in own if f.since <= course.time[0]]
+    own = (f for f in found.findings if f.fault.id == fault and f.active)
     return any(f.lower - half <= degree <= f.upper + half for f in own)
 
 
-def _explaining(stack: Stack, named: Sequence[int], isolation: Isolation) -> list[Course]:
+def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Course]:
     """Significant courses of one fault each that explain all stretches, the best first; faults
     `named` so far are tried as well."""
     faults = stack.test.ruleset.faults
     gain_of = cache(stack.gain_at_first)
-    shown = np.asarray(stack.test.effects().any(axis=(0, 1)))
-    # Two faults at once explained some stretch better than a change of the liquid.
-    if (isolation.pair[stack.points, 0] >= 0).any():
-        shown &= np.array([bool(fault.module) for fault in faults], dtype=bool)
     # Where no course gains enough even if it fits, it would cost too much to ask which ones fit.
-    most = max(map(gain_of, np.flatnonzero(shown).tolist()), default=-np.inf)
-    if not named and most < -np.log(limits.ALARM_PER_RECORDING):
+    if not named and max(map(gain_of, range(len(faults)))) < -np.log(limits.ALARM_PER_RECORDING):
         return []
-    limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, isolation.chance)
-    may = np.flatnonzero(may_fit(stack.test, limit, shown[:, None]).any(axis=1)).tolist()
+    limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, chance)
+    may = np.flatnonzero(may_fit(stack.test, limit).any(axis=1)).tolist()
     some = sorted((i for i in may if np.isfinite(gain_of(i))), key=lambda i: -gain_of(i))
     least = -np.log(limits.ALARM_PER_RECORDING / max(len(some), 1))
+    if not named and (not some or gain_of(some[0]) < least):
+        return []
     # Faults that move the same readings gain the same to first order: rounding must not choose.
     last = gain_of(some[: limits.COURSES_TRIED][-1]) - limits.TIED if some else np.inf
     asked = dict.fromkeys((*(i for i in some if gain_of(i) > last), *named))
@@ -123,7 +113,7 @@ def _of_course(
     stack: Stack,
     courses: Sequence[Course],
 ) -> Finding:
-    """The fault whose course explains all stretches best."""
+    """The growing fault that explains all stretches best."""
     faults, best, last = evaluated.part.ruleset.faults, courses[0], int(stack.points[-1])
     prior = np.log([faults[c.fault].odds for c in courses])
     evidence = np.array([c.evidence for c in courses])
@@ -138,7 +128,7 @@ def _of_course(
     plain = replace(evaluated, observed=evaluated.plain, baselines=blank)
     times = float(timeline.since[stack.points[best.onset]]), float(timeline.until[last])
     one = finding_of(ruleset, plain, cause, [last], times)
-    growth = growth_of(faults[best.fault], best, stack.end) if best.shows_growth else None
+    growth = growth_of(faults[best.fault], best, stack.end)
     return replace(one, behind=behind_of(timeline, evaluated, [last]), growth=growth)
 
 

@@ -180,6 +180,10 @@ LIQUID_AT_FIRST = 0.5
 to first order in its degree, if it is to be tried. Origin: assumed; its laws are powers, so that
 the first order points where it leads, and the tolerance of its laws does the rest."""
 
+NAMED_ALONE = 0.5
+"""Probability from which on a stretch names a fault on its own. Origin: standard (more probable
+than all others together)."""
+
 IMPROBABLE = 1e-6
 """Probability, relative to the best, below which a course of a degree does not count. Origin:
 numerical; alternatives are mentioned from `MENTION` on."""

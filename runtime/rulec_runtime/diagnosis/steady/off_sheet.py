@@ -30,16 +30,13 @@ def against_sheet(timeline: Timeline, evaluated: EvaluatedPoints, found: Found) 
         return found
     first = disagreeing(evaluated, int(judged[0]))
     calibrated = any(ruleset.signal_by_id[n].valid_from is not None for n in ruleset.observed)
-    since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
-    always = evaluated.isolation.deviating[judged].all() or any(
-        one.since <= since and one.until >= until for one in found.findings
-    )
-    if calibrated or not (first and always):
+    if calibrated or not (first and evaluated.isolation.deviating[judged].all()):
         return found
     if any(_in_the_plant(ruleset, f) for f in found.findings):
         return replace(found, findings=[replace(f, from_sheet=True) for f in found.findings])
     if not _explains(evaluated, judged):
         return found
+    since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
     off = (
         disagreeing(evaluated, int(judged[np.argmax(evaluated.isolation.misfit[judged])])) or first
     )
