@@ -18,13 +18,13 @@ from tests.rig.follower.plants import part_of
 from tests.written import told_by, write_columns, write_plant
 
 HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
-"""Head of the pump; known to 1.5 %."""
+"""Head of the pump; usually known to 1.5 %."""
 
 
-def plant(folder: Path, head: float = 1.0) -> Path:
+def plant(folder: Path, head: float = 1.0, doubt: float = 0.015) -> Path:
     """A centrifugal pump with a meter, its sheet's head times a factor."""
     sheet = ", ".join(
-        f"{k}: {{value: {head * v:.9g}, unit: {u}, u: {0.015 * v:.9g}, source: sheet}}"
+        f"{k}: {{value: {head * v:.9g}, unit: {u}, u: {doubt * v:.9g}, source: sheet}}"
         for k, (v, u) in HEAD.items()
     )
     return write_plant(folder, {"pump": f"metered-centrifugal, parameters: {{{sheet}}}"})
@@ -41,10 +41,10 @@ def recorded(folder: Path, head: float = 1.0, fault: str = "") -> Path:
     return file
 
 
-def rules(folder: Path, head: float = 1.0) -> Ruleset:
+def rules(folder: Path, head: float = 1.0, doubt: float = 0.015) -> Ruleset:
     """The ruleset of the sheet."""
     file = folder / "sheet.ruleset.json"
-    assert main(["compile", str(plant(folder / "sheet", head)), "-o", str(file)]) == 0
+    assert main(["compile", str(plant(folder / "sheet", head, doubt)), "-o", str(file)]) == 0
     return read_ruleset(file)
 
 
@@ -111,3 +111,14 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     recording = read_recording(file, ruleset)
     *_, watched = follow(ruleset, nothing_yet(False), part_of(recording, 0, len(recording)))
     assert [told["text"]] == [period.text for period in watched.diagnosis.unknown]
+
+
+def test_a_sheet_that_knows_little_judges_nothing(tmp_path: Path) -> None:
+    """Where parameters may be off by 60 %, no head is wrong, and no meter either: propagation of
+    their uncertainties to first order would name one."""
+    found, _ = said(tmp_path, rules(tmp_path, doubt=0.6), recorded(tmp_path, 3.0))
+    assert [] == found["findings"] == found["unknown"]
+    for part in found["not_judged"]:
+        assert "pump.head: its parameters are not known well enough; calibrate" in part["because"]
+        assert "pump.missing-head" in part["because"]
+    assert 0.0 == found["not_judged"][0]["since"]

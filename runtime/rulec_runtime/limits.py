@@ -75,6 +75,11 @@ TOO_FAST = 0.1
 """Share of a flow by which lags may be wrong for its estimate to be used: beyond, first order no
 longer holds. Origin: assumed; the second order is then a few thousandths."""
 
+TOO_VAGUE = 0.3
+"""Share of a flow by which its parameters may leave it uncertain (standard uncertainty) for its
+estimate to be judged: beyond, first order no longer holds. Origin: distribution (of a reciprocal,
+the second order is then a tenth)."""
+
 # Sensor health: a reading by itself ------------------------------------------------------------
 
 NEVER_MOVED = 20

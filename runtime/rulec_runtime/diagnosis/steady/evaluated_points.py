@@ -26,6 +26,7 @@ from rulec_runtime.diagnosis.steady.observe import (
     Observed,
     extrapolated,
     observe_part,
+    trusted,
 )
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
@@ -117,6 +118,7 @@ def evaluate_part(
         if mode == PAPER:
             isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, count))
         else:
+            plain = trusted(ruleset, plain)
             if halves is not None:
                 apart = halves.part(part.observers, chosen)
                 plain = wandering(plain, wander_of(ruleset, plain, apart))
@@ -175,7 +177,7 @@ def _evaluate_samples(
     if not evaluated.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
         return replace(evaluated, points=points, plain=plain, observed=plain, isolation=isolation)
-    plain = wandering(plain, evaluated.plain.wander[place])
+    plain = wandering(trusted(ruleset, plain), evaluated.plain.wander[place])
     compared = against(ruleset, plain, evaluated.baselines, place)
     isolation = isolate(ruleset, compared, looks)
     return replace(evaluated, points=points, plain=plain, observed=compared, isolation=isolation)

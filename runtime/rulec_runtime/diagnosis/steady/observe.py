@@ -39,6 +39,7 @@ class Observed:
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
     extrapolated : shape (signals out of range, n) as table signal -> flags.
+    vague : shape (observers, n), standard uncertainties of flows by parameters alone, m3/s.
     u : shape (observers, n), standard uncertainties of flows less offsets, m3/s, once covariances
         of all points would be too large: `scatter` and `covariance` are empty then.
     """
@@ -55,6 +56,7 @@ class Observed:
     residuals: Array = field(metadata=SECOND)
     residual_u: Array = field(metadata=SECOND)
     residual_systematic: Array = field(metadata=SECOND)
+    vague: Array = field(metadata=SECOND)
     extrapolated: Mapping[str, np.ndarray]
     u: Array | None = field(default=None, metadata=SECOND)
 
@@ -141,7 +143,7 @@ def with_errors(
     slopes : per name of `slope_names` an array, shape (n,): derivatives by readings, m3/s per SI,
         and by other errors times their standard uncertainty, m3/s.
     """
-    scatter, noise, lasting, shared, late = _errors_of(ruleset, points, slopes, flows.shape)
+    scatter, noise, lasting, shared, late, vague = _errors_of(ruleset, points, slopes, flows.shape)
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
@@ -158,6 +160,7 @@ def with_errors(
         residuals=signed(ruleset, flows),
         residual_u=spreads(ruleset, covariance),
         residual_systematic=spreads(ruleset, covariance - scatter),
+        vague=vague,
         extrapolated={},
     )
 
@@ -167,19 +170,32 @@ Gradients = dict[str, dict[int, Array]]
 (n,)."""
 
 
+def trusted(ruleset: Ruleset, observed: Observed) -> Observed:
+    """Estimates, usable only where their parameters are known well enough to judge by them."""
+    known = observed.vague <= limits.TOO_VAGUE * _usual(ruleset, observed)
+    return replace(observed, valid=observed.valid & known)
+
+
+def _usual(ruleset: Ruleset, observed: Observed) -> Array:
+    """Flows, or those at the reference point where they are larger, m3/s, shape (observers, n)."""
+    reference = np.array([[abs(o.reference)] for o in ruleset.observers])
+    return np.asarray(np.maximum(np.nan_to_num(np.abs(observed.flows)), reference))
+
+
 def _errors_of(
     ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], shape: tuple[int, int]
-) -> tuple[Array, Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Covariances, shape (n, observers, observers), of the noise of readings, of everything new at
     every point and of what lasts over a recording, gradients by the latter, shape (observers,
-    errors, n), and standard uncertainties by lags alone, of the `shape` (observers, n)."""
+    errors, n), and standard uncertainties by lags and by parameters alone, of the `shape`
+    (observers, n)."""
     row = ruleset.observer_index
     scatter: Gradients = {}
     misfits: Gradients = {}
     lasting: Gradients = {}
-    late = np.zeros(shape)
+    late, vague = np.zeros((2, *shape))
     # A reading beyond all limits has no slope; its estimate is unusable.
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         for name in slopes:
             _, observer, error = name.split(":", 2)
             if error in ruleset.misfits:
@@ -187,6 +203,8 @@ def _errors_of(
                 lasting.setdefault(error, {})
                 continue
             systematic: Array | float = 1.0
+            if error not in points.values:
+                vague[row[observer]] += slopes[name] ** 2
             if error in points.u:
                 systematic = points.systematic[error]
                 own = slopes[name] * points.statistical(error)
@@ -198,7 +216,8 @@ def _errors_of(
             lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
         read = _covariance(scatter, shape)
         new = read + _covariance(misfits, shape)
-        return read, new, _covariance(lasting, shape), _stacked(lasting, shape), np.sqrt(late)
+        spread = np.sqrt(late), np.sqrt(vague)
+        return read, new, _covariance(lasting, shape), _stacked(lasting, shape), *spread
 
 
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
@@ -291,6 +310,11 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
             return f"{name} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
     if spec.guards and not np.isfinite(observed.flows[observer, point]):
         return f"{spec.id}: {spec.guards[0].text} is not positive"
+    if (
+        observed.vague[observer, point]
+        > limits.TOO_VAGUE * _usual(ruleset, observed)[observer, point]
+    ):
+        return f"{spec.id}: its parameters are not known well enough; calibrate the plant"
     if observed.flows[observer, point] > 0:
         return f"{spec.id}: readings change too fast"
     return f"{spec.id} gives no positive flow"
