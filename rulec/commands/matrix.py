@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.padding import Padding
-from rich.table import Table
+from rich.table import Table as Grid
 from rich.text import Text
 from rulec_runtime import limits
 from rulec_runtime.commands.destinations import (
@@ -26,13 +26,12 @@ from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.document import Head, document, section
-from rulec_runtime.report.matrix_html import ANY_ERROR, Named, marked, matrix_of
-from rulec_runtime.report.page_origin import Made, made_now
-from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.document import Head, document
+from rulec_runtime.report.matrix_html import ANY_ERROR, KINDS, Named, marked, matrix_of
+from rulec_runtime.report.page_origin import made_now
+from rulec_runtime.report.parts import Content, Part, Table, Words
 from rulec_runtime.report.subject import Subject
-from rulec_runtime.report.tables import framed
-from rulec_runtime.report.text import counted, listed, safe
+from rulec_runtime.report.text import counted, listed
 
 from rulec.limits import MOST_RULES
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
@@ -177,27 +176,16 @@ def _of_stores(ruleset: Ruleset, plant: Path) -> Mapping[str, Any] | None:
     return found or None
 
 
-def _show_stores(out: Console, stores: Mapping[str, Any]) -> None:
-    table = Table(pad_edge=False, box=None, padding=(0, 1))
-    table.add_column("fault", no_wrap=True)
-    for reading in stores["readings"]:
-        table.add_column(reading, justify="center")
-    marks = {1: styled("[green]+[/]"), -1: styled("[red]-[/]"), 0: styled("[dim]·[/]")}
-    for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
-        table.add_row(fault, *(marks[s] for s in signs))
-    out.print(table)
-    legend = "+ the reading is higher than the balances predict, - lower, · as they do"
-    out.print(styled("[dim]{}[/]", legend))
-    for group in stores["alike"]:
-        out.print(f"  {', '.join(group)}: act alike on all readings")
-
-
 def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> None:
     """Draw the matrix: sign and smallest detectable degree of each cell."""
     what = "reading" if ruleset.dynamics is not None else "residual"
     out.print(styled("\n[bold]{}[/]: how each fault moves each {}\n", ruleset.title, what))
     if stores:
-        _show_stores(out, stores)
+        readings = [f":{name}" for name in stores["readings"]]
+        out.print(Table(("fault", *readings), list(_signs_of(stores))).shown())
+        out.print(styled("[dim]{}[/]", STORES_LEGEND))
+        for group in stores["alike"]:
+            out.print(f"  {', '.join(group)}: act alike on all readings")
     if ruleset.dynamics is not None and not ruleset.residuals:
         return
     residuals = [r.id for r in ruleset.residuals]
@@ -219,8 +207,8 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
         out.print(styled("[yellow]![/] {}: no residual sees it", name))
 
 
-def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
-    table = Table(show_lines=False, pad_edge=False, box=None, padding=(0, 1))
+def _table(ruleset: Ruleset, residuals: list[str]) -> Grid:
+    table = Grid(pad_edge=False, box=None, padding=(0, 1))
     table.add_column("fault", no_wrap=True)
     for residual in residuals:
         module, name = residual.split(".", 1)
@@ -246,18 +234,12 @@ def _signed(rises: bool, degree: str) -> Text:
     return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, degree)
 
 
-_KINDS = {
-    "coincide": ("Cannot be told apart", "same proportions in all residuals", ", "),
-    "nested": ("Hard to tell apart", "one signature is part of the other", " in "),
-    "close": ("Alike at small degrees", "the difference hides in the noise", ", "),
-}
-
-
 def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
-    for kind, (title, why, between) in _KINDS.items():
+    for kind, (_, title, why) in KINDS.items():
         groups = [g for g in ruleset.ambiguous if g.kind == kind]
+        between = " in " if kind == "nested" else ", "
         if groups:
-            out.print(styled("\n[bold]{}[/] ({})", title, why))
+            out.print(styled("\n[bold]{}[/] ({})", title.capitalize(), why))
         for group in groups:
             out.print(Padding(f"{between.join(group.faults)}: {group.advice}", (0, 0, 0, 2)))
     costs = {(s.module, s.signal): s.cost for g in ruleset.ambiguous for s in g.sensors}
@@ -266,34 +248,50 @@ def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
         out.print(styled("\n[bold]Sensors that would help[/], with their relative cost: {}", each))
 
 
-SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
+STORES_LEGEND = "+ the reading is higher than the balances predict, - lower, · as they do"
+SIGNS = {1: "+", -1: "-", 0: "·"}
 
 
-def matrix_page(
-    ruleset: Ruleset, made: Made | None = None, stores: Mapping[str, Any] | None = None
-) -> str:
+def _signs_of(stores: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Each fault with the signs by which it changes readings."""
+    for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
+        yield fault, *map(SIGNS.__getitem__, signs)
+
+
+def matrix_page(ruleset: Ruleset, made: str = "", stores: Mapping[str, Any] | None = None) -> str:
     """The page as HTML; the same ruleset gives the same text. For a plant that stores, `stores` is
     JSON data on how faults change the readings that balances predict."""
-    sections = []
+    parts = []
     if stores is not None:
-        sections.append(section("What each fault does to readings", _signs_of(stores)))
+        parts.append(Part("What each fault does to readings", _stores(stores)))
     if ruleset.residuals:
         omitted = left_out(ruleset)
-        note = f'<p class="key">{safe(omitted)}</p>' if omitted else ""
-        shown = matrix_of(ruleset, Named(), whole=True)
-        sections.append(section("What each fault does", shown + note))
+        note = [Words(omitted, soft=True)] if omitted else []
+        parts.append(Part("What each fault does", [matrix_of(ruleset, Named(), whole=True), *note]))
     if ruleset.unobserved:
-        names = safe(listed(ruleset.unobserved))
-        sections.append(section("What no residual sees", f"<p>{names}</p>"))
+        parts.append(Part("What no residual sees", [Words(listed(ruleset.unobserved))]))
     head = Head(
         kind="Fault-symptom matrix",
         verdict=verdict(ruleset, stores),
         meaning=_meaning(ruleset),
-        facts=tuple(Subject(ruleset=ruleset).facts()),
+        subject=Subject(ruleset=ruleset),
         made=made,
-        sketch=sketch(ruleset, {}),
     )
-    return document(head, "".join(sections))
+    return document(head, parts)
+
+
+def _stores(stores: Mapping[str, Any]) -> list[Content]:
+    """The signs for a page; faults that act alike have the same mark."""
+    marks, rows = dict(zip(ascii_lowercase, stores["alike"], strict=False)), []
+    for fault, *signs in _signs_of(stores):
+        own = " ".join(f"={mark}" for mark, names in marks.items() if fault in names)
+        rows.append((fault, own, *signs))
+    titles = ("fault", "alike", *(f":{name}" for name in stores["readings"]))
+    key = "+ the reading stands higher than the balances predict, − lower, · as they do"
+    return [
+        Words(f"{key}; faults with one mark act alike on all readings", soft=True),
+        Table(titles, rows, "faults and the readings that they change"),
+    ]
 
 
 def left_out(ruleset: Ruleset) -> str:
@@ -301,24 +299,6 @@ def left_out(ruleset: Ruleset) -> str:
     if max(map(len, ruleset.cells_of_fault.values()), default=0) < MOST_RULES:
         return ""
     return f"a fault has the {MOST_RULES} residuals that tell it first; it may move others as well"
-
-
-def _signs_of(stores: Mapping[str, Any]) -> str:
-    """The signs by which faults change readings; faults that act alike have the same mark."""
-    marks = dict(zip(ascii_lowercase, stores["alike"], strict=False))
-    head = "".join(f'<th scope="col">{safe(name)}</th>' for name in stores["readings"])
-    rows = []
-    for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
-        own = " ".join(f'<b class="alike">={m}</b>' for m, names in marks.items() if fault in names)
-        cells = "".join(f"<td>{SIGNS[sign]}</td>" for sign in signs)
-        rows.append(f'<tr><th scope="row">{safe(fault)}</th><td>{own}</td>{cells}</tr>')
-    shown = framed(
-        "faults and the readings that they change",
-        '<table class="matrix"><thead><tr><th scope="col">fault</th><th scope="col">alike</th>'
-        f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>",
-    )
-    key = "+ the reading stands higher than the balances predict, − lower, · as they do"
-    return f'<p class="key">{key}; faults with one mark act alike on all readings</p>{shown}'
 
 
 def verdict(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> str:

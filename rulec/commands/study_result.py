@@ -5,15 +5,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.document import Head, document, facts, section
-from rulec_runtime.report.page_origin import Made, made_now
-from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report import parts as of_study
+from rulec_runtime.report.document import Head, document
+from rulec_runtime.report.page_origin import made_now
+from rulec_runtime.report.parts import Facts, Items, Part, Table, Words
 from rulec_runtime.report.subject import Subject
-from rulec_runtime.report.tables import columns, table
-from rulec_runtime.report.text import safe
 
 from rulec.commands.result import Columns, PageResult, table_of
 from rulec.study.campaign import Settings
@@ -63,22 +61,20 @@ class StudyResult(PageResult):
             "text": list(sentences(counts)),
         }
 
-    def page(self, made: Made | None = None) -> str:
+    def page(self, made: str = "") -> str:
         """The study, one page of HTML; `made` is when and by which tool, by default now."""
-        items = "".join(f"<li>{safe(sentence)}</li>" for sentence in sentences(self.counts))
-        sections = [
-            section("What its diagnosis can do", f"<ul>{items}</ul>"),
-            *self._sections(),
-            section("Where this comes from", facts(self._facts())),
+        parts = [
+            Part("What its diagnosis can do", [Items(list(sentences(self.counts)))]),
+            *self._types(Words(LEGEND, soft=True)),
+            Part("Where this comes from", [Facts(list(self._facts()))]),
         ]
         head = Head(
             kind="Study of a diagnosis",
             verdict=verdict(self.counts),
-            facts=tuple(Subject(ruleset=self.ruleset).facts()),
+            subject=Subject(ruleset=self.ruleset),
             made=made or made_now("rulec"),
-            sketch=sketch(self.ruleset, {}),
         )
-        return document(head, "".join(sections))
+        return document(head, parts)
 
     def tell(self, out: Console) -> None:
         """Print the findings in words, then a table per module type."""
@@ -87,16 +83,7 @@ class StudyResult(PageResult):
             out.print(f"- {sentence}")
         if free := self._free:
             out.print(f"- No equation determines {free}: varied like inputs.")
-        for kind, members, rows in per_type(self.counts, self.types):
-            out.print(styled("\n[bold]{}[/] ({})", kind, members))
-            shown = Table(pad_edge=False, box=None, padding=(0, 1))
-            shown.add_column("fault", no_wrap=True)
-            for title in TITLES:
-                shown.add_column(title, justify="right", no_wrap=True)
-            for cells in rows:
-                for i, cell in enumerate(cells):
-                    shown.add_row("" if i else cell.fault.title, *_figures(cell))
-            out.print(shown)
+        of_study.tell(out, self._types())
         out.print(styled("[dim]{}[/]", LEGEND))
         show_without(out, self.ruleset, without_each(self.ruleset))
 
@@ -106,15 +93,13 @@ class StudyResult(PageResult):
         signals = self.ruleset.signal_by_id
         return ", ".join(name for name in self.points.given if not signals[name].is_input)
 
-    def _sections(self) -> Iterator[str]:
+    def _types(self, *legend: Words) -> Iterator[Part]:
         """A table per module type."""
-        of = columns("fault", *(f".{title}" for title in TITLES))
-        legend = f'<p class="soft">{safe(LEGEND)}</p>'
+        titles = ("fault", *(f".{title}" for title in TITLES))
         for kind, members, rows in per_type(self.counts, self.types):
-            cells = (cell for row in rows for cell in row)
-            shown = ([*map(safe, (cell.fault.title, *_figures(cell)))] for cell in cells)
+            shown = [(cell.fault.title, *_figures(cell)) for row in rows for cell in row]
             name = f"{kind} ({members})"
-            yield section(safe(name), table(name, of, shown) + legend)
+            yield Part(name, [Table(titles, shown, name), *legend])
 
     def _facts(self) -> Iterator[tuple[str, Sequence[str]]]:
         signals, given = self.ruleset.signal_by_id, self.points.given

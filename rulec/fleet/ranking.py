@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from rulec_runtime.fleet.plant_day import UNREAD, Row
 from rulec_runtime.output.plural import plural
-from rulec_runtime.report.document import Head, document, section
-from rulec_runtime.report.tables import Cell, columns, table
-from rulec_runtime.report.text import percent, safe
+from rulec_runtime.report.document import Head, document
+from rulec_runtime.report.parts import Cell, Facts, Part, Table, Words
+from rulec_runtime.report.text import percent
 
 from rulec.fleet.fleet_file import Fleet
 from rulec.fleet.trends import Trend
@@ -112,8 +112,7 @@ def fleet_page(
     fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str], trends: Sequence[Trend] = ()
 ) -> str:
     """The ranking as HTML; the same results give the same text."""
-    shown = table("plants", columns(*TITLES), map(_cells, plants))
-    legend = f'<p class="soft">{LEGEND}</p>'
+    shown = Table(TITLES, list(map(_cells, plants)), "plants")
     about = [
         ("Fleet", f"{fleet.name}: {fleet.title}"),
         ("Days", f"{days[0]} to {days[-1]} ({len(days)})" if days else "none"),
@@ -121,11 +120,11 @@ def fleet_page(
         ("Rulesets", ", ".join(sorted(fleet.rulesets))),
     ]
     found = Head(kind="Fleet", verdict=verdict(plants), facts=about)
-    parts = [section("Plants, the worst first", shown + legend)]
+    parts = [Part("Plants, the worst first", [shown, Words(LEGEND, soft=True)])]
     if trends:
-        rows = "".join(f"<dt>{safe(one.plant)}</dt><dd>{safe(one.text)}</dd>" for one in trends)
-        parts.append(section("What grows over the days", f"<dl>{rows}</dl>"))
-    return document(found, "".join(parts))
+        rows = [(one.plant, [one.text]) for one in trends]
+        parts.append(Part("What grows over the days", [Facts(rows)]))
+    return document(found, parts)
 
 
 def _cells(one: Ranked) -> list[Cell]:
@@ -133,4 +132,4 @@ def _cells(one: Ranked) -> list[Cell]:
     health = NOT_JUDGED if one.health is None else percent(one.health)
     counts = map(str, (one.days, one.bad, one.unread, one.partly))
     shown = (one.plant, one.status, health, *counts, one.worst, one.text)
-    return [Cell(safe(text), "soft" if one.health is None else "") for text in shown]
+    return [Cell(text, "soft" if one.health is None else "") for text in shown]

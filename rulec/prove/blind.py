@@ -12,15 +12,14 @@ from typing import Any
 
 from rich.console import Console
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.document import Head, document, section
-from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.text import counted, number, safe
+from rulec_runtime.report.document import Head, document
+from rulec_runtime.report.parts import Part, Table, Words
+from rulec_runtime.report.text import counted, number
 
 from rulec.commands.mismatch import mismatch
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.json_form import power_form
 from rulec.mismatch.result import Detectability, SelfProof
-from rulec.prove.tables import Table, sections, tell
 
 OFTEN, SOMETIMES = 0.9, 0.1
 """Least shares of the replays for an effect to count as reported, and as reported at times."""
@@ -104,13 +103,13 @@ def table(found: Blind) -> Table:
         instead = ", ".join(f"{title} ({count})" for title, count in list(seen.other.items())[:2])
         told = f"{seen.told_usual} of {found.proof.replays}"
         rows.append((title_of(seen), f"{number(seen.usual, 2)}{unit}", told, least, instead))
-    return Table("", COLUMNS, rows)
+    return Table(COLUMNS, rows, "What would be told")
 
 
 def show(out: Console, found: Blind) -> None:
     """Print the result, then the tables."""
     out.print(styled("[bold]{}[/]", found.headline))
-    tell(out, [table(found)])
+    out.print(table(found).shown())
     count = len(found.unseen)
     if count:
         out.print(styled("\n[bold]{}[/]", NEVER.format(counted(count, "effect"))), end=" ")
@@ -118,12 +117,12 @@ def show(out: Console, found: Blind) -> None:
     out.print(styled("\n[dim]{}[/]", MEANING))
 
 
-def page(found: Blind, made: Made | None = None) -> str:
+def page(found: Blind, made: str = "") -> str:
     """Write the page; the same result gives the same text."""
-    body = sections([table(found)], "What would be told")
+    parts = [table(found).as_part()]
     if found.unseen:
         never = NEVER.format(counted(len(found.unseen), "effect"))
-        body += section(never, f"<p>{safe('; '.join(found.unseen))}.</p>")
+        parts.append(Part(never, [Words(f"{'; '.join(found.unseen)}.")]))
     head = Head(
         kind="Blind test of a recording",
         verdict=found.headline,
@@ -131,4 +130,4 @@ def page(found: Blind, made: Made | None = None) -> str:
         facts=(("Plant", found.plant), ("Recording", found.recording)),
         made=made,
     )
-    return document(head, body)
+    return document(head, parts)

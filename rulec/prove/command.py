@@ -19,7 +19,7 @@ from rulec_runtime.commands.destinations import (
 from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import say_aside, styled
-from rulec_runtime.report.page_origin import Made, made_now
+from rulec_runtime.report.page_origin import made_now
 
 from rulec.engines.call import Engine
 from rulec.engines.engine import chosen
@@ -102,7 +102,7 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     return made("development", seed, options.quick), 0
 
 
-def write_page(options: argparse.Namespace, out: Console, page: Callable[[Made], str]) -> None:
+def write_page(options: argparse.Namespace, out: Console, page: Callable[[str], str]) -> None:
     """Write the page of a run to the file of `--report`, if that is given."""
     if options.report:
         write_to(options.report, page(made_now("rulec")))

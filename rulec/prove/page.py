@@ -5,15 +5,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich.console import Console
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.document import Head, document, facts, section
-from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.text import counted, listed, number
+from rulec_runtime.report.document import Head, document
+from rulec_runtime.report.parts import Facts, Part, Table, Words, tell
+from rulec_runtime.report.text import Html, counted, listed, number
 
 from rulec.prove.limits import WORST_CASES
 from rulec.prove.results import Judged, Run
 from rulec.prove.scores import Row, reliability, table, trust
 from rulec.prove.second_round_table import tables_of_rounds
-from rulec.prove.tables import Table, sections, tell
 
 SYMBOLS = {True: "✓", False: "✗", None: "–"}
 
@@ -30,13 +29,13 @@ def show(out: Console, run: Run) -> None:
     tell(out, tables(run))
 
 
-def page(run: Run, made: Made | None = None) -> str:
+def page(run: Run, made: str = "") -> str:
     """Write the page; the same run gives the same text."""
     rows, judged = table(run.judged), run.judged
     good = all(row.met for row in rows)
     each = f"; {number(sum(j.seconds for j in judged) / len(judged), 2)} s a case" if judged else ""
     clean, failed = sum(j.clean for j in judged), sum(bool(j.error) for j in judged)
-    measured = facts(
+    measured = Facts(
         [
             ("Partition", [f"{run.partition}: {partition_words(run)}"]),
             ("Cases", [f"{len(judged)}, {clean} of them clean; {failed} without an answer"]),
@@ -46,17 +45,17 @@ def page(run: Run, made: Made | None = None) -> str:
             ("Version of the tool", [run.version] if run.version else []),
             ("Time", [f"{number(run.seconds, 3)} s by the clock{each}"]),
             ("Remarks", list(run.notes)),
-        ]
+        ],
+        "facts",
     )
     head = Head(
         kind="Proof on concealed effects",
         verdict=headline(run, rows),
         meaning=partition_words(run),
-        badge=f'<span class="badge is-{"ok" if good else "F"}">{SYMBOLS[good]}</span>',
+        badge=Html(f'<span class="badge is-{"ok" if good else "F"}">{SYMBOLS[good]}</span>'),
         made=made,
     )
-    how = section("How this was measured", f'<div class="facts">{measured}</div>')
-    return document(head, sections(tables(run), "Scores and their goals") + how)
+    return document(head, [*tables(run), Part("How this was measured", [measured])])
 
 
 def headline(run: Run, rows: Sequence[Row]) -> str:
@@ -77,24 +76,26 @@ def partition_words(run: Run) -> str:
     return "The tool was improved on these very cases: they prove nothing yet."
 
 
-def tables(run: Run) -> Iterator[Table]:
+def tables(run: Run) -> Iterator[Part]:
     """Yield the tables of a run: goals, then probabilities, worst cases and a second round, if
     there are any."""
     goals = [
         (r.score, r.goal.text, str(r.count), r.text, r.interval_text, f"{SYMBOLS[r.met]} {r.words}")
         for r in table(run.judged)
     ]
-    yield Table("", ("score", ".goal", ".cases", ".reached", ".95 % interval", ""), goals, REMARK)
+    title = "Scores and their goals"
+    scores = Table(("score", ".goal", ".cases", ".reached", ".95 % interval", ""), goals, title)
+    yield Part("", [scores, Words(REMARK, soft=True)], otherwise=title)
     if bins := reliability(run.judged):
         told = [
             (b.score, str(b.count), b.goal.text, b.text, b.interval_text, trust(b)) for b in bins
         ]
         titles = ("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
-        yield Table("Names by their probability", titles, told)
+        yield Table(titles, told, "Names by their probability").as_part()
     if found := worst(run.judged):
         cases = [(j.case, *_words(j), why, number(j.gain, 3) * (j.gain > 0.0)) for j, why in found]
         of_cases = ("case", "planted", "said", "because", ".strength")
-        yield Table("The worst cases", of_cases, cases)
+        yield Table(of_cases, cases, "The worst cases").as_part()
     if run.further:
         yield from tables_of_rounds(run.judged, run.further)
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 from statistics import fmean
 from typing import Any
 
+from rulec_runtime.report.parts import Part, Table, Words
 from rulec_runtime.report.text import counted, percent
 
 from rulec.prove.judge import is_named, judge
 from rulec.prove.results import ARMS, COVERED, RECIPE, RUN, Further, Judged
 from rulec.prove.scores import by_probability, table
-from rulec.prove.tables import Table
 from rulec.prove.truth.sealed import Answer, Planted
 
 Form = Mapping[str, Any]
@@ -115,7 +115,7 @@ def gained(further: Sequence[Further]) -> Iterator[tuple[str, ...]]:
         yield bin_, str(len(own)), percent(said), percent(realised)
 
 
-def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> Iterator[Table]:
+def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> Iterator[Part]:
     """Yield the outcomes, the scores before and after, and the predicted certainty."""
     outcomes = Counter(f.outcome for f in further)
     reasons = Counter(f.why for f in further if f.why)
@@ -124,14 +124,14 @@ def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> It
     ran = [f for f in further if f.outcome in (RUN, COVERED)]
     if not ran:
         title = f"Round two: none of {counted(len(further), 'case')} was run again."
-        yield Table(title, (".", ""), found)
+        yield Table((".", ""), found, title).as_part()
         return
     before, after = fmean(f.sure_before for f in ran), fmean(f.sure[RECIPE] for f in ran)
     title = (
         f"Round two: {len(ran)} of {counted(len(further), 'case')} were run again. There the true "
         f"one was {percent(before)} sure on average, and is {percent(after)} sure now."
     )
-    yield Table(title, (".", ""), found)
+    yield Table((".", ""), found, title).as_part()
     arms = [arm for arm in ARMS if any(arm in f.after for f in further)]
     columns = [table(judged), *(table(after_of(judged, further, arm)) for arm in arms)]
     rows = []
@@ -146,9 +146,10 @@ def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> It
     rows.append(("sure of the truth", *(percent(fmean(own)) for own in sure)))
     headings = ("score", ".first", *(f".{arm}" for arm in arms))
     note = "; ".join(f"{arm}: {ARMS[arm]}" for arm in arms if any(arm in f.after for f in ran))
-    yield Table("Of all cases", headings, rows, note)
+    yield Part("Of all cases", [Table(headings, rows, "scores"), Words(note, soft=True)])
     title = "How sure of the true explanation: predicted and realised"
-    yield Table(title, (".predicted", ".recipes", ".mean", ".realised"), list(gained(further)))
+    titles = (".predicted", ".recipes", ".mean", ".realised")
+    yield Table(titles, list(gained(further)), title).as_part()
 
 
 def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from rulec_runtime.output.terminal import Terminal
+from rulec_runtime.report.parts import tell
 
 from rulec.engines.call import Engine
 from rulec.prove import second_round
@@ -19,7 +20,6 @@ from rulec.prove.partition import Partition
 from rulec.prove.results import ARMS, Further, Run
 from rulec.prove.second_round import asked_again, dated, judged_again, run_again, samples_of
 from rulec.prove.second_round_table import after_of, further_of, gained, right_set, tables_of_rounds
-from rulec.prove.tables import tell
 from rulec.prove.truth.settled import further_recording
 from rulec.prove.truth.settled.further_recording import displayed, held, longer, repeated
 from rulec.prove.truth.settled.plan import Planned, SettledCase

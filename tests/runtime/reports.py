@@ -16,7 +16,6 @@ from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.page import report
-from rulec_runtime.report.page_origin import Made
 from rulec_runtime.report.series import Curves, curves_of
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.truth import Truth, read_truth
@@ -33,7 +32,7 @@ NO_NUMBER = re.compile(r"[ \"(]-?(?:nan|inf)\b")
 NEEDS_MORE = re.compile(r"https?:|//\w|<script|<img|<link|@import|url\(|\ssrc=|\son\w+=")
 """What would make a page depend on something else."""
 
-MADE = Made("2026-09-22 08:15 UTC", "rulec 1.2.3")
+MADE = "2026-09-22 08:15 UTC by rulec 1.2.3"
 
 CALENDAR = Calendar(1789948760.0, ((0.0, 7200.0),))
 """Time 0 is 2026-09-21 01:59:20 in a zone two hours before UTC."""
@@ -56,7 +55,7 @@ class Judged:
 
 @functools.lru_cache(maxsize=8)
 def page_of(judged: Judged, name: str) -> str:
-    made = Made("2026-09-22 08:15 UTC", "rulec-runtime 1.2.3")
+    made = "2026-09-22 08:15 UTC by rulec-runtime 1.2.3"
     return report(judged.recording, judged.diagnosis, judged.trace, name, judged.truth, made)
 
 

@@ -28,7 +28,8 @@ from rulec.commands.matrix import matrix_page
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.findings import update_sentence
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
-from rulec.mismatch.answer.terminal_and_page import curves_of, rms, tell
+from rulec.mismatch.answer.pictures import curves_of, rms
+from rulec.mismatch.answer.terminal_and_page import tell
 from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.experiment.result import Reading
 from rulec.mismatch.result import (
@@ -157,7 +158,7 @@ DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
 @pytest.mark.parametrize("case", DIAGNOSES)
 def test_a_diagnosis_is_told_as_reviewed(case: str) -> None:
     found = DIAGNOSES[case]()
-    page = f"<main>{html_findings.told(found)}</main>"
+    page = f"<main>{''.join(part.html() for part in html_findings.told(found))}</main>"
     assert_as_reviewed(f"diagnosis {case}", told(explain, found), page, diagnosis_form(found))
 
 

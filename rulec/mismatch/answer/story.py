@@ -1,9 +1,10 @@
 """The answer as a story: its parts in order, alike on the terminal and on the page."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
+from rulec_runtime.report.parts import Content, Facts, Part, Table, Words
 from rulec_runtime.report.text import counted, fixed, listed, number, percent
 
 from rulec.effects.candidate import TIME
@@ -14,6 +15,7 @@ from rulec.mismatch.answer.wording import (
     hysteresis,
     interval,
     is_repaired,
+    letter,
     periods_words,
     region_words,
     rounded,
@@ -51,36 +53,29 @@ Fact = tuple[str, Sequence[str]]
 """A term with its lines."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    """A part of the story: a table, sentences, and facts.
-
-    Titles of columns of numbers begin with a point. Parts that are `first` come before all others.
-    """
-
-    title: str
-    titles: Sequence[str] = ()
-    rows: Sequence[Sequence[str]] = ()
-    texts: Sequence[str] = ()
-    facts: Sequence[Fact] = ()
-    first: bool = False
-
-
 def story(mismatch: Mismatch, brief: bool) -> list[Part]:
-    """All parts that are not empty; in brief the main items, with curves drawn in characters."""
+    """All parts that are not empty, those with a letter first on a page; in brief the main items,
+    with curves drawn in characters."""
+    own = letter(mismatch)
     parts = [*_findings(mismatch, brief)]
     if mismatch.hidden is not None:
-        facts = list(_hidden(mismatch.hidden, brief))
-        parts.append(Part(title="What drives it is not recorded", facts=facts, first=True))
-    parts.append(Part(title="Recordings", facts=list(_recordings(mismatch))))
+        facts = Facts([*_hidden(mismatch.hidden, brief)])
+        parts.append(Part("What drives it is not recorded", [facts], own))
+    parts.append(Part("Recordings", _facts(_recordings(mismatch))))
     if mismatch.fit is not None:
         parts.append(_proof(mismatch, mismatch.fit, brief))
     parts.append(_numbers(mismatch, brief))
-    parts.append(Part(title="Next", texts=[mismatch.next] if mismatch.next else [], first=True))
+    parts.append(Part("Next", [Words(mismatch.next)] if mismatch.next else [], own))
     if mismatch.power is not None:
-        texts = list(power_words(mismatch.power))
-        parts.append(Part(title="What this recording can show", texts=texts))
-    return [part for part in parts if part.rows or part.texts or part.facts]
+        told = [*map(Words, power_words(mismatch.power))]
+        parts.append(Part("What this recording can show", told))
+    return [part for part in parts if part.content]
+
+
+def _facts(facts: Iterable[Fact], style: str = "facts") -> list[Content]:
+    """Terms that have lines, if there are any."""
+    rows = [fact for fact in facts if fact[1]]
+    return [Facts(rows, style)] if rows else []
 
 
 def _some(lines: Sequence[str], brief: bool, noun: str) -> list[str]:
@@ -104,15 +99,16 @@ def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
         facts = [fact for place in here for fact in _place(place, brief)]
         places = [place for place in places if place not in here]
         facts += finding_facts(finding, brief)
-        yield Part(title=f"{finding.text[:1].upper()}{finding.text[1:]}", facts=facts, first=True)
+        title = f"{finding.text[:1].upper()}{finding.text[1:]}"
+        yield Part(title, _facts(facts, ""), letter(mismatch))
     if len(findings) < len(mismatch.findings):
         left = counted(len(mismatch.findings) - MOST, "other finding")
-        yield Part(title="Others", texts=[f"and {left} (--json has all)"])
+        yield Part("Others", [Words(f"and {left} (--json has all)")])
         return
     facts = [fact for place in places[: MOST if brief else None] for fact in _place(place, brief)]
     if brief and len(places) > MOST:
         facts.append(("", [f"and {counted(len(places) - MOST, 'other place')}"]))
-    yield Part(title="Where the mismatch sits", facts=facts, first=True)
+    yield Part("Where the mismatch sits", _facts(facts, ""), letter(mismatch))
 
 
 def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
@@ -199,14 +195,12 @@ def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
     rivals = [_rivals_words(f) for f in mismatch.findings[: MOST if brief else None] if f.rivals]
     refused = f"Not proven: {why}, so rulec adopt will refuse. " if why else ""
     texts = [refused + _heldout_words(fit, repaired), explained_words(mismatch)]
-    return Part(
-        title=f"{'Error' if why else 'Proof: error'} of {fit.signal} ({fit.unit}, rms)"
-        f"{', not yet proven' if why else ''}",
-        titles=("", ".fitted", ".held out"),
-        rows=[(name, number(fitted), number(kept)) for name, fitted, kept in rows],
-        texts=[text for text in texts if text],
-        facts=[*facts, *([("rivals", rivals)] if rivals else [])],
-    )
+    title = f"{'Error' if why else 'Proof: error'} of {fit.signal} ({fit.unit}, rms)"
+    title += ", not yet proven" if why else ""
+    cells = [(name, number(fitted), number(kept)) for name, fitted, kept in rows]
+    errors = Table(("", ".fitted", ".held out"), cells, title, ("",))
+    words = [Words(text) for text in texts if text]
+    return Part(title, [errors, *words, *_facts([*facts, ("rivals", rivals)])])
 
 
 def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
@@ -301,12 +295,9 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
         why = f": {'; '.join(_counts(used, brief, ' '))}" if used else ""
         doubts["rows"] = [rows_used + why]
         doubts["not used"] = _counts([e for e in every if not e.used], brief, ": ")
-    return Part(
-        title="Numbers",
-        titles=("parameter", ".value", ".u", "95 % interval", "unit"),
-        rows=rows,
-        facts=[(t, lines) for t, lines in (*doubts.items(), *_origin(mismatch, brief)) if lines],
-    )
+    titles = ("parameter", ".value", ".u", "95 % interval", "unit")
+    shown = [Table(titles, rows, "Numbers", ("parameter",))] if rows else []
+    return Part("Numbers", [*shown, *_facts((*doubts.items(), *_origin(mismatch, brief)))])
 
 
 def _counts(parts: Sequence[Evidence], brief: bool, between: str) -> list[str]:

@@ -1,23 +1,18 @@
 """An experiment as a recipe: the same table and words on the terminal and on a page."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import zip_longest
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.chart import SYMBOLS, Axis, Panel, axis
-from rulec_runtime.report.document import Head, document, numbered, section
-from rulec_runtime.report.figure import Figure, plot
-from rulec_runtime.report.html_findings import badge
-from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report import parts as of_recipe
+from rulec_runtime.report.chart import SYMBOLS, Axis, Figure, Panel, axis, figures_html
+from rulec_runtime.report.document import Head, badge, document
+from rulec_runtime.report.parts import Content, Drawing, Items, Part, Table
 from rulec_runtime.report.subject import Subject
-from rulec_runtime.report.tables import columns, table
-from rulec_runtime.report.text import fixed, listed, number, percent, safe
+from rulec_runtime.report.text import fixed, listed, number, percent
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.result import Experiment, Reading, alike, duration, in_words
@@ -29,59 +24,44 @@ READINGS = 2
 def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
     """Print the result, the explanations, the steps, and remarks."""
     out.print(styled("\n[bold]{}[/]\n", found.headline))
-    for place, line in enumerate(_standing(found), start=1):
-        out.print(styled("  {}  {}", place, line))
+    standing, steps, remarked = _content(found, ruleset)
+    of_recipe.tell(out, [Part("", [standing])], margin=2)
     if found.steps:
-        titles, rows = _steps(found, ruleset)
-        shown = Table(box=None, pad_edge=False, header_style="dim")
-        for title in titles:
-            justify = "right" if title.startswith(".") else "left"
-            whole = title in ("step", "time", "hold") or title.startswith(".")
-            shown.add_column(title.removeprefix("."), justify=justify, no_wrap=whole)  # type: ignore[arg-type]
-        for row in rows:
-            # One row per line, so that values stay beside their readings where a cell wraps.
-            for lines in zip_longest(*row, fillvalue=""):
-                shown.add_row(*lines)
-        out.print("", shown, "", sep="\n")
-    for line in remarks(found, ruleset):
-        out.print(styled("{}", line))
+        out.print("", steps.shown(), "", sep="\n")
+    out.print(remarked.shown())
 
 
-def experiment_page(found: Experiment, ruleset: Ruleset, made: Made | None = None) -> str:
+def experiment_page(found: Experiment, ruleset: Ruleset, made: str = "") -> str:
     """The page as HTML; the same experiment gives the same text."""
-    sections = [section("What may be true", _items("ol", _standing(found)))]
+    standing, steps, remarked = _content(found, ruleset)
+    parts = [Part("What may be true", [standing])]
     if found.steps:
-        titles, rows = _steps(found, ruleset)
-        cells = (["<br/>".join(map(safe, lines)) for lines in row] for row in rows)
-        sections.append(section("Steps", table("steps", columns(*titles), cells)))
         listed = dict.fromkeys(r.signal for s in found.steps for r in s.readings[:READINGS])
         signals = (ruleset.signal_by_id[name] for name in listed)
         figures = [_picture(found, signal, i) for i, signal in enumerate(signals)]
-        sections.append(section("Pictures", "".join(numbered(figures))))
-    sections.append(section("Remarks", _items("ul", remarks(found, ruleset))))
+        drawn = Part("Pictures", [Drawing(figures_html(figures))])
+        parts += [Part("Steps", [steps]), drawn]
     named = [name.partition(".")[0] for one in found.standing for name in one.names]
     head = Head(
         kind="Experiment",
         verdict=found.headline.removesuffix("."),
         badge=badge("M" if found.steps else "C"),
-        facts=tuple(Subject(ruleset=ruleset).facts()),
+        subject=Subject(ruleset=ruleset),
+        marks=dict.fromkeys(named, "S"),
         made=made,
-        sketch=sketch(ruleset, {name: "S" for name in named if name in ruleset.modules}),
     )
-    return document(head, "".join(sections))
+    return document(head, [*parts, Part("Remarks", [remarked])])
 
 
-def _items(kind: str, lines: Iterable[str]) -> str:
-    return f"<{kind}>{''.join(f'<li>{safe(line)}</li>' for line in lines)}</{kind}>"
+def _content(found: Experiment, ruleset: Ruleset) -> tuple[Content, Content, Content]:
+    """The explanations, the steps, and remarks."""
+    standing = [f"{in_words(one)} ({percent(one.probability)})" for one in found.standing]
+    remarked = Items(list(remarks(found, ruleset)))
+    return Items(standing, numbered=True), _steps(found, ruleset), remarked
 
 
-def _standing(found: Experiment) -> Iterator[str]:
-    return (f"{in_words(one)} ({percent(one.probability)})" for one in found.standing)
-
-
-def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[list[str]]]]:
-    """Titles of columns, with a point before those of numbers, and per step the lines of each
-    cell."""
+def _steps(found: Experiment, ruleset: Ruleset) -> Table:
+    """A row per step; each reading of a step has a line."""
     signals, every = ruleset.signal_by_id, range(len(found.standing))
     slowly = any(step.ramp for step in found.steps)
     titles = ["step", "time" if slowly else "hold", "set", "read"]
@@ -101,7 +81,7 @@ def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[li
         if found.telling:
             cells.append(["" if step.covers else percent(found.certainty[place])])
         rows.append(cells)
-    return titles, rows
+    return Table(titles, rows, "steps", ("set", "read"))
 
 
 def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:
@@ -202,26 +182,27 @@ def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
     spread = 2.0 * np.array([r.spread for r in predicted.values()]) / abs(signal.factor)
     off = values - values[:, :1]
     count, steps, last = len(found.standing), np.array(list(predicted)), len(found.steps)
-    across = Axis(0.5, last + 0.5, tuple(float(place) for place in range(1, last + 1)))
-    panel = Panel(across, axis(float(np.min(off - spread)), float(np.max(off + spread)), 5), 240)
-    bars, marks = [], []
+    title = f"{signal.id} as each explanation predicts it"
+    beside = f"{signal.id} less the prediction of 1 [{signal.unit}]"
+    ticks = tuple(float(place) for place in range(1, last + 1))
+    low, high = off - spread, off + spread
+    down = axis(float(np.min(low)), float(np.max(high)), 5, title=beside)
+    panel = Panel(title, Axis(0.5, last + 0.5, ticks, title="step"), down, 240)
     for own in range(count):
         x = steps + SPREAD / max(count, 3) * (own - (count - 1) / 2.0)
         style, shape = f"s{own % 6}", list(SYMBOLS)[own % len(SYMBOLS)]
-        low, high = (off - spread)[:, own], (off + spread)[:, own]
-        bars.append(panel.bars(x, low, high, style))
-        marks.append(panel.marks(x, off[:, own], shape, style))
-        marks += [
+        panel.bars(x, low[:, own], high[:, own], style)
+        panel.marks(x, off[:, own], shape, style)
+        for a, b in zip(x, high[:, own], strict=True):
             panel.text(float(a), float(b), str(own + 1), "tick x", -6)
-            for a, b in zip(x, high, strict=True)
-        ]
-    title = f"{signal.id} as each explanation predicts it"
-    axis_title = f"{signal.id} less the prediction of 1 [{signal.unit}]"
     return Figure(
         name=f"step{index}",
         title=title,
-        key="numbers: explanations; bars: 95 % bands, with noise and the uncertainty of all values",
-        body=plot(panel.drawn(title, axis_title, bars, marks, True), True, "step"),
+        key=[
+            "numbers: explanations",
+            "bars: 95 % bands, with noise and the uncertainty of all values",
+        ],
+        panels=[panel],
         caption=f"The readings of {signal.id} show which explanation is true. A band has all that "
         "an explanation leaves open; much of that is the same in all steps, so these show more "
         "together than one by one.",

@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.document import Head, document, numbered
-from rulec_runtime.report.figure import Figure
-from rulec_runtime.report.page_origin import Made
-from rulec_runtime.report.text import counted, number, percent, safe
+from rulec_runtime.report import parts as of_page
+from rulec_runtime.report.chart import Figure, figures_html
+from rulec_runtime.report.document import Head, document
+from rulec_runtime.report.parts import Drawing, Part, Table, Words
+from rulec_runtime.report.text import counted, number, percent
 
-from rulec.mismatch.answer.terminal_and_page import ReadingCourses, over_time
+from rulec.mismatch.answer.pictures import ReadingCourses, over_time
 from rulec.mismatch.result import Curves
-from rulec.prove import tables
 from rulec.prove.real.rig_folder import FalseAlarm
 from rulec.prove.real.run_tool import MODELS
 from rulec.prove.real.score import Alarm, Scored, Total, alarms, totals
-from rulec.prove.tables import Table, sections
 
 SCORES = (".place", ".name", ".class", ".p", ".size", ".false", ".sure", ".utility")
 ERRORS = ("rig", "reading", *(f".{model}" for model in MODELS), ".noise", ".grey box")
@@ -66,21 +65,24 @@ def tell(out: Console, result: Result) -> None:
     """Print the tables."""
     out.print(styled("[bold]{}[/]", result.headline))
     out.print(styled("[dim]{}[/]\n", NOTE))
-    tables.tell(out, parts(result))
+    of_page.tell(out, parts(result))
 
 
-def page(result: Result, made: Made | None) -> str:
+def page(result: Result, made: str = "") -> str:
     """Write the same as one HTML file, with the origin of the rigs and pictures."""
     rigs = [
         (r.name, r.title, r.licence, r.source, r.truth.source if r.truth else "nothing is known")
         for r in (s.rig for s in result.scored)
     ]
     of = ("rig", "what", "licence", "source", "how the answer is known")
-    body = [f'<p class="key">{safe(NOTE)}</p>']
-    body.append(sections([*parts(result), Table("Rigs", of, rigs)], "Answers"))
-    body += numbered(figure for s in result.scored if (figure := draw(s)) is not None)
-    head = Head(kind="Real recordings", verdict=result.headline, made=made)
-    return document(head, "".join(body))
+    figures = [figure for s in result.scored if (figure := draw(s)) is not None]
+    body = [
+        Part("", [Words(NOTE, soft=True)]),
+        *parts(result),
+        Table(of, rigs, "Rigs").as_part(),
+        Part("", [Drawing(figures_html(figures))]),
+    ]
+    return document(Head(kind="Real recordings", verdict=result.headline, made=made), body)
 
 
 def form(result: Result) -> dict[str, Any]:
@@ -120,21 +122,22 @@ def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str
     return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
 
 
-def parts(result: Result) -> Iterator[Table]:
+def parts(result: Result) -> Iterator[Part]:
     """Yield the tables."""
     told = []
     for s in result.scored:
         words = "; ".join(found.text for found in s.said)
         told.append((s.rig.name, s.error or (f"{s.verdict}: {words}" if words else s.verdict)))
-    yield Table("", ("rig", "told"), told)
-    yield Table("Scores", ("rig", *SCORES), [_answer_row(s) for s in result.scored])
+    yield Part("", [Table(("rig", "told"), told, "Answers")], otherwise="Answers")
+    scores = [_answer_row(s) for s in result.scored]
+    yield Table(("rig", *SCORES), scores, "Scores").as_part()
     errors = [row for s in result.scored for row in _error_rows(s)]
-    yield Table("Errors on unseen rows", ERRORS, errors)
+    yield Table(ERRORS, errors, "Errors on unseen rows").as_part()
     means = []
     for t in result.totals:
         ends = "–" if math.isnan(t.low) else f"{number(t.low, 2)} to {number(t.high, 2)}"
         means.append((t.title, number(t.value, 2), ends, str(t.count)))
-    yield Table("All rigs", ("", ".mean", ".95 % interval", ".rigs"), means)
+    yield Table(("", ".mean", ".95 % interval", ".rigs"), means, "All rigs").as_part()
     if result.alarms:
         of_alarms = ("rig", "wrong", ".told again", "story", "right")
         rows = []
@@ -143,10 +146,10 @@ def parts(result: Result) -> Iterator[Table]:
             rows.append(
                 (known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right)
             )
-        yield Table("False alarms", of_alarms, rows)
+        yield Table(of_alarms, rows, "False alarms").as_part()
     if result.hidden is not None:
         same = [(name, "; ".join(diff) or "the same") for name, diff in result.hidden.items()]
-        yield Table("Under other names", ("rig", ""), same)
+        yield Table(("rig", ""), same, "Under other names").as_part()
 
 
 def _answer_row(s: Scored) -> list[str]:

@@ -6,12 +6,19 @@ paper and on a phone.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import number, safe
+from rulec_runtime.report.thin_curves import (
+    cells_of,
+    is_long,
+    thin_band,
+    thin_flags,
+    thin_series,
+)
 
 WIDTH = 1000
 """Width of the inner picture in its own units."""
@@ -28,6 +35,9 @@ SYMBOLS = {
 
 FEW = 4
 """Most ticks that all keep their labels on a narrow page."""
+
+TALL = 2
+"""Most panels of a figure that are kept on one sheet of paper."""
 
 DECIMALS = 4
 """Most decimals of a label; smaller numbers are written with a power of ten to save room."""
@@ -69,7 +79,7 @@ def _powered(tick: float, step: float) -> str:
     return f"{mantissa}e{int(exponent)}".replace("-", "−")
 
 
-def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
+def axis(low: float, high: float, wanted: int = 6, *, tight: bool = False, title: str = "") -> Axis:
     """An axis over a range with about `wanted` ticks at 1, 2 or 5 times a power of ten.
 
     A `tight` axis ends where the data end; otherwise it leaves some room.
@@ -90,16 +100,38 @@ def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
         first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
         ticks = tuple(float(round(i * step, 12)) for i in range(first, last + 1))
         scales.append(ticks or ((low + high) / 2,))
-    return Axis(low, high, min(scales, key=lambda ticks: abs(len(ticks) - wanted)))
+    return Axis(low, high, min(scales, key=lambda ticks: abs(len(ticks) - wanted)), title=title)
+
+
+CUT = 0.2
+"""Per cent of the values of a long recording that may lie beyond either end of a panel."""
+
+
+def holding(*values: Array, ticks: int = 5, title: str = "") -> Axis:
+    """An axis that holds all known values, of any shape; of a long recording all but the extreme
+    ones, since transients are much larger than faults."""
+    known = np.concatenate([part[np.isfinite(part)] for part in values])
+    if not len(known):
+        return axis(0.0, 1.0, ticks, title=title)
+    cut = CUT if is_long(max(values, key=np.size)) else 0.0
+    low, high = np.percentile(known, [cut, 100 - cut])
+    return axis(float(low), float(high), ticks, title=title)
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A drawing area: two axes and a height in CSS pixels."""
+    """A drawing area: what it shows (for screen readers), two axes and a height in CSS pixels.
 
+    What is drawn is added to it. Curves, bands and bars are stretched to its width, marks and texts
+    are not.
+    """
+
+    name: str
     x: Axis
     y: Axis
     height: int
+    _stretched: list[str] = field(default_factory=list)
+    _fixed: list[str] = field(default_factory=list)
 
     def _x(self, values: Array) -> Array:
         return WIDTH * self.x.share(values)
@@ -108,15 +140,29 @@ class Panel:
         # Values far beyond the panel are clipped, since shorter numbers save bytes.
         return np.clip(self.height * (1 - self.y.share(values)), -self.height, 2 * self.height)
 
-    def curve(self, x: Array, y: Array, style: str) -> str:
+    def curve(self, x: Array, y: Array, style: str) -> None:
         """A curve that breaks at NaN; a single value between breaks becomes a dot."""
         parts = []
         for run in runs_of(np.isfinite(x) & np.isfinite(y)):
             points = _joined(self._x(x[run]), self._y(y[run]))
             parts.append(f"M{points}" if "L" in points else f"M{points}h0")
-        return f'<path class="curve {style}" d="{"".join(parts)}"/>' if parts else ""
+        self._path(f"curve {style}", parts)
 
-    def band(self, x: Array, low: Array, high: Array, style: str) -> str:
+    def course(self, time: Array, values: Array, style: str) -> None:
+        """A curve over time, thinned if it is long; it breaks in pauses too."""
+        self.curve(*thin_series(time, values), style)
+
+    def cloud(self, x: Array, y: Array, style: str) -> None:
+        """Points that lie apart."""
+        chosen = self.apart(x, y)
+        apart = np.stack([y[chosen], np.full(len(chosen), np.nan)], axis=1)
+        self.curve(np.repeat(x[chosen], 2), apart.ravel(), f"dots {style}")
+
+    def apart(self, x: Array, y: Array) -> np.ndarray:
+        """Indices of one point per cell of the panel; the others would lie on top of it."""
+        return cells_of(self.x.share(x), self.height * self.y.share(y))
+
+    def band(self, x: Array, low: Array, high: Array, style: str) -> None:
         """The area between two curves."""
         parts = []
         for run in runs_of(np.isfinite(x) & np.isfinite(low) & np.isfinite(high)):
@@ -126,19 +172,24 @@ class Panel:
             upper, lower = (np.broadcast_to(self._y(v[run]), across.shape) for v in (high, low))
             there = np.append(across, across[::-1]), np.append(upper, lower[::-1])
             parts.append(f"M{_joined(*there)}Z")
-        return f'<path class="band {style}" d="{"".join(parts)}"/>' if parts else ""
+        self._path(f"band {style}", parts)
 
-    def spans(self, x: Array, flags: np.ndarray, style: str, top: float = 1.0) -> str:
+    def course_band(self, time: Array, low: Array, high: Array, style: str) -> None:
+        """A band over time, thinned if it is long."""
+        self.band(*thin_band(time, low, high), style)
+
+    def spans(self, x: Array, flags: np.ndarray, style: str, top: float = 1.0) -> None:
         """Shade where flags are true, from the bottom up to a share of the height.
 
         `x`, shape (n,), increases; a flag extends halfway to its neighbours.
         """
+        x, flags = thin_flags(x, flags)
         edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
         there = np.where(np.repeat(flags, 2), 1.0, np.nan)
         high = self.y.low + top * (self.y.high - self.y.low)
-        return self.band(np.repeat(edges, 2)[1:-1], self.y.low * there, high * there, style)
+        self.band(np.repeat(edges, 2)[1:-1], self.y.low * there, high * there, style)
 
-    def marks(self, x: Array, y: Array, symbol: str, style: str) -> str:
+    def marks(self, x: Array, y: Array, symbol: str, style: str) -> None:
         """Shapes at points; those beyond the panel move to its edge."""
         across = 100 * self.x.share(x)
         down = np.clip(self.height * (1 - self.y.share(y)), 0, self.height)
@@ -149,51 +200,67 @@ class Panel:
             for i, (a, b) in enumerate(zip(across, down, strict=True))
             if np.isfinite(a) and np.isfinite(b)
         )
-        body = "".join(uses)
-        return f'<g class="mark {style}">{body}</g>' if body else ""
+        if body := "".join(uses):
+            self._fixed.append(f'<g class="mark {style}">{body}</g>')
 
-    def bars(self, x: Array, low: Array, high: Array, style: str) -> str:
+    def bars(self, x: Array, low: Array, high: Array, style: str) -> None:
         """Vertical error bars."""
         across, ends = self._x(x), (self._y(low), self._y(high))
         parts = [f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in zip(across, *ends, strict=True)]
-        return f'<path class="curve {style}" d="{"".join(parts)}"/>' if parts else ""
+        self._path(f"curve {style}", parts)
 
-    def text(self, x: float, y: float, words: str, style: str, shift: int = 0) -> str:
+    def text(self, x: float, y: float, words: str, style: str, shift: int = 0) -> None:
         """Words at a point of the panel, shifted down by `shift` pixels."""
         across, down = 100 * float(self.x.share(x)), self.height * (1 - float(self.y.share(y)))
-        return (
+        self._fixed.append(
             f'<text class="{style}" x="{across:.2f}%" y="{down + shift:.1f}">{safe(words)}</text>'
         )
 
-    def beside(self, words: str, more: str, loud: bool) -> str:
+    def beside(self, words: str, more: str, loud: bool) -> None:
         """Words to the right of the panel, at half its height; `more` only on a wide page."""
         style = "note loud" if loud else "note"
         rest = f'<tspan class="more"> {safe(more)}</tspan>' if more else ""
-        return (
+        self._fixed.append(
             f'<text class="{style}" x="100%" dx="8" y="{self.height / 2}">{safe(words)}{rest}'
             "</text>"
         )
 
-    def drawn(
-        self, name: str, title: str, stretched: Sequence[str], fixed: Sequence[str], foot: bool
-    ) -> str:
-        """The panel as SVG.
+    def labels(self, curves: Sequence[tuple[str, Array, str]]) -> None:
+        """Names at the right ends of curves, pushed apart where they would overlap; per curve the
+        name, its values, shape (n,), and its style."""
+        room = 15.0
+        known = [(n, v[np.isfinite(v)], s) for n, v, s in curves if np.isfinite(v).any()]
+        ends = (float(np.clip(self.y.share(v[-1]), 0.0, 1.0)) for _, v, _ in known)
+        heights = [self.height * (1 - end) for end in ends]
+        order = sorted(range(len(known)), key=heights.__getitem__)
+        above, below = 6.0 - room, self.height + room
+        for i in order:
+            above = heights[i] = max(heights[i], above + room)
+        for i in reversed(order):
+            below = heights[i] = min(heights[i], below - room)
+        self._fixed.extend(
+            f'<text class="name {known[i][2]}" x="100%" dx="8" y="{heights[i]:.1f}">'
+            f"{safe(known[i][0])}</text>"
+            for i in order
+        )
 
-        Parameters
-        ----------
-        name : what the picture shows, for screen readers.
-        title : of the vertical axis, with its unit.
-        stretched : curves, bands and bars.
-        fixed : marks and texts.
-        foot : whether the horizontal axis has labels.
-        """
+    def svg(self, foot: bool = True) -> str:
+        """The panel as SVG, in a frame with room for its axes; with a `foot` the horizontal axis
+        has labels and its title, further down if labels have two lines."""
+        below = f'<div class="below">{safe(self.x.title)}</div>' if foot else ""
         return (
-            f'<svg class="panel" height="{self.height}" role="img" aria-label="{safe(name)}">'
+            f'<div class="plot{" deep" * bool(self.x.below)}">'
+            f'<svg class="panel" height="{self.height}" role="img" aria-label="{safe(self.name)}">'
             f'{"".join(self._grid(foot))}<svg class="data" width="100%" height="{self.height}" '
             f'viewBox="0 0 {WIDTH} {self.height}" preserveAspectRatio="none">'
-            f"{''.join(stretched)}</svg>"
-            f'<text class="title" x="0" y="-8">{safe(title)}</text>{"".join(fixed)}</svg>'
+            f"{''.join(self._stretched)}</svg>"
+            f'<text class="title" x="0" y="-8">{safe(self.y.title)}</text>'
+            f"{''.join(self._fixed)}</svg>{below}</div>"
         )
+
+    def _path(self, style: str, parts: Sequence[str]) -> None:
+        if parts:
+            self._stretched.append(f'<path class="{style}" d="{"".join(parts)}"/>')
 
     def _grid(self, foot: bool) -> Iterator[str]:
         for value, label in zip(self.y.ticks, self.y.labels(), strict=True):
@@ -212,26 +279,31 @@ class Panel:
                 yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 30}">{below[i]}</text>'
 
 
-def labels_apart(panel: Panel, ends: Sequence[float | None], words: Sequence[str]) -> str:
-    """Names at the right ends of curves, pushed apart where they would overlap.
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """Panels below each other with a title, the `key` to reading them, and the caption."""
 
-    `ends` are the last values of the curves, None for an empty one; a label takes the style of its
-    curve.
-    """
-    room = 15.0
-    placed = {
-        i: panel.height * (1 - float(panel.y.share(v))) for i, v in enumerate(ends) if v is not None
-    }
-    order = sorted(placed, key=placed.__getitem__)
-    above, below = 6.0 - room, panel.height + room
-    for i in order:
-        above = placed[i] = max(placed[i], above + room)
-    for i in reversed(order):
-        below = placed[i] = min(placed[i], below - room)
-    return "".join(
-        f'<text class="name s{i % 6}" x="100%" dx="8" y="{placed[i]:.1f}">{safe(words[i])}</text>'
-        for i in order
-    )
+    name: str
+    title: str
+    key: Sequence[str] = ()
+    panels: Sequence[Panel]
+    caption: str
+    narrow: bool = False
+
+
+def figures_html(figures: Sequence[Figure]) -> str:
+    """Figures as HTML, with their numbers."""
+    parts = []
+    for i, figure in enumerate(figures, 1):
+        panels = figure.panels
+        style = " ".join(["narrow"] * figure.narrow + ["tall"] * (len(panels) > TALL))
+        key = f'<p class="key">{safe("; ".join(figure.key))}</p>' if figure.key else ""
+        parts.append(
+            f'<figure id="{figure.name}" class="{style}"><h3>{safe(figure.title)}</h3>{key}'
+            f"{''.join(panel.svg(panel is panels[-1]) for panel in panels)}<figcaption>"
+            f"<b>Figure {i}.</b> {safe(figure.caption)}</figcaption></figure>\n"
+        )
+    return "".join(parts)
 
 
 def _joined(x: Array, y: Array) -> str:

@@ -2,39 +2,31 @@
 
 import numpy as np
 
-from rulec_runtime.report.chart import Panel, axis
-from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.chart import Figure, Panel, axis
 from rulec_runtime.report.text import counted, number, percent
 from rulec_runtime.report.truth import Cases
-
-POINTS = 120
-"""Cells of the scatter plot in each direction; one mark per cell."""
 
 
 def draw_cases(cases: Cases) -> Figure:
     """Diagnosed against true degree; a perfect diagnosis lies on the diagonal."""
     top = max(float(cases.true.max()), float(cases.upper.max()), 0.1)
-    scale = axis(0.0, top, 6)
-    panel = Panel(scale, scale, 340)
-    ends = np.array([0.0, scale.high])
-    drawn = [panel.curve(ends, ends, "truth")]
-    marks = []
+    across, down = (axis(0.0, top, title=f"{of} degree [1]") for of in ("true", "diagnosed"))
+    panel = Panel("diagnosed against true degree", across, down, 340)
+    ends = np.array([0.0, down.high])
+    panel.curve(ends, ends, "truth")
     for named, symbol, style in ((True, "disc", "s0"), (False, "cross", "fired")):
         index = np.flatnonzero(cases.named == named)
-        # One case per cell of the plot: the others would lie on top of it.
-        cells = np.stack([cases.true[index], cases.degree[index]]) * (POINTS / scale.high)
-        index = index[np.sort(np.unique(np.floor(cells), axis=1, return_index=True)[1])]
-        true, degree = cases.true[index], cases.degree[index]
+        index = index[panel.apart(cases.true[index], cases.degree[index])]
+        true = cases.true[index]
         if named:
-            drawn.append(panel.bars(true, cases.lower[index], cases.upper[index], "s0"))
-        marks.append(panel.marks(true, degree, symbol, style))
-    svg = panel.drawn("diagnosed against true degree", "diagnosed degree [1]", drawn, marks, True)
+            panel.bars(true, cases.lower[index], cases.upper[index], style)
+        panel.marks(true, cases.degree[index], symbol, style)
+    key = ["● rightly named, with 95 % bounds", "× another fault, none or a false alarm"]
     return Figure(
         name="cases",
         title="Diagnosed against true degree",
-        key="● rightly named, with 95 % bounds; × another fault, none or a false alarm; "
-        "dashed: truth",
-        body=plot(svg, True, "true degree [1]"),
+        key=[*key, "dashed: truth"],
+        panels=[panel],
         caption=_named_right(cases),
         narrow=True,
     )

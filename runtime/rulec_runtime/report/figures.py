@@ -8,14 +8,13 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.verdict_per_sample import Trace
-from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
+from rulec_runtime.report.chart import Figure, Panel, axis, holding
 from rulec_runtime.report.compare import draw_cases
-from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, excess
 from rulec_runtime.report.text import counted, listed, number
 from rulec_runtime.report.text import degree as degree_text
-from rulec_runtime.report.thin_curves import COLUMNS, thin_band, thin_marks, thin_series
-from rulec_runtime.report.time_axis import over, time_plot
+from rulec_runtime.report.thin_curves import is_long, thin_marks
+from rulec_runtime.report.time_axis import over
 from rulec_runtime.report.truth import Cases, Truth, names_at
 from rulec_runtime.report.wording import worst_first
 
@@ -45,30 +44,30 @@ def draw_estimates(whole: Curves) -> Figure:
     curves = detail(whole)
     spread = limits.COVERAGE * curves.flows_u
     low, high = curves.flows - spread, curves.flows + spread
-    across = over(curves.time, curves.calendar)
-    panel = Panel(across, _range(curves, low, high), 260)
-    bands, lines, ends = [], [], []
-    for i, flow in enumerate(curves.flows):
-        bands.append(panel.band(*thin_band(curves.time, low[i], high[i]), f"s{i % 6}"))
-        lines.append(panel.curve(*thin_series(curves.time, flow), f"s{i % 6}"))
-        finite = flow[np.isfinite(flow)]
-        ends.append(float(np.clip(finite[-1], panel.y.low, panel.y.high)) if len(finite) else None)
-    names = labels_apart(panel, ends, [side.short for side in curves.sides])
-    module = curves.sides[0].module
-    drawn = [_unjudged(panel, curves.time, curves.judged), *bands, *lines]
-    svg = panel.drawn(f"flow estimates of {module}", "flow [l/h]", drawn, [names], True)
+    module, across = curves.sides[0].module, over(curves.time, curves.calendar)
+    down = holding(*_judged(curves, low, high), title="flow [l/h]")
+    panel = Panel(f"flow estimates of {module}", across, down, 260)
+    _grey(panel, curves.time, curves.judged)
+    named = [
+        (side.short, flow, f"s{i % 6}")
+        for i, (side, flow) in enumerate(zip(curves.sides, curves.flows, strict=True))
+    ]
+    for lower, upper, (_, _, style) in zip(low, high, named, strict=True):
+        panel.course_band(curves.time, lower, upper, style)
+    for _, flow, style in named:
+        panel.course(curves.time, flow, style)
+    panel.labels(named)
     key = ["band: 95 % uncertainty"]
     key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.observers[1:]]
     if len(curves.time) < len(whole.time):
         where = "around the largest finding" if curves.focus else "at the beginning"
         samples = counted(len(curves.time), "sample")
         key.append(f"{samples} {where}, the whole recording is below")
-    key += _grey(curves.time, curves.judged)
     return Figure(
         name="estimates",
         title=f"Flow estimates of {module}",
-        key="; ".join(key),
-        body=time_plot(svg, True, across),
+        key=[*key, *_grey_words(curves.time, curves.judged)],
+        panels=[panel],
         caption=f"Estimates of the flow through {module}, which should agree.",
     )
 
@@ -77,46 +76,38 @@ def draw_residuals(curves: Curves) -> Figure:
     """Residuals over time, one panel each, with the zero band and marks where they fire."""
     beyond = excess(curves)
     drawable = np.flatnonzero(np.isfinite(curves.values).any(axis=1)).tolist()
-    parts = [_residual_panel(curves, i, beyond.get(i, 0.0), i == drawable[-1]) for i in drawable]
     key = ["shaded: within the threshold", "▲ fired upwards, ▼ downwards"]
     key += ["zero: what was taken for fault-free"] if curves.learned else []
-    key += ["only judged samples are drawn"] if _is_long(curves.time) else []
-    key += _grey(curves.time, curves.judged)
+    key += ["only judged samples are drawn"] if is_long(curves.time) else []
     return Figure(
         name="residuals",
         title="Residuals",
-        key="; ".join(key),
-        body="".join(parts),
+        key=[*key, *_grey_words(curves.time, curves.judged)],
+        panels=[_residual_panel(curves, i, beyond.get(i, 0.0)) for i in drawable],
         caption="Differences between estimates of the same flow, beside their thresholds.",
-        tall=True,
     )
 
 
-def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
+def _residual_panel(curves: Curves, row: int, times: float) -> Panel:
     """One residual; `times` is its `excess` where it persists, 0 if it never does."""
-    value, threshold = curves.values[row], curves.thresholds[row]
-    if _is_long(curves.time):
+    value, threshold, name = curves.values[row], curves.thresholds[row], curves.residuals[row].id
+    if is_long(curves.time):
         # Transients are much larger than faults: in a long recording they would hide everything.
         value, threshold = (np.where(curves.judged, part, np.nan) for part in (value, threshold))
-    across = over(curves.time, curves.calendar)
-    shown = _range(curves, np.fmin(value, -threshold), np.fmax(value, threshold), 3)
-    panel = Panel(across, shown, 76)
-    drawn = [
-        _unjudged(panel, curves.time, curves.judged),
-        panel.band(*thin_band(curves.time, -threshold, threshold), "zero"),
-        panel.curve(*thin_series(curves.time, value), "plain"),
-    ]
+    ends = _judged(curves, np.fmin(value, -threshold), np.fmax(value, threshold))
+    down = holding(*ends, ticks=3, title=f"{name} [l/h]")
+    panel = Panel(name, over(curves.time, curves.calendar), down, 76)
+    _grey(panel, curves.time, curves.judged)
+    panel.course_band(curves.time, -threshold, threshold, "zero")
+    panel.course(curves.time, value, "plain")
     fired = curves.fired()[row]
     state = "brief" if fired.any() else "inside"
     state = state if curves.formed()[row] else "not judged"
-    words = (f"{number(times, 2)} ×", "threshold") if times else (state, "")
-    fixed = [panel.beside(*words, bool(times))]
+    panel.beside(*((f"{number(times, 2)} ×", "threshold") if times else (state, "")), bool(times))
     for symbol, chosen in (("up", fired & (value > 0)), ("down", fired & (value < 0))):
         index = thin_marks(curves.time, np.abs(value), chosen, MARKS)
-        fixed.append(panel.marks(curves.time[index], value[index], symbol, "fired"))
-    name = curves.residuals[row].id
-    svg = panel.drawn(name, f"{name} [l/h]", drawn, fixed, last)
-    return time_plot(svg, last, across)
+        panel.marks(curves.time[index], value[index], symbol, "fired")
+    return panel
 
 
 def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure | None:
@@ -132,26 +123,19 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
         names += [name for name in true if name not in names]
     if not names:
         return None
-    parts = [
-        _degree_panel(diagnosis, trace, truth, name, i == len(names) - 1)
-        for i, name in enumerate(names)
-    ]
     key = ["● named as the cause", "band: 95 % bounds"]
     key += ["dashed: truth"] if truth is not None else []
-    key += _grey(trace.time, _with_degree(trace))
     unnamed = f" Truly present but never named: {listed(missed)}." if missed else ""
     return Figure(
         name="degrees",
         title="Degree of the diagnosed faults",
-        key="; ".join(key),
-        body="".join(parts),
+        key=[*key, *_grey_words(trace.time, _with_degree(trace))],
+        panels=[_degree_panel(diagnosis, trace, truth, name) for name in names],
         caption=f"The course of each fault.{unnamed}",
     )
 
 
-def _degree_panel(
-    diagnosis: Diagnosis, trace: Trace, truth: Truth | None, name: str, last: bool
-) -> str:
+def _degree_panel(diagnosis: Diagnosis, trace: Trace, truth: Truth | None, name: str) -> Panel:
     judged = _with_degree(trace)
     degree, low, high = (np.where(judged, values, np.nan) for values in trace.of(name))
     true = np.full(len(degree), np.nan)
@@ -159,23 +143,20 @@ def _degree_panel(
     if truth is not None and name in truth.faults:
         true = truth.degree[truth.faults.index(name)]
     top = float(np.nanmax([np.fmax(high, true)], initial=0.05))
-    across = over(trace.time, diagnosis.calendar)
-    panel = Panel(across, axis(0.0, 1.1 * top, 4), 150)
-    drawn = [
-        _unjudged(panel, trace.time, judged),
-        panel.band(*thin_band(trace.time, low, high), "s0"),
-        panel.curve(*thin_series(trace.time, degree), "s0"),
-        panel.curve(*thin_series(trace.time, true), "truth"),
-    ]
+    down = axis(0.0, 1.1 * top, 4, title=f"{name}, degree [{unit or 1}]")
+    panel = Panel(name, over(trace.time, diagnosis.calendar), down, 150)
+    _grey(panel, trace.time, judged)
+    panel.course_band(trace.time, low, high, "s0")
+    panel.course(trace.time, degree, "s0")
+    panel.course(trace.time, true, "truth")
     here = np.array([name in names for names in names_at(trace)], dtype=bool)
     index = thin_marks(trace.time, degree, here, MARKS)
-    fixed = [panel.marks(trace.time[index], degree[index], "disc", "s0")]
+    panel.marks(trace.time[index], degree[index], "disc", "s0")
     found = [f for f in diagnosis.findings if f.fault.id == name]
     for f in found if len(found) <= LABELLED else ():
         label = degree_text(f.degree, f.fault.unit)
-        fixed.append(panel.text((f.since + f.until) / 2, f.upper, label, "value", -5))
-    svg = panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last)
-    return time_plot(svg, last, across)
+        panel.text((f.since + f.until) / 2, f.upper, label, "value", -5)
+    return panel
 
 
 def _with_degree(trace: Trace) -> np.ndarray:
@@ -184,26 +165,18 @@ def _with_degree(trace: Trace) -> np.ndarray:
     return result
 
 
-def _is_long(time: Array) -> bool:
-    return len(time) > 2 * COLUMNS
-
-
-def _range(curves: Curves, low: Array, high: Array, ticks: int = 5) -> Axis:
-    """Vertical axis over the judged samples; a long recording loses its extreme values."""
+def _judged(curves: Curves, *values: Array) -> Iterator[Array]:
+    """Values, shape (..., n), at the judged samples only, if there are any."""
     chosen = curves.judged if curves.judged.any() else np.ones(len(curves.time), dtype=bool)
-    lows, highs = low[..., chosen], high[..., chosen]
-    lows, highs = lows[np.isfinite(lows)], highs[np.isfinite(highs)]
-    if not len(lows):
-        return axis(0.0, 1.0, ticks)
-    cut = 0.5 if _is_long(curves.time) else 0.0
-    return axis(float(np.percentile(lows, cut)), float(np.percentile(highs, 100 - cut)), ticks)
+    return (part[..., chosen] for part in values)
 
 
-def _unjudged(panel: Panel, time: Array, judged: np.ndarray) -> str:
+def _grey(panel: Panel, time: Array, judged: np.ndarray) -> None:
     """Grey where nothing was judged; not in long recordings, where it would blur."""
-    return "" if _is_long(time) or len(time) < 2 else panel.spans(time, ~judged, "unjudged")
+    if not is_long(time) and len(time) > 1:
+        panel.spans(time, ~judged, "unjudged")
 
 
-def _grey(time: Array, judged: np.ndarray) -> list[str]:
-    drawn = not _is_long(time) and not judged.all()
+def _grey_words(time: Array, judged: np.ndarray) -> list[str]:
+    drawn = not is_long(time) and not judged.all()
     return ["grey: not settled, or not judged"] if drawn else []

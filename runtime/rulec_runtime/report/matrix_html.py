@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import AmbiguousGroup, Cell, FaultSpec, ResidualSpec, Ruleset
-from rulec_runtime.report.tables import framed
+from rulec_runtime.report.parts import Drawing, framed
 from rulec_runtime.report.text import safe
 from rulec_runtime.report.wording import STATUS
 
@@ -21,11 +21,11 @@ LARGEST = 600
 """Most cells shown; a larger matrix is cut to rows and columns that concern the findings."""
 
 KINDS = {
-    "coincide": ("=", "cannot be told apart: same proportions in all residuals"),
-    "nested": ("⊂", "hard to tell apart: one signature is part of the other"),
-    "close": ("≈", "alike at small degrees: the difference hides in the noise"),
+    "coincide": ("=", "cannot be told apart", "same proportions in all residuals"),
+    "nested": ("⊂", "hard to tell apart", "one signature is part of the other"),
+    "close": ("≈", "alike at small degrees", "the difference hides in the noise"),
 }
-"""Sign and meaning of each kind of group of faults that are alike."""
+"""Sign, meaning and reason of each kind of group of faults that are alike."""
 
 ANY_ERROR = "any error of this reading, whether its module lists it or not"
 """Meaning of the row of a reading."""
@@ -43,14 +43,14 @@ Groups = Sequence[tuple[str, AmbiguousGroup]]
 """Groups of faults that are alike, each with its mark."""
 
 
-def matrix(diagnosis: Diagnosis) -> str:
+def matrix(diagnosis: Diagnosis) -> Drawing:
     """The matrix with the findings of a diagnosis."""
     found = frozenset(f.fault.id for f in diagnosis.findings)
     possible = frozenset(name for f in diagnosis.findings for name, _ in f.alternatives)
     return matrix_of(diagnosis.ruleset, Named(found, possible - found))
 
 
-def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
+def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> Drawing:
     """Rows are faults, columns residuals; below each sign is the smallest detectable degree.
 
     A column marks groups of faults that are alike; they are explained below the matrix.
@@ -88,14 +88,14 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
     far = [pair for pair in groups if pair not in near]
     title = "Other faults that are alike" if near else "Faults that are alike"
     folded = f"<details><summary>{title}</summary>{told_alike(far)}</details>" if far else ""
-    return f'<p class="key">{key}</p>{note}{shown}{told_alike(near)}{folded}'
+    return Drawing(f'<p class="key">{key}</p>{note}{shown}{told_alike(near)}{folded}')
 
 
 def marked(ruleset: Ruleset) -> Groups:
     """Groups of faults that are alike, each with the sign of its kind and a letter."""
     letters = (*ascii_lowercase, *map("".join, product(ascii_lowercase, repeat=2)))
     return [
-        (f"{KINDS.get(group.kind, ('~', ''))[0]}{letter}", group)
+        (f"{KINDS.get(group.kind, ('~', '', ''))[0]}{letter}", group)
         for letter, group in zip(letters, ruleset.ambiguous, strict=False)
     ]
 
@@ -103,7 +103,7 @@ def marked(ruleset: Ruleset) -> Groups:
 def told_alike(groups: Groups) -> str:
     """Groups by kind, with advice on how to tell their faults apart."""
     parts = []
-    for kind, (sign, words) in KINDS.items():
+    for kind, (sign, words, why) in KINDS.items():
         own = [(m, g) for m, g in groups if g.kind == kind]
         if own:
             rows = "".join(
@@ -111,7 +111,7 @@ def told_alike(groups: Groups) -> str:
                 f"<dd>{safe(g.advice)}</dd>"
                 for m, g in own
             )
-            parts.append(f'<h3 class="after">{safe(f"{sign} {words}")}</h3>')
+            parts.append(f'<h3 class="after">{safe(f"{sign} {words}: {why}")}</h3>')
             parts.append(f'<dl class="remarks">{rows}</dl>')
     return "".join(parts)
 

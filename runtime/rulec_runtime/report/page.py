@@ -14,14 +14,15 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.blindness import told_else
-from rulec_runtime.report.document import Head, document, facts, numbered, section
+from rulec_runtime.report.chart import figures_html
+from rulec_runtime.report.document import Head, badge, document
 from rulec_runtime.report.figures import figures_of
-from rulec_runtime.report.html_findings import UNSEEN, badge, evidence, remarks, told
+from rulec_runtime.report.html_findings import UNSEEN, evidence, remarks, told
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 from rulec_runtime.report.matrix_html import matrix
-from rulec_runtime.report.page_origin import Made, made_now
+from rulec_runtime.report.page_origin import made_now
+from rulec_runtime.report.parts import Content, Drawing, Facts, Part, Words
 from rulec_runtime.report.series import curves_of
-from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import counted, percent
 from rulec_runtime.report.truth import Truth, cases_of
@@ -34,7 +35,7 @@ def report(
     trace: Trace,
     name: str,
     truth: Truth | None = None,
-    made: Made | None = None,
+    made: str = "",
 ) -> str:
     """Write a report; the same input gives the same text.
 
@@ -43,46 +44,45 @@ def report(
     trace : of the same recording, ruleset and mode as the diagnosis.
     name : of the recording, for the reader.
     truth : the true faults; without it nothing is compared.
-    made : when and by what; left out if None.
+    made : when and by what; left out if empty.
     """
     cases = cases_of(truth, trace) if truth is not None else None
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
-    sections = [
-        told(diagnosis),
-        section("Why", "".join(evidence(diagnosis)) or _nothing(diagnosis)),
-    ]
-    if figures := "".join(numbered(figures_of(diagnosis, curves, trace, truth, cases))):
-        sections.append(section("Pictures", figures))
-    if diagnosis.ruleset.residuals:
-        sections.append(section("What each fault would do", matrix(diagnosis)))
-    sections.append(section("Where this comes from", _facts(diagnosis, truth)))
+    ruleset, why = diagnosis.ruleset, list[Content](evidence(diagnosis))
+    parts = [*told(diagnosis), Part("Why", why or [Words(_nothing(diagnosis))])]
+    figures = [*figures_of(diagnosis, curves, trace, truth, cases)]
+    if figures:
+        parts.append(Part("Pictures", [Drawing(figures_html(figures))]))
+    if ruleset.residuals:
+        parts.append(Part("What each fault would do", [matrix(diagnosis)]))
+    parts.append(Part("Where this comes from", _facts(diagnosis, truth)))
     head = Head(
         kind="Diagnosis",
         verdict=verdict(diagnosis),
         meaning=meaning(diagnosis),
         badge=badge(diagnosis.status),
-        facts=tuple(Subject.of(diagnosis.ruleset, recording, name).facts()),
+        subject=Subject.of(ruleset, recording, name),
+        marks=marks(diagnosis),
         made=made,
-        sketch=sketch(diagnosis.ruleset, marks(diagnosis)),
     )
-    return document(head, "".join(sections))
+    return document(head, parts)
 
 
 def _nothing(diagnosis: Diagnosis) -> str:
     """Replaces the evidence if there is no finding."""
     if not diagnosis.judged:
-        return "<p>Nothing could be judged; the reasons are above.</p>"
+        return "Nothing could be judged; the reasons are above."
     if diagnosis.unknown:
-        return "<p>The pictures show which estimates disagree; no known fault explains how.</p>"
+        return "The pictures show which estimates disagree; no known fault explains how."
     if diagnosis.ruleset.dynamics is not None:
-        return "<p>All readings are as the balances predict, wherever they could be judged.</p>"
+        return "All readings are as the balances predict, wherever they could be judged."
     return (
-        "<p>All estimates of the same flow agree within their uncertainty wherever the recording "
-        "could be judged.</p>"
+        "All estimates of the same flow agree within their uncertainty wherever the recording "
+        "could be judged."
     )
 
 
-def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
+def _facts(diagnosis: Diagnosis, truth: Truth | None) -> list[Content]:
     ruleset = diagnosis.ruleset
     share = percent(diagnosis.judged / max(diagnosis.samples, 1))
     parts = "windows" if ruleset.dynamics is not None else "settled stretches"
@@ -102,11 +102,11 @@ def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
         ("Pictures", [f"after {paper}"]),
         ("Rules of the findings", list(origins)),
     ]
-    unjudged = ""
-    left = told_else(diagnosis)
-    if left and diagnosis.findings:
-        unjudged = f"<h3>{UNSEEN}</h3>{remarks(left, diagnosis.calendar)}"
-    return f'<div class="facts">{facts(rows)}{unjudged}</div>'
+    left = told_else(diagnosis) if diagnosis.findings else ()
+    found: list[Content] = [Facts(rows, "facts")]
+    if left:
+        found += [Drawing(f"<h3>{UNSEEN}</h3>"), remarks(left, diagnosis.calendar)]
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,6 @@
 """When a page was made, and by which tool."""
 
 import os
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
@@ -9,16 +8,8 @@ EPOCH = "SOURCE_DATE_EPOCH"
 """Environment variable with the seconds since 1970 to use as now, for reproducible bytes."""
 
 
-@dataclass(frozen=True)
-class Made:
-    """Date and time with zone; tool with version."""
-
-    when: str
-    tool: str
-
-
-def made_now(distribution: str) -> Made:
-    """The present moment, and an installed distribution."""
+def made_now(distribution: str) -> str:
+    """The present moment with its zone, and an installed distribution with its version."""
     given = os.environ.get(EPOCH, "")
     if given.isascii() and given.isdigit() and len(given) <= 11:
         now = datetime.fromtimestamp(int(given), UTC)
@@ -30,4 +21,4 @@ def made_now(distribution: str) -> Made:
         tool = distribution
     zone = f"{now:%z}"
     shown = f"UTC{zone[:3]}:{zone[3:5]}" if zone.strip("+-0") else "UTC"
-    return Made(f"{now:%Y-%m-%d %H:%M} {shown}", tool)
+    return f"{now:%Y-%m-%d %H:%M} {shown} by {tool}"

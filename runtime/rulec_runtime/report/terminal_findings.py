@@ -1,13 +1,9 @@
 """Print a diagnosis on the terminal: findings first, then the evidence, then numbers."""
 
-from typing import Literal
-
-from rich.console import Console
-from rich.table import Table
+from rich.console import Console, RenderableType
 from rich.tree import Tree
 
 from rulec_runtime.contract.degree import degree_in_figures
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.output.plural import plural
@@ -15,36 +11,31 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.plant_calendar import course
 from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
 from rulec_runtime.report.growth import grown, sparkline
+from rulec_runtime.report.parts import Table
 from rulec_runtime.report.text import percent
 from rulec_runtime.report.wording import (
+    COLOURS,
     LISTED,
     SHOWN,
     STATUS,
     actions,
     advice,
-    agreement,
     causes,
     conditions,
     context,
     estimates,
-    evidence_first,
     flow_unit,
     headline,
     kept_of,
     readings_of,
     remarks_of,
+    residual_rows,
     rounded,
     rows_of,
     status_in_words,
-    told_residual,
     why_first,
     worst_first,
 )
-
-COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
-"""Colour of each letter of NE 107; symbol and letter carry the same meaning."""
-
-_AGREEMENT = {"agrees": "green", "contradicts": "red", "weaker": "yellow"}
 
 
 def explain(out: Console, diagnosis: Diagnosis) -> None:
@@ -98,16 +89,12 @@ def _more(out: Console, count: int, what: str) -> None:
         out.print(styled("[dim]and {} (--json has all)[/]", plural(count, what, f"{what}s")))
 
 
-def _summary(diagnosis: Diagnosis) -> Table:
-    table = Table(box=None, padding=(0, 1), pad_edge=False)
-    for title in ("", "fault", "degree", "95 % bounds", "when", "probability"):
-        justify: Literal["left", "right"] = "right" if title == "probability" else "left"
-        # On a narrow terminal periods wrap; names and numbers stay whole.
-        table.add_column(title, justify=justify, no_wrap=title != "when", overflow="fold")
+def _summary(diagnosis: Diagnosis) -> RenderableType:
+    rows = []
     for row in sorted(rows_of(diagnosis.findings, diagnosis.calendar), key=lambda r: -r.times):
         symbol, colour = STATUS[row.fault.status][0], COLOURS[row.fault.status]
         low, high = row.degrees
-        table.add_row(
+        cells = (
             styled("[{}]{} {}[/]", colour, symbol, row.fault.status),
             styled("[bold]{}[/]", row.fault.id),
             degree_in_figures(row.fault, low, None if row.alike else high),
@@ -115,7 +102,10 @@ def _summary(diagnosis: Diagnosis) -> Table:
             row.when,
             percent(row.probability),
         )
-    return table
+        rows.append(cells)
+    titles = ("", "fault", "degree", "95 % bounds", "when", ".probability")
+    # On a narrow terminal periods wrap; names and numbers stay whole.
+    return Table(titles, rows, broken=("when",)).shown()
 
 
 def _titled(letter: str, name: str, text: str) -> Tree:
@@ -151,7 +141,9 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
         because = "these readings are not what the balances predict"
         rows = f"typical readings there: {readings_of(ruleset, finding)}"
     why = tree.add(f"because {because}")
-    why.add(_residual_table(ruleset, finding))
+    titles = ("residual", ".value", ".threshold", "fired", "expected", "")
+    # On a narrow terminal only the words in the last column wrap.
+    why.add(Table(titles, residual_rows(ruleset, finding), broken=("",)).shown())
     flows = why.add(rows)
     for e in estimates(ruleset, finding):
         value, half = rounded(unit.factor * e.flow, unit.factor * e.half)
@@ -168,25 +160,6 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
         often = f"{finding.fault.frequency}: {finding.fault.frequency_origin}"
         rules.add(styled("[dim]{}[/]", often))
     return tree
-
-
-def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
-    table = Table(box=None, padding=(0, 1), pad_edge=False)
-    for title in ("residual", "value", "threshold", "fired", "expected", ""):
-        justify = "right" if title in ("value", "threshold") else "left"
-        # On a narrow terminal only the words in the last column wrap.
-        table.add_column(title, justify=justify, no_wrap=bool(title))  # type: ignore[arg-type]
-    flow = flow_unit(ruleset)
-    for e in evidence_first(finding)[:LISTED]:
-        kind, words = agreement(ruleset, finding, e)
-        table.add_row(
-            e.residual,
-            *told_residual(ruleset, e, flow, "-"),
-            e.verdict,
-            e.expected,
-            styled("[{}]{}[/]", _AGREEMENT.get(kind, "dim"), words),
-        )
-    return table
 
 
 def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:

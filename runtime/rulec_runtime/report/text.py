@@ -11,12 +11,18 @@ _UNSHOWN = ("Cc", "Cf", "Cs", "Co", "Cn")
 """Unicode categories that a page cannot show, or that would reverse its text."""
 
 
-def safe(text: str) -> str:
-    """Text for HTML and XML: escaped, and without characters that they cannot hold.
+class Html(str):
+    """Text that is HTML already."""
 
-    >>> safe('<b>"A & B"')
-    '&lt;b&gt;&quot;A &amp; B&quot;'
+
+def safe(text: str) -> str:
+    """Text for HTML and XML: escaped, and without characters that they cannot hold; `Html` as is.
+
+    >>> safe('<b>"A & B"'), safe(Html("<b>A</b>"))
+    ('&lt;b&gt;&quot;A &amp; B&quot;', '<b>A</b>')
     """
+    if isinstance(text, Html):
+        return text
     joined = re.sub(r"[ \t\r\n]+", " ", text)
     shown = ("�" if unicodedata.category(c) in _UNSHOWN else c for c in joined)
     return html.escape("".join(shown))

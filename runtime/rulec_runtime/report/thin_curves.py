@@ -14,6 +14,25 @@ COLUMNS = 600
 """Columns of a picture; a series keeps at most two points per column."""
 
 
+CELLS, CELL = 160, 2.5
+"""Cells across a scatter plot, and their height in pixels; one point per cell."""
+
+
+def is_long(time: Array) -> bool:
+    """Whether a series, shape (n,), has more samples than a picture can show."""
+    return len(time.T) > 2 * COLUMNS
+
+
+def cells_of(across: Array, down: Array) -> NDArray[np.intp]:
+    """The first point in each cell of a panel, shape (cells,); positions, shape (n,), are shares of
+    its width and pixels."""
+    known = np.flatnonzero(np.isfinite(across) & np.isfinite(down))
+    cells = np.floor(np.stack([across[known] * CELLS, down[known] / CELL]))
+    first = np.unique(cells, axis=1, return_index=True)[1]
+    result: NDArray[np.intp] = known[np.sort(first)]
+    return result
+
+
 def extremes(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
     """Centres of columns of equal width over a time, shape (n,), increasing; per column the
     smallest value of `low` and the largest of `high`, NaN for an empty one."""
@@ -30,7 +49,7 @@ def extremes(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]
 
 def thin_series(time: Array, values: Array) -> tuple[Array, Array]:
     """Time and values of a series, at most two points per column; NaN where it breaks."""
-    if len(time) <= 2 * COLUMNS:
+    if not is_long(time):
         return with_pauses(time, values)
     centre, low, high = extremes(time, values, values)
     odd = np.arange(COLUMNS) % 2 == 1
@@ -41,10 +60,18 @@ def thin_series(time: Array, values: Array) -> tuple[Array, Array]:
 
 def thin_band(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
     """Time, lower and upper edge of a band, at most one point per column."""
-    if len(time) <= 2 * COLUMNS:
+    if not is_long(time):
         spread, upper = with_pauses(time, high)
         return spread, with_pauses(time, low)[1], upper
     return extremes(time, low, high)
+
+
+def thin_flags(time: Array, flags: np.ndarray) -> tuple[Array, np.ndarray]:
+    """Time and flags; a column of a long series has the flag that any of its samples has."""
+    if not is_long(time):
+        return time, flags
+    centre, _, highest = extremes(time, *[flags.astype(float)] * 2)
+    return centre, highest > 0
 
 
 def with_pauses(time: Array, values: Array) -> tuple[Array, Array]:

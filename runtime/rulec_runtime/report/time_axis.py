@@ -8,7 +8,6 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.plant_calendar import DAY, HOUR, MINUTE, Calendar
 from rulec_runtime.report.chart import Axis, axis
-from rulec_runtime.report.figure import plot
 
 WANTED, WANTED_DATES = 9, 6
 """Ticks of an axis; a date takes more room than a number."""
@@ -49,11 +48,6 @@ def time_axis(low: float, high: float, calendar: Calendar | None) -> Axis:
 def over(time: Array, calendar: Calendar | None) -> Axis:
     """An axis over times, s, shape (n,), in any order."""
     return time_axis(float(np.min(time)), float(np.max(time)), calendar)
-
-
-def time_plot(svg: str, foot: bool, across: Axis) -> str:
-    """A panel over time with room for its axes."""
-    return plot(svg, foot, across.title, bool(across.below))
 
 
 def _dated(bare: Axis, calendar: Calendar, step: float) -> Axis:

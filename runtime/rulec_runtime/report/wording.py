@@ -28,6 +28,9 @@ STATUS = {
 }
 """Letter of NE 107 to symbol and meaning; each symbol has its own shape."""
 
+COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
+"""Colour of each letter of NE 107; symbol and letter carry the same meaning."""
+
 
 def status_in_words(symbol: str, letter: str, meaning: str) -> str:
     """An overall status, as ``◆ M maintenance required`` or ``✓ OK, no fault found``."""
@@ -74,13 +77,11 @@ def flow_unit(ruleset: Ruleset) -> FlowUnit:
     return M3_PER_H if large else L_PER_H
 
 
-def told_residual(
-    ruleset: Ruleset, evidence: Evidence, flow: FlowUnit, none: str = "–"
-) -> tuple[str, str]:
-    """Value and threshold of a residual, `none` if it is not available: in `flow` for a residual of
+def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> tuple[str, str]:
+    """Value and threshold of a residual, a dash if it is not available: in `flow` for a residual of
     flows, in the reading's unit for that of a reading."""
     if evidence.verdict == "invalid":
-        return none, none
+        return "-", "-"
     signal = ruleset.signal_by_id.get(evidence.residual)
     if signal is None:
         value, threshold = flow.factor * evidence.value, flow.factor * evidence.threshold
@@ -239,31 +240,43 @@ def titled(fault: FaultSpec) -> str:
     return f"{fault.title.lower()} in {fault.module}"
 
 
-def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[str, str]:
-    """Whether a residual supports a finding.
+def residual_rows(ruleset: Ruleset, finding: Finding) -> list[tuple[str, ...]]:
+    """Of the first residuals of a finding: name, value, threshold, what fired, what was expected,
+    and how far that supports the finding."""
+    unit = flow_unit(ruleset)
+    return [
+        (
+            e.residual,
+            *told_residual(ruleset, e, unit),
+            e.verdict,
+            e.expected,
+            agreement(ruleset, finding, e),
+        )
+        for e in evidence_first(finding)[:LISTED]
+    ]
 
-    Returns a kind (``agrees``, ``contradicts``, ``weaker``, ``hidden``, ``shared``, ``absent``) and
-    words.
-    """
+
+def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> str:
+    """Whether a residual supports a finding, in words."""
     if evidence.verdict == "invalid":
-        return "absent", "not available"
+        return "not available"
     if evidence.verdict == evidence.expected:
-        return "agrees", "✓ as predicted"
+        return "✓ as predicted"
     for other in finding.together:
         if any(c.residual == evidence.residual for c in ruleset.cells_of_fault[other]):
-            return "shared", f"moved by {other} too"
+            return f"moved by {other} too"
     cells = {c.residual: c for c in ruleset.cells_of_fault[finding.fault.id]}
     cell = cells.get(evidence.residual)
     if evidence.verdict == "0" and cell is not None and cell.detectable > finding.degree:
-        return "hidden", f"visible above {cell.detectable:.2g}"
+        return f"visible above {cell.detectable:.2g}"
     if evidence.verdict == "0":
-        return "weaker", "~ weaker than expected"
+        return "~ weaker than expected"
     # What a fault does to two estimates need not be quite the same.
     touched, fault = {*finding.fault.affects}, finding.fault
     terms = next(r.terms for r in ruleset.residuals if r.id == evidence.residual)
     if cell is None and fault.tolerance and all(t.observer in touched for t in terms):
-        return "weaker", "~ within tolerance"
-    return "contradicts", "✗ not as predicted"
+        return "~ within tolerance"
+    return "✗ not as predicted"
 
 
 @dataclass(frozen=True)

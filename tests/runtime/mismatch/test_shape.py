@@ -19,8 +19,8 @@ from rulec.language import expression
 from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer.pictures import pictures_of
 from rulec.mismatch.answer.shapes import answer_of
-from rulec.mismatch.answer.terminal_and_page import pictures_of
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit

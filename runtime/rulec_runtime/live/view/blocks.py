@@ -25,8 +25,8 @@ from rulec_runtime.live.view.words import (
     unseen,
 )
 from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.terminal_findings import COLOURS, explanation
-from rulec_runtime.report.wording import SHOWN, STATUS, status_in_words
+from rulec_runtime.report.terminal_findings import explanation
+from rulec_runtime.report.wording import COLOURS, SHOWN, STATUS, status_in_words
 
 BAR_CELLS = 18
 """Length of the bar of a residual, in cells."""

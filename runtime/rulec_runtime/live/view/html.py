@@ -22,9 +22,10 @@ from rulec_runtime.live.view.words import (
     unjudged,
     unseen,
 )
-from rulec_runtime.report.document import STYLE
-from rulec_runtime.report.html_findings import REMARKS, badge, finding_card, ground_of
-from rulec_runtime.report.text import counted, safe
+from rulec_runtime.report.document import STYLE, badge
+from rulec_runtime.report.html_findings import REMARKS, card, degree_of, ground_of
+from rulec_runtime.report.parts import Drawing, Part
+from rulec_runtime.report.text import Html, counted, safe
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
 PAGE = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
@@ -72,14 +73,14 @@ def main_of(now: Now, seal: str) -> str:
     symbol, letter, meaning = overall(now)
     status = badge(letter) if letter else f'<span class="badge is-none">{symbol}</span>'
     found, meaning = cards(now), meaning[:1].upper() + meaning[1:]
-    findings = "".join(_card(now, card, seal) for card in found if card.episode.kind != "blind")
+    findings = "".join(_card(now, one, seal) for one in found if one.episode.kind != "blind")
     chips = "".join(
         f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{badge(one, True)}</li>'
         for name, title, one in modules(now)
     )
     events = "".join(_event(now, event) for event in now.past[:LATEST_EVENTS])
     past = f'<ol class="events">{events}</ol>' if events else ""
-    blind = _blind(now, [card for card in found if card.episode.kind == "blind"], seal)
+    blind = _blind(now, [one for one in found if one.episode.kind == "blind"], seal)
     return (
         f'<div class="status">{status}<p role="status"><strong>{safe(lead(now))}</strong>'
         f'<span class="soft">{"" if meaning == lead(now) else safe(meaning)}</span></p></div>'
@@ -95,30 +96,28 @@ def key_of(episode: str) -> str:
 
 
 def _section(title: str, body: str) -> str:
-    return f"<section><h2>{title}</h2>{body}</section>" if body else ""
+    return Part(title, [Drawing(body)]).html() if body else ""
 
 
-def _card(now: Now, card: Card, seal: str) -> str:
-    episode = card.episode
-    degree, _, ends = card.size.partition(" (")
-    about = f", {card.meaning}" if card.meaning else ""
-    size = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}' if degree else ""
+def _card(now: Now, found: Card, seal: str) -> str:
+    degree, _, ends = found.size.partition(" (")
+    about = f", {found.meaning}" if found.meaning else ""
+    action = Html(f'<span class="do">{safe(found.action)}</span>' if found.action else "")
     rows = {
-        "What to do": f'<span class="do">{safe(card.action)}</span>' if card.action else "",
-        "Degree": size,
-        "Growth": safe(episode.grows),
-        "Seen": safe(card.since),
-        "Probability": safe(card.probability),
-        "Could also be": safe(card.others),
+        "What to do": action,
+        "Degree": degree_of(degree, f"({ends}{about}") if degree else "",
+        "Growth": found.episode.grows,
+        "Seen": found.since,
+        "Probability": found.probability,
+        "Could also be": found.others,
     }
     why = ""
-    if card.finding is not None and now.diagnosis is not None:
-        why = (
-            f'<details id="why-{key_of(episode.id)}"><summary>Why</summary><div class="evidence">'
-            f"{ground_of(now.diagnosis.ruleset, card.finding)}</div></details>"
-        )
-    told = [(term, text) for term, text in rows.items() if text]
-    return finding_card(episode.status, safe(card.title), told, why + _note(card, seal))
+    if found.finding is not None and now.diagnosis is not None:
+        ground = ground_of(now.diagnosis.ruleset, found.finding).html()
+        key = key_of(found.episode.id)
+        why = f'<details id="why-{key}"><summary>Why</summary>{ground}</details>'
+    below = Drawing(why + _note(found, seal))
+    return card(found.episode.status, found.title, rows.items(), below).html()
 
 
 def _note(card: Card, seal: str) -> str:
@@ -143,7 +142,7 @@ def _residuals(now: Now) -> str:
         body += f'<p class="soft after">and {found.smaller} smaller ones</p>'
     if found.missing:
         body += f'<p class="soft after">Not available: {safe(", ".join(found.missing))}</p>'
-    return _section(safe(found.title), body)
+    return _section(found.title, body)
 
 
 def _residual(bar: Bar) -> str:
