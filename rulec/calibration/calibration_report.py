@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.parts import Table, shown
 
 from rulec.calibration.calibrate import Calibrated
 from rulec.calibration.fit import ModuleFit
@@ -23,7 +23,7 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
     """
     for text in found.sensors:
         out.print(f"note: {text}")
-    out.print(_table(found))
+    out.print(shown(_table(found)))
     for fit in found.fits:
         if untold := found.untold_of(fit):
             unvaried = fit.valid and all(reading.unvaried for reading in fit.valid.values())
@@ -54,9 +54,7 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
 
 def _table(found: Calibrated) -> Table:
     models, plant = found.models, found.models.plant
-    table = Table(box=None, padding=(0, 2), pad_edge=False)
-    for title in ("observer", "misfit (l/h)", "R2", "points", "set aside", "parameters"):
-        table.add_column(title, justify="left" if title in ("observer", "parameters") else "right")
+    rows = []
     for fit in found.fits:
         kind = plant.modules[fit.module].type
         units = {name: p.unit for name, p in kind.parameters.items()}
@@ -65,7 +63,7 @@ def _table(found: Calibrated) -> Table:
         for o in fit.observers:
             expression = models.types[kind.key].observers[o.observer]
             used = [n for n in moved if n in {s.name for s in expression.free_symbols}]
-            table.add_row(
+            cells = (
                 f"{fit.module}.{o.observer}",
                 f"{o.misfit * FLOW_FACTOR:.3g}",
                 f"{o.r2:.4f}",
@@ -76,7 +74,9 @@ def _table(found: Calibrated) -> Table:
                     for n in used
                 ),
             )
-    return table
+            rows.append(cells)
+    titles = ("observer", ".misfit (l/h)", ".R2", ".points", ".set aside", "parameters")
+    return Table(titles, rows)
 
 
 DIGITS = 10

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from rich.console import Console
 from rulec_runtime.commands.destinations import progress_of
 from rulec_runtime.commands.diagnose import show_results
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.from_modules import FIRST_ORDER
 from rulec_runtime.diagnosis.hidden_faults import Blind
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.recordings.module_results import holds_results
-from rulec_runtime.report.page import Judged, judged, judged_results
-from rulec_runtime.report.terminal_findings import explain
-from rulec_runtime.report.truth import read_truth
+from rulec_runtime.report.judged import Judged, judged
 
 from rulec.commands.arguments import (
     Plant,
@@ -31,23 +27,16 @@ from rulec.commands.result import AnyPath, Columns, PageResult
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiagnoseResult(PageResult):
-    """The diagnosis of a recording.
+class DiagnoseResult(Judged, PageResult):
+    """The diagnosis of a recording; `diagnosis` is the whole of it, SI.
 
     Tables: `findings` (a row each; times in s), and `samples` (a row per sample: verdict, and the
     degree of each fault with its bounds).
     """
 
-    judged: Judged
-
     def __repr__(self) -> str:
         faults = ", ".join(f.fault.id for f in self.findings) or "no fault"
-        return f"<DiagnoseResult {self.judged.name}: {self.status}, {faults}>"
-
-    @property
-    def diagnosis(self) -> Diagnosis:
-        """The whole diagnosis; SI."""
-        return self.judged.diagnosis
+        return f"<DiagnoseResult {self.name}: {self.status}, {faults}>"
 
     @property
     def status(self) -> str:
@@ -64,18 +53,6 @@ class DiagnoseResult(PageResult):
         """Faults that could not be detected because readings are missing."""
         return self.diagnosis.blind
 
-    def to_dict(self) -> dict[str, Any]:
-        """The diagnosis as `rulec diagnose --json` writes it; flows in m3/s, times in s."""
-        return self.judged.form()
-
-    def page(self) -> str:
-        """The report, one page of HTML with pictures."""
-        return self.judged.page()
-
-    def tell(self, out: Console) -> None:
-        """Print the whole story."""
-        explain(out, self.diagnosis)
-
     def _findings(self) -> Columns:
         rows = self.to_dict()["findings"]
         names = ("kind", "fault", "module", "status", "degree", "lower", "upper", "probability")
@@ -83,7 +60,7 @@ class DiagnoseResult(PageResult):
         return {name: [row[name] for row in rows] for name in (*names, *more)}
 
     def _samples(self) -> Columns:
-        trace = self.judged.trace
+        trace = self.trace
         columns: dict[str, Any] = {"time [s]": trace.time, "verdict": list(trace.verdict)}
         for j, name in enumerate(trace.faults):
             columns[name] = trace.degree[j]
@@ -130,16 +107,12 @@ def diagnose(
     """
     ruleset = ruleset_of(plant)
     (name,) = names_given([recording])
-    given = None if limits is None else Path(limits)
-    if is_path(recording) and holds_results(name, ruleset):
-        results = judged_results(name, ruleset, mode, truth is not None)
-        if FIRST_ORDER not in results.diagnosis.notes:
-            results = replace(results, diagnosis=with_steps(results.diagnosis, given))
-        return DiagnoseResult(judged=results)
-    read = recording_given([recording], ruleset)
-    true = None if truth is None else read_truth(Path(truth), ruleset, read)
-    found = judged(read, ruleset, name.resolve().name, mode, true)
-    return DiagnoseResult(judged=replace(found, diagnosis=with_steps(found.diagnosis, given)))
+    read = None if is_path(recording) else recording_given([recording], ruleset)
+    found = judged(name, ruleset, mode, None if truth is None else Path(truth), read)
+    diagnosis = found.diagnosis
+    if FIRST_ORDER not in diagnosis.notes:
+        diagnosis = with_steps(diagnosis, None if limits is None else Path(limits))
+    return DiagnoseResult(**{**vars(found), "diagnosis": diagnosis})
 
 
 def with_steps(diagnosis: Diagnosis, limits: Path | None) -> Diagnosis:
@@ -167,4 +140,4 @@ def run(options: argparse.Namespace) -> int:
             limits=options.limits,
             truth=options.truth,
         )
-        return show_results(options, found.judged, progress)
+        return show_results(options, found, progress)

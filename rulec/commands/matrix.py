@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import functools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from string import ascii_lowercase
@@ -12,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.padding import Padding
-from rich.table import Table as Grid
-from rich.text import Text
 from rulec_runtime import limits
 from rulec_runtime.commands.destinations import (
     check_outputs,
@@ -22,14 +19,13 @@ from rulec_runtime.commands.destinations import (
     write_json,
     write_to,
 )
-from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document
-from rulec_runtime.report.matrix_html import ANY_ERROR, KINDS, Named, marked, matrix_of
+from rulec_runtime.report.matrix import ANY_ERROR, KINDS, Named, marked, matrix_of, matrix_table
 from rulec_runtime.report.page_origin import made_now
-from rulec_runtime.report.parts import Content, Part, Table, Words
+from rulec_runtime.report.parts import Content, Part, Table, Words, shown
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import counted, listed
 
@@ -182,17 +178,18 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
     out.print(styled("\n[bold]{}[/]: how each fault moves each {}\n", ruleset.title, what))
     if stores:
         readings = [f":{name}" for name in stores["readings"]]
-        out.print(Table(("fault", *readings), list(_signs_of(stores))).shown())
+        out.print(shown(Table(("fault", *readings), list(_signs_of(stores)))))
         out.print(styled("[dim]{}[/]", STORES_LEGEND))
         for group in stores["alike"]:
             out.print(f"  {', '.join(group)}: act alike on all readings")
     if ruleset.dynamics is not None and not ruleset.residuals:
         return
-    residuals = [r.id for r in ruleset.residuals]
+    residuals = ruleset.residuals
     longest = max(map(len, (*(f.id for f in ruleset.faults), *ruleset.moved_by_reading)), default=0)
     fitting = max(3, (out.width - longest - 2) // NARROW)
     for start in range(0, len(residuals), fitting):
-        out.print(_table(ruleset, residuals[start : start + fitting]))
+        some = residuals[start : start + fitting]
+        out.print(shown(matrix_table(ruleset, ruleset.faults, some, Named())))
     legend = (
         "+ residual rises, - residual falls, · no effect; the number below a sign is "
         "the smallest degree that exceeds the threshold at the reference point"
@@ -205,33 +202,6 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
     _show_ambiguous(out, ruleset)
     for name in ruleset.unobserved:
         out.print(styled("[yellow]![/] {}: no residual sees it", name))
-
-
-def _table(ruleset: Ruleset, residuals: list[str]) -> Grid:
-    table = Grid(pad_edge=False, box=None, padding=(0, 1))
-    table.add_column("fault", no_wrap=True)
-    for residual in residuals:
-        module, name = residual.split(".", 1)
-        table.add_column(f"{module}\n" + name.replace("-", "-\n"), justify="center")
-    none = styled("[dim]·[/]")  # most of a large matrix
-    for fault in ruleset.faults:
-        cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id] if c.residual in residuals}
-        marks = {
-            name: _signed(cell.sign > 0, smallest_degree(fault, cell.detectable))
-            for name, cell in cells.items()
-        }
-        table.add_row(fault.id, *(marks.get(r, none) for r in residuals))
-    off = styled("[yellow]±[/]")
-    for signal, moved in ruleset.moved_by_reading.items():
-        table.add_row(signal, *(off if r in moved else none for r in residuals))
-    return table
-
-
-@functools.cache
-def _signed(rises: bool, degree: str) -> Text:
-    """A mark; cached, as few differ in a large matrix and styling takes long."""
-    colour, sign = ("green", "+") if rises else ("red", "-")
-    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, degree)
 
 
 def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
@@ -267,7 +237,8 @@ def matrix_page(ruleset: Ruleset, made: str = "", stores: Mapping[str, Any] | No
     if ruleset.residuals:
         omitted = left_out(ruleset)
         note = [Words(omitted, soft=True)] if omitted else []
-        parts.append(Part("What each fault does", [matrix_of(ruleset, Named(), whole=True), *note]))
+        shown = matrix_of(ruleset, Named(), whole=True)
+        parts.append(Part("What each fault does", [*shown, *note]))
     if ruleset.unobserved:
         parts.append(Part("What no residual sees", [Words(listed(ruleset.unobserved))]))
     head = Head(

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
@@ -21,6 +19,7 @@ from rulec_runtime.recordings.header import assign
 from rulec_runtime.recordings.plant_calendar import duration
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.recording_file import files_of, form_of
+from rulec_runtime.report.parts import Table, shown
 
 from rulec.limits import FAR_READING
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
@@ -191,7 +190,7 @@ def tell(out: Console, name: str, facts: Facts) -> None:
     """Print the columns, what can run, how much is settled, and what a mismatch could find."""
     rows = plural(facts["rows"], "row", "rows")
     out.print(styled("{}: {} over {}", name, rows, duration(facts["seconds"])))
-    out.print(_columns(facts["readings"]))
+    out.print(shown(_columns(facts["readings"])))
     # If a column is missing, the reader of the recording already names the strangers.
     if facts["strangers"] and all(one["title"] or not one["used"] for one in facts["readings"]):
         out.print(styled("columns that belong to no signal: {}", _some(facts["strangers"])))
@@ -228,22 +227,19 @@ def tell(out: Console, name: str, facts: Facts) -> None:
 
 
 def _columns(readings: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for title in ("", "signal", "column", "lowest", "median", "highest", ""):
-        number = title in ("lowest", "median", "highest")
-        table.add_column(title, justify="right" if number else "left")
+    rows = []
     for one in readings:
         title, odd, used = one["title"], one["odd"], one["used"]
         if not title and not used:
             continue  # nothing reads it
         remark = "; ".join(odd) or one["unit"] + ("" if used else ", read by no equation")
-        mark = "[yellow]![/]" if odd else "[green]✓[/]"
+        mark = styled("[yellow]![/]") if odd else "✓"
         if not title:
-            mark, remark = "[red]-[/]", "not in the recording"
+            mark, remark = styled("[red]-[/]"), "not in the recording"
         ends = (one[key] for key in ("low", "middle", "high"))
-        shown = ("" if end is None else f"{end:.4g}" for end in ends)
-        table.add_row(styled(mark), *map(Text, (one["signal"], title or "-", *shown, remark)))
-    return table
+        numbers = ("" if end is None else f"{end:.4g}" for end in ends)
+        rows.append((mark, one["signal"], title or "-", *numbers, remark))
+    return Table(("", "signal", "column", ".lowest", ".median", ".highest", ""), rows)
 
 
 def _some(names: Sequence[str]) -> str:

@@ -162,16 +162,9 @@ def _value(numbered: list[str], i: int) -> str:
 
 
 _LINES: Mapping[str, Callable[[Compilation], Iterator[str]]] = {
-    "sources": _sources,
-    "plant": _plant,
-    "network": _network,
-    "residuals": _residuals,
-    "types": _types,
-    "assembly": _assembly,
-    "signatures": _signatures,
-    "rules": _rules,
-    "isolability": _isolability,
-    "simulation": _simulation,
-    "balanced": _balanced,
-    "ruleset": _ruleset,
+    lines.__name__.removeprefix("_"): lines
+    for lines in (
+        *(_sources, _plant, _network, _residuals, _types, _assembly, _signatures, _rules),
+        *(_isolability, _simulation, _balanced, _ruleset),
+    )
 }

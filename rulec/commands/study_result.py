@@ -99,7 +99,7 @@ class StudyResult(PageResult):
         for kind, members, rows in per_type(self.counts, self.types):
             shown = [(cell.fault.title, *_figures(cell)) for row in rows for cell in row]
             name = f"{kind} ({members})"
-            yield Part(name, [Table(titles, shown, name), *legend])
+            yield Part(name, [Table(titles, shown), *legend])
 
     def _facts(self) -> Iterator[tuple[str, Sequence[str]]]:
         signals, given = self.ruleset.signal_by_id, self.points.given

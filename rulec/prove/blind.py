@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document
-from rulec_runtime.report.parts import Part, Table, Words
+from rulec_runtime.report.parts import Part, Table, Words, shown
 from rulec_runtime.report.text import counted, number
 
 from rulec.commands.mismatch import mismatch
@@ -103,13 +103,13 @@ def table(found: Blind) -> Table:
         instead = ", ".join(f"{title} ({count})" for title, count in list(seen.other.items())[:2])
         told = f"{seen.told_usual} of {found.proof.replays}"
         rows.append((title_of(seen), f"{number(seen.usual, 2)}{unit}", told, least, instead))
-    return Table(COLUMNS, rows, "What would be told")
+    return Table(COLUMNS, rows)
 
 
 def show(out: Console, found: Blind) -> None:
     """Print the result, then the tables."""
     out.print(styled("[bold]{}[/]", found.headline))
-    out.print(table(found).shown())
+    out.print(shown(table(found)))
     count = len(found.unseen)
     if count:
         out.print(styled("\n[bold]{}[/]", NEVER.format(counted(count, "effect"))), end=" ")
@@ -119,7 +119,7 @@ def show(out: Console, found: Blind) -> None:
 
 def page(found: Blind, made: str = "") -> str:
     """Write the page; the same result gives the same text."""
-    parts = [table(found).as_part()]
+    parts = [Part("What would be told", [table(found)])]
     if found.unseen:
         never = NEVER.format(counted(len(found.unseen), "effect"))
         parts.append(Part(never, [Words(f"{'; '.join(found.unseen)}.")]))

@@ -83,19 +83,18 @@ def tables(run: Run) -> Iterator[Part]:
         (r.score, r.goal.text, str(r.count), r.text, r.interval_text, f"{SYMBOLS[r.met]} {r.words}")
         for r in table(run.judged)
     ]
-    title = "Scores and their goals"
-    scores = Table(("score", ".goal", ".cases", ".reached", ".95 % interval", ""), goals, title)
-    yield Part("", [scores, Words(REMARK, soft=True)], otherwise=title)
+    scores = Table(("score", ".goal", ".cases", ".reached", ".95 % interval", ""), goals)
+    yield Part("Scores and their goals", [scores, Words(REMARK, soft=True)])
     if bins := reliability(run.judged):
         told = [
             (b.score, str(b.count), b.goal.text, b.text, b.interval_text, trust(b)) for b in bins
         ]
         titles = ("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
-        yield Table(titles, told, "Names by their probability").as_part()
+        yield Part("Names by their probability", [Table(titles, told)])
     if found := worst(run.judged):
         cases = [(j.case, *_words(j), why, number(j.gain, 3) * (j.gain > 0.0)) for j, why in found]
         of_cases = ("case", "planted", "said", "because", ".strength")
-        yield Table(of_cases, cases, "The worst cases").as_part()
+        yield Part("The worst cases", [Table(of_cases, cases)])
     if run.further:
         yield from tables_of_rounds(run.judged, run.further)
 

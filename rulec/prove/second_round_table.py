@@ -124,14 +124,14 @@ def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> It
     ran = [f for f in further if f.outcome in (RUN, COVERED)]
     if not ran:
         title = f"Round two: none of {counted(len(further), 'case')} was run again."
-        yield Table((".", ""), found, title).as_part()
+        yield Part(title, [Table((".", ""), found)])
         return
     before, after = fmean(f.sure_before for f in ran), fmean(f.sure[RECIPE] for f in ran)
     title = (
         f"Round two: {len(ran)} of {counted(len(further), 'case')} were run again. There the true "
         f"one was {percent(before)} sure on average, and is {percent(after)} sure now."
     )
-    yield Table((".", ""), found, title).as_part()
+    yield Part(title, [Table((".", ""), found)])
     arms = [arm for arm in ARMS if any(arm in f.after for f in further)]
     columns = [table(judged), *(table(after_of(judged, further, arm)) for arm in arms)]
     rows = []
@@ -146,10 +146,10 @@ def tables_of_rounds(judged: Sequence[Judged], further: Sequence[Further]) -> It
     rows.append(("sure of the truth", *(percent(fmean(own)) for own in sure)))
     headings = ("score", ".first", *(f".{arm}" for arm in arms))
     note = "; ".join(f"{arm}: {ARMS[arm]}" for arm in arms if any(arm in f.after for f in ran))
-    yield Part("Of all cases", [Table(headings, rows, "scores"), Words(note, soft=True)])
+    yield Part("Of all cases", [Table(headings, rows), Words(note, soft=True)])
     title = "How sure of the true explanation: predicted and realised"
     titles = (".predicted", ".recipes", ".mean", ".realised")
-    yield Table(titles, list(gained(further)), title).as_part()
+    yield Part(title, [Table(titles, list(gained(further)))])
 
 
 def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.parts import Table, shown
 
 from rulec.limits import SEPARATED
 from rulec.separation.allowed import Allowed
@@ -18,6 +18,8 @@ from rulec.separation.distance import FaultMeasure
 from rulec.separation.limits import STEP_DEGREES
 from rulec.separation.propose import Proposal, costs_in_words, propose, set_points
 from rulec.simulation.equations import equations_of
+
+STEP = "step from the reference point"
 
 
 def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -> None:
@@ -34,12 +36,9 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
         return
     every = "all" if split == len(close) else split
     out.print(f"{text}, and one change of set points separates {every} of the other {len(close)}")
-    table = Table(box=None, padding=(0, 1), pad_edge=False)
     degrees = " / ".join(f"{d:g}" for d in STEP_DEGREES)
-    for title in ("faults", f"sigma now\nat degree\n{degrees}", f"then\nat degree\n{degrees}"):
-        table.add_column(title, no_wrap=True)
-    table.add_column("step from the reference point")
-    reference = {s.id: s.shown(s.reference) for s in ruleset.signals}
+    titles = ("faults", f"sigma now\nat degree\n{degrees}", f"then\nat degree\n{degrees}", STEP)
+    reference, rows = {s.id: s.shown(s.reference) for s in ruleset.signals}, []
     for pair in close:
         now, then = pair.proposal.here, pair.proposal.apart if pair.proposal.changes else ()
         sigma = (" / ".join(f"{v:.1f}" for v in part) or "–" for part in (now, then))
@@ -47,8 +46,8 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
         if pair.proposal.changes:
             step = set_points(ruleset, reference, pair.proposal) + costs_in_words(pair.proposal)
             step += "" if pair.is_split else "; not enough at every degree"
-        table.add_row(", ".join(pair.faults), *sigma, step)
-    out.print(table)
+        rows.append((", ".join(pair.faults), *sigma, step))
+    out.print(shown(Table(titles, rows, broken=(STEP,))))
 
 
 def separated_form(ruleset: Ruleset, pairs: Sequence[Separated]) -> list[dict[str, Any]]:

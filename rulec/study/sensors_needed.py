@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.detectable_faults import Sighted, visible_of
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.blindness import named
+from rulec_runtime.report.parts import Table, shown
 from rulec_runtime.report.text import listed
 
 from rulec.limits import SAME_DIRECTION
@@ -70,12 +70,10 @@ def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:
 
 def show_without(out: Console, ruleset: Ruleset, without: Without) -> None:
     """Print a table with a row per sensor."""
-    table = Table(pad_edge=False, box=None, padding=(0, 1))
-    for title in ("without", "cannot be seen", "cannot be told apart"):
-        table.add_column(title, no_wrap=title == "without")
+    rows, broken = [], ("cannot be seen", "cannot be told apart")
     for signal, lost in without.items():
         unseen = listed(list(named(ruleset, lost["unseen"])))
         merged = "; ".join(listed(group) for group in lost["merged"])
-        table.add_row(signal, unseen or "-", merged or "-")
+        rows.append((signal, unseen or "-", merged or "-"))
     out.print(styled("\n[bold]What each sensor is needed for[/], at the reference point"))
-    out.print(table)
+    out.print(shown(Table(("without", *broken), rows, broken=broken)))

@@ -19,6 +19,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.report import html_findings
 from rulec_runtime.report.json_form import diagnosis_form
+from rulec_runtime.report.parts import part_html
 from rulec_runtime.report.series import detail
 from rulec_runtime.report.terminal_findings import explain
 
@@ -158,7 +159,7 @@ DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
 @pytest.mark.parametrize("case", DIAGNOSES)
 def test_a_diagnosis_is_told_as_reviewed(case: str) -> None:
     found = DIAGNOSES[case]()
-    page = f"<main>{''.join(part.html() for part in html_findings.told(found))}</main>"
+    page = f"<main>{''.join(map(part_html, html_findings.told(found)))}</main>"
     assert_as_reviewed(f"diagnosis {case}", told(explain, found), page, diagnosis_form(found))
 
 

@@ -12,6 +12,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import (
     VERDICTS,
     degree_words,
+    drawn,
     hysteresis,
     interval,
     is_repaired,
@@ -21,7 +22,6 @@ from rulec.mismatch.answer.wording import (
     rounded,
     share,
     suffix,
-    text_plot,
     titled,
 )
 from rulec.mismatch.result import (
@@ -55,7 +55,7 @@ Fact = tuple[str, Sequence[str]]
 
 def story(mismatch: Mismatch, brief: bool) -> list[Part]:
     """All parts that are not empty, those with a letter first on a page; in brief the main items,
-    with curves drawn in characters."""
+    with curves as a line of characters."""
     own = letter(mismatch)
     parts = [*_findings(mismatch, brief)]
     if mismatch.hidden is not None:
@@ -147,10 +147,10 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
     shape = location.shape
     if shape is None:
         return
+    rows = []
     # A course in time has a drawing of its own.
-    units = (shape.driver_unit, shape.unit)
-    drawn = brief and shape.driver != TIME
-    rows = text_plot(shape.at, shape.value, shape.u, units) if drawn else []
+    if brief and shape.driver != TIME and np.isfinite(shape.value).all():
+        rows.append(drawn(shape.at, shape.value, (shape.driver_unit, shape.unit)))
     yield "shape", [f"over {shape.driver} {shape.text}", *rows]
     yield "hysteresis", [hysteresis(shape)]
     for beaten in shape.beaten[:MOST]:
@@ -165,8 +165,7 @@ def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
     known = np.isfinite(hidden.course)
     rows: list[str] = []
     if brief and known.any():
-        course = hidden.course[known]
-        rows = text_plot(hidden.time[known], course, 0.0 * course, ("s", hidden.unit))
+        rows.append(drawn(hidden.time[known], hidden.course[known], ("s", hidden.unit)))
     yield "course", [hidden.text, *rows]
     if hidden.candidates:
         yield "could be", [listed(hidden.candidates)]
@@ -198,7 +197,7 @@ def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
     title = f"{'Error' if why else 'Proof: error'} of {fit.signal} ({fit.unit}, rms)"
     title += ", not yet proven" if why else ""
     cells = [(name, number(fitted), number(kept)) for name, fitted, kept in rows]
-    errors = Table(("", ".fitted", ".held out"), cells, title, ("",))
+    errors = Table(("", ".fitted", ".held out"), cells, broken=("",))
     words = [Words(text) for text in texts if text]
     return Part(title, [errors, *words, *_facts([*facts, ("rivals", rivals)])])
 
@@ -296,7 +295,7 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
         doubts["rows"] = [rows_used + why]
         doubts["not used"] = _counts([e for e in every if not e.used], brief, ": ")
     titles = ("parameter", ".value", ".u", "95 % interval", "unit")
-    shown = [Table(titles, rows, "Numbers", ("parameter",))] if rows else []
+    shown = [Table(titles, rows, broken=("parameter",))] if rows else []
     return Part("Numbers", [*shown, *_facts((*doubts.items(), *_origin(mismatch, brief)))])
 
 

@@ -7,7 +7,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.report import parts as of_story
 from rulec_runtime.report.chart import figures_html
 from rulec_runtime.report.document import Head, badge, document
-from rulec_runtime.report.parts import Drawing, Part
+from rulec_runtime.report.parts import Part
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.wording import COLOURS, STATUS
 
@@ -38,7 +38,7 @@ def report(mismatch: Mismatch, subject: Subject, made: str = "") -> str:
     every = story(mismatch, brief=False)
     parts = [part for part in every if part.letter]
     if figures := pictures_of(mismatch, subject.calendar):
-        parts.append(Part("Pictures", [Drawing(figures_html(figures))]))
+        parts.append(Part("Pictures", [figures_html(figures)]))
     parts += [part for part in every if not part.letter]
     first, more = verdict(mismatch)
     found = [name for f in mismatch.findings for name in (f.module, *f.members)]

@@ -10,7 +10,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.report import parts as of_recipe
 from rulec_runtime.report.chart import SYMBOLS, Axis, Figure, Panel, axis, figures_html
 from rulec_runtime.report.document import Head, badge, document
-from rulec_runtime.report.parts import Content, Drawing, Items, Part, Table
+from rulec_runtime.report.parts import Items, Part, Table, shown
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import fixed, listed, number, percent
 
@@ -27,8 +27,8 @@ def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
     standing, steps, remarked = _content(found, ruleset)
     of_recipe.tell(out, [Part("", [standing])], margin=2)
     if found.steps:
-        out.print("", steps.shown(), "", sep="\n")
-    out.print(remarked.shown())
+        out.print("", shown(steps), "", sep="\n")
+    out.print(shown(remarked))
 
 
 def experiment_page(found: Experiment, ruleset: Ruleset, made: str = "") -> str:
@@ -39,8 +39,7 @@ def experiment_page(found: Experiment, ruleset: Ruleset, made: str = "") -> str:
         listed = dict.fromkeys(r.signal for s in found.steps for r in s.readings[:READINGS])
         signals = (ruleset.signal_by_id[name] for name in listed)
         figures = [_picture(found, signal, i) for i, signal in enumerate(signals)]
-        drawn = Part("Pictures", [Drawing(figures_html(figures))])
-        parts += [Part("Steps", [steps]), drawn]
+        parts += [Part("Steps", [steps]), Part("Pictures", [figures_html(figures)])]
     named = [name.partition(".")[0] for one in found.standing for name in one.names]
     head = Head(
         kind="Experiment",
@@ -53,7 +52,7 @@ def experiment_page(found: Experiment, ruleset: Ruleset, made: str = "") -> str:
     return document(head, [*parts, Part("Remarks", [remarked])])
 
 
-def _content(found: Experiment, ruleset: Ruleset) -> tuple[Content, Content, Content]:
+def _content(found: Experiment, ruleset: Ruleset) -> tuple[Items, Table, Items]:
     """The explanations, the steps, and remarks."""
     standing = [f"{in_words(one)} ({percent(one.probability)})" for one in found.standing]
     remarked = Items(list(remarks(found, ruleset)))
@@ -81,7 +80,7 @@ def _steps(found: Experiment, ruleset: Ruleset) -> Table:
         if found.telling:
             cells.append(["" if step.covers else percent(found.certainty[place])])
         rows.append(cells)
-    return Table(titles, rows, "steps", ("set", "read"))
+    return Table(titles, rows, broken=("set", "read"))
 
 
 def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:

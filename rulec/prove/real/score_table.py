@@ -12,7 +12,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.report import parts as of_page
 from rulec_runtime.report.chart import Figure, figures_html
 from rulec_runtime.report.document import Head, document
-from rulec_runtime.report.parts import Drawing, Part, Table, Words
+from rulec_runtime.report.parts import Part, Table, Words
 from rulec_runtime.report.text import counted, number, percent
 
 from rulec.mismatch.answer.pictures import ReadingCourses, over_time
@@ -79,8 +79,8 @@ def page(result: Result, made: str = "") -> str:
     body = [
         Part("", [Words(NOTE, soft=True)]),
         *parts(result),
-        Table(of, rigs, "Rigs").as_part(),
-        Part("", [Drawing(figures_html(figures))]),
+        Part("Rigs", [Table(of, rigs)]),
+        Part("", [figures_html(figures)]),
     ]
     return document(Head(kind="Real recordings", verdict=result.headline, made=made), body)
 
@@ -128,16 +128,15 @@ def parts(result: Result) -> Iterator[Part]:
     for s in result.scored:
         words = "; ".join(found.text for found in s.said)
         told.append((s.rig.name, s.error or (f"{s.verdict}: {words}" if words else s.verdict)))
-    yield Part("", [Table(("rig", "told"), told, "Answers")], otherwise="Answers")
-    scores = [_answer_row(s) for s in result.scored]
-    yield Table(("rig", *SCORES), scores, "Scores").as_part()
+    yield Part("Answers", [Table(("rig", "told"), told)])
+    yield Part("Scores", [Table(("rig", *SCORES), [_answer_row(s) for s in result.scored])])
     errors = [row for s in result.scored for row in _error_rows(s)]
-    yield Table(ERRORS, errors, "Errors on unseen rows").as_part()
+    yield Part("Errors on unseen rows", [Table(ERRORS, errors)])
     means = []
     for t in result.totals:
         ends = "–" if math.isnan(t.low) else f"{number(t.low, 2)} to {number(t.high, 2)}"
         means.append((t.title, number(t.value, 2), ends, str(t.count)))
-    yield Table(("", ".mean", ".95 % interval", ".rigs"), means, "All rigs").as_part()
+    yield Part("All rigs", [Table(("", ".mean", ".95 % interval", ".rigs"), means)])
     if result.alarms:
         of_alarms = ("rig", "wrong", ".told again", "story", "right")
         rows = []
@@ -146,10 +145,10 @@ def parts(result: Result) -> Iterator[Part]:
             rows.append(
                 (known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right)
             )
-        yield Table(of_alarms, rows, "False alarms").as_part()
+        yield Part("False alarms", [Table(of_alarms, rows)])
     if result.hidden is not None:
         same = [(name, "; ".join(diff) or "the same") for name, diff in result.hidden.items()]
-        yield Table(("rig", ""), same, "Under other names").as_part()
+        yield Part("Under other names", [Table(("rig", ""), same)])
 
 
 def _answer_row(s: Scored) -> list[str]:

@@ -14,11 +14,7 @@ from rulec_runtime.commands.destinations import (
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.module_results import holds_results
-from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.report.page import Judged, judged, judged_results
-from rulec_runtime.report.terminal_findings import explain
-from rulec_runtime.report.truth import read_truth
+from rulec_runtime.report.judged import Judged, judged
 
 
 def run(options: argparse.Namespace) -> int:
@@ -26,13 +22,8 @@ def run(options: argparse.Namespace) -> int:
     something could not be judged."""
     ruleset = read_ruleset(Path(options.plant))
     with progress_of(options, "reading and judging the recording") as progress:
-        file = Path(options.recording)
-        if holds_results(file, ruleset):
-            found = judged_results(file, ruleset, options.mode, options.truth is not None)
-            return show_results(options, found, progress)
-        recording = read_recording(file, ruleset)
-        truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
-        found = judged(recording, ruleset, file.resolve().name, options.mode, truth)
+        truth = Path(options.truth) if options.truth else None
+        found = judged(Path(options.recording), ruleset, options.mode, truth)
         return show_results(options, found, progress)
 
 
@@ -51,9 +42,9 @@ def show_results(options: argparse.Namespace, found: Judged, progress: Progress)
         write_to(options.trace, trace)
     if options.report:
         write_to(options.report, page)
-    write_json(options, found.form())
+    write_json(options, found.to_dict())
     out = console(options)
-    explain(out, found.diagnosis)
+    found.tell(out)
     show_files(out, {"one row per sample": options.trace, "report": options.report})
     if found.truth is not None and not options.report:
         out.print(

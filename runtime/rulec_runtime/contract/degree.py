@@ -19,13 +19,13 @@ def degree_in_figures(fault: FaultSpec, low: float, high: float | None = None) -
     return "-".join(f"{end:.3f}" for end in ends)
 
 
-def smallest_degree(fault: FaultSpec, value: float, beyond: str = ">") -> str:
+def smallest_degree(fault: FaultSpec, value: float) -> str:
     """For a cell of the matrix: ``0.12``, ``>10``, or ``0.43 K``.
 
     No reading can be off by more than the range of its sensor.
     """
     if fault.unit:
         if value > fault.highest:
-            return f"{beyond}{fault.highest:.3g} {fault.unit}"
+            return f">{fault.highest:.3g} {fault.unit}"
         return f"{value:.2g} {fault.unit}"
-    return f"{value:.2g}" if value < LARGE else f"{beyond}{LARGE:g}"
+    return f"{value:.2g}" if value < LARGE else f">{LARGE:g}"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.report.text import number, safe
+from rulec_runtime.report.text import Html, number, safe
 from rulec_runtime.report.thin_curves import (
     cells_of,
     is_long,
@@ -291,7 +291,7 @@ class Figure:
     narrow: bool = False
 
 
-def figures_html(figures: Sequence[Figure]) -> str:
+def figures_html(figures: Sequence[Figure]) -> Html:
     """Figures as HTML, with their numbers."""
     parts = []
     for i, figure in enumerate(figures, 1):
@@ -303,7 +303,7 @@ def figures_html(figures: Sequence[Figure]) -> str:
             f"{''.join(panel.svg(panel is panels[-1]) for panel in panels)}<figcaption>"
             f"<b>Figure {i}.</b> {safe(figure.caption)}</figcaption></figure>\n"
         )
-    return "".join(parts)
+    return Html("".join(parts))
 
 
 def _joined(x: Array, y: Array) -> str:

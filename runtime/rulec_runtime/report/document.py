@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rulec_runtime.report.chart import SYMBOLS
-from rulec_runtime.report.parts import Facts, Part
+from rulec_runtime.report.parts import Facts, Part, html, part_html
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import Html, safe
@@ -59,7 +59,7 @@ def document(head: Head, parts: Iterable[Part]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
         f"<title>{safe(head.verdict)} ({safe(head.kind)})</title><style>\n{STYLE}</style></head>\n"
         f'<body><svg class="symbols" aria-hidden="true">{shapes}</svg>'
-        f"{_header(head)}<main>{''.join(part.html() for part in parts)}</main></body></html>\n"
+        f"{_header(head)}<main>{''.join(map(part_html, parts))}</main></body></html>\n"
     )
 
 
@@ -72,5 +72,5 @@ def _header(head: Head) -> str:
     return (
         f'<header class="head"><p class="kind">{safe(head.kind)}</p>'
         f'<div class="status">{head.badge}<div><h1{long}>{safe(head.verdict)}</h1>{below}</div>'
-        f'</div><div class="about">{Facts(rows).html()}{drawn}</div></header>\n'
+        f'</div><div class="about">{html(Facts(rows))}{drawn}</div></header>\n'
     )

@@ -45,7 +45,7 @@ def draw_estimates(whole: Curves) -> Figure:
     spread = limits.COVERAGE * curves.flows_u
     low, high = curves.flows - spread, curves.flows + spread
     module, across = curves.sides[0].module, over(curves.time, curves.calendar)
-    down = holding(*_judged(curves, low, high), title="flow [l/h]")
+    down = holding(*_judged(curves, low, high), title=f"flow [{curves.unit.name}]")
     panel = Panel(f"flow estimates of {module}", across, down, 260)
     _grey(panel, curves.time, curves.judged)
     named = [
@@ -95,7 +95,7 @@ def _residual_panel(curves: Curves, row: int, times: float) -> Panel:
         # Transients are much larger than faults: in a long recording they would hide everything.
         value, threshold = (np.where(curves.judged, part, np.nan) for part in (value, threshold))
     ends = _judged(curves, np.fmin(value, -threshold), np.fmax(value, threshold))
-    down = holding(*ends, ticks=3, title=f"{name} [l/h]")
+    down = holding(*ends, ticks=3, title=f"{name} [{curves.unit.name}]")
     panel = Panel(name, over(curves.time, curves.calendar), down, 76)
     _grey(panel, curves.time, curves.judged)
     panel.course_band(curves.time, -threshold, threshold, "zero")

@@ -1,24 +1,16 @@
-"""Describe a growing fault in words and as a line of blocks: its past, present and future
-degree."""
+"""Describe a growing fault in words: its past, present and future degree."""
 
-import numpy as np
-
-from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.recordings.plant_calendar import DAY, duration
 
-LEVELS = "▁▂▃▄▅▆▇█"
-COLUMNS = 32
-"""Characters of the small picture in a terminal."""
-
 
 def grown(finding: Finding) -> str:
     """How large a fault is, how fast it grows and where it leads; empty if it does not grow.
 
-    A terminal shows these words beside `sparkline`.
+    A terminal shows these words beside its course so far.
     """
     growth = finding.growth
     if growth is None or growth.rate is None:
@@ -54,11 +46,3 @@ def _ahead(fault: FaultSpec, growth: Growth) -> str:
         return f"the next step may reach {level}, within {late}"
     within = soon if soon == late else f"{soon} to {late}"
     return f"reaches {level} in {within} at this rate"
-
-
-def sparkline(growth: Growth) -> str:
-    """The course so far as a line of characters, from 0 to the largest degree."""
-    time, degree, _ = np.array(growth.path).T
-    columns = np.interp(np.linspace(time[0], time[-1], COLUMNS), time, degree)
-    share = np.clip(columns / max(float(columns.max()), limits.LEAST_U), 0.0, 1.0)
-    return "".join(LEVELS[round(float(x) * (len(LEVELS) - 1))] for x in share)

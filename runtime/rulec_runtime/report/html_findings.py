@@ -16,7 +16,7 @@ from rulec_runtime.report.blindness import (
 )
 from rulec_runtime.report.document import badge
 from rulec_runtime.report.growth import grown
-from rulec_runtime.report.parts import Content, Drawing, Facts, Part, Table, Words
+from rulec_runtime.report.parts import Content, Facts, Part, Table, Words, html
 from rulec_runtime.report.text import Html, bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.wording import (
     LISTED,
@@ -142,7 +142,7 @@ def _between(unit: str, low: float, high: float) -> str:
     return f"{degree(low, unit)}–{degree(high, unit)}"
 
 
-def evidence(diagnosis: Diagnosis) -> Iterator[Drawing]:
+def evidence(diagnosis: Diagnosis) -> Iterator[Html]:
     """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
         since = moment(diagnosis.calendar, finding.since)
@@ -151,7 +151,7 @@ def evidence(diagnosis: Diagnosis) -> Iterator[Drawing]:
         yield ground_of(diagnosis.ruleset, finding, f"<h3>{title}</h3>")
 
 
-def ground_of(ruleset: Ruleset, finding: Finding, heading: str = "") -> Drawing:
+def ground_of(ruleset: Ruleset, finding: Finding, heading: str = "") -> Html:
     """Residuals of a finding, and the estimates or readings behind them."""
     unit, left = flow_unit(ruleset), len(finding.evidence) - LISTED
     what, of = "estimates that should agree", f" [{unit.name}]"
@@ -175,8 +175,8 @@ def ground_of(ruleset: Ruleset, finding: Finding, heading: str = "") -> Drawing:
     else:
         read = readings_of(ruleset, finding)
         parts.append(Words(f"typical readings there: {read}", soft=True))
-    body = "".join(part.html() for part in parts)
-    return Drawing(f'<div class="evidence">{heading}{body}</div>')
+    body = "".join(map(html, parts))
+    return Html(f'<div class="evidence">{heading}{body}</div>')
 
 
 def remarks(periods: Sequence[Period], calendar: Calendar | None) -> Facts:

@@ -25,8 +25,8 @@ from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.chart import runs_of
-from rulec_runtime.report.thin_curves import COLUMNS
-from rulec_runtime.report.wording import L_PER_H, worst_first
+from rulec_runtime.report.thin_curves import is_long
+from rulec_runtime.report.wording import FlowUnit, flow_unit, worst_first
 
 MOST = 12
 """Most residuals drawn."""
@@ -65,8 +65,8 @@ class Curves:
     ----------
     time : shape (n,), s.
     judged : shape (n,), samples of settled stretches that could be judged.
-    flows, flows_u : shape (sides, n), l/h, not corrected; NaN where an estimate is unusable.
-    values, thresholds : shape (residuals, n), l/h, relative to the baseline; a residual fires
+    flows, flows_u : shape (sides, n), in `unit`, not corrected; NaN where an estimate is unusable.
+    values, thresholds : shape (residuals, n), in `unit`, relative to the baseline; a residual fires
         beyond its threshold.
     focus : period of the largest finding, else of the first unknown deviation, s.
     learned : whether there is a baseline.
@@ -75,6 +75,7 @@ class Curves:
 
     time: Array
     judged: np.ndarray
+    unit: FlowUnit
     sides: tuple[Side, ...]
     flows: Array
     flows_u: Array
@@ -109,7 +110,7 @@ def sides_of(residual: ResidualSpec) -> tuple[Side, ...]:
 
 def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curves:
     """Evaluate the estimates and residuals to draw, block by block."""
-    ruleset = diagnosis.ruleset
+    ruleset, unit = diagnosis.ruleset, flow_unit(diagnosis.ruleset)
     judged = np.array([word not in NOT_JUDGED for word in trace.verdict], dtype=bool)
     residuals = _shown(diagnosis)
     module = _module(diagnosis)
@@ -141,12 +142,13 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     return Curves(
         time=recording.time,
         judged=judged,
+        unit=unit,
         sides=sides,
-        flows=L_PER_H.factor * flows,
-        flows_u=L_PER_H.factor * flows_u,
+        flows=unit.factor * flows,
+        flows_u=unit.factor * flows_u,
         residuals=residuals,
-        values=L_PER_H.factor * values,
-        thresholds=L_PER_H.factor * thresholds,
+        values=unit.factor * values,
+        thresholds=unit.factor * thresholds,
         focus=spans[0] if spans else None,
         learned=learned,
         calendar=diagnosis.calendar,
@@ -195,7 +197,7 @@ def _module(diagnosis: Diagnosis) -> str:
 
 def detail(curves: Curves) -> Curves:
     """The part of a long recording around its focus, else its beginning; a short one whole."""
-    if len(curves.time) <= 2 * COLUMNS:
+    if not is_long(curves.time):
         return curves
     since, until = np.searchsorted(curves.time, curves.focus or curves.time[:2])
     first = max(int(since) - ASIDE, 0)

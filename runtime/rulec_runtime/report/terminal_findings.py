@@ -1,5 +1,6 @@
 """Print a diagnosis on the terminal: findings first, then the evidence, then numbers."""
 
+import numpy as np
 from rich.console import Console, RenderableType
 from rich.tree import Tree
 
@@ -10,8 +11,9 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.plant_calendar import course
 from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
-from rulec_runtime.report.growth import grown, sparkline
-from rulec_runtime.report.parts import Table
+from rulec_runtime.report.growth import grown
+from rulec_runtime.report.parts import Table, shown
+from rulec_runtime.report.sparkline import sparkline
 from rulec_runtime.report.text import percent
 from rulec_runtime.report.wording import (
     COLOURS,
@@ -105,7 +107,7 @@ def _summary(diagnosis: Diagnosis) -> RenderableType:
         rows.append(cells)
     titles = ("", "fault", "degree", "95 % bounds", "when", ".probability")
     # On a narrow terminal periods wrap; names and numbers stay whole.
-    return Table(titles, rows, broken=("when",)).shown()
+    return shown(Table(titles, rows, broken=("when",)))
 
 
 def _titled(letter: str, name: str, text: str) -> Tree:
@@ -130,7 +132,8 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     if finding.growth is not None and (words := grown(finding)):
-        tree.add(styled("[bold]{}[/] {}", sparkline(finding.growth), words))
+        time, degrees, _ = np.array(finding.growth.path).T
+        tree.add(styled("[bold]{}[/] {}", sparkline(time, degrees), words))
     tree.add(f"do: {actions(ruleset, finding)}")
     if finding.step is not None:
         tree.add(f"to tell them apart: {finding.step.text}")
@@ -143,7 +146,7 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     why = tree.add(f"because {because}")
     titles = ("residual", ".value", ".threshold", "fired", "expected", "")
     # On a narrow terminal only the words in the last column wrap.
-    why.add(Table(titles, residual_rows(ruleset, finding), broken=("",)).shown())
+    why.add(shown(Table(titles, residual_rows(ruleset, finding), broken=("",))))
     flows = why.add(rows)
     for e in estimates(ruleset, finding):
         value, half = rounded(unit.factor * e.flow, unit.factor * e.half)

@@ -24,7 +24,7 @@ from rulec_runtime.live.view.words import (
 )
 from rulec_runtime.report.document import STYLE, badge
 from rulec_runtime.report.html_findings import REMARKS, card, degree_of, ground_of
-from rulec_runtime.report.parts import Drawing, Part
+from rulec_runtime.report.parts import Part, part_html
 from rulec_runtime.report.text import Html, counted, safe
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
@@ -96,7 +96,7 @@ def key_of(episode: str) -> str:
 
 
 def _section(title: str, body: str) -> str:
-    return Part(title, [Drawing(body)]).html() if body else ""
+    return part_html(Part(title, [Html(body)])) if body else ""
 
 
 def _card(now: Now, found: Card, seal: str) -> str:
@@ -113,11 +113,11 @@ def _card(now: Now, found: Card, seal: str) -> str:
     }
     why = ""
     if found.finding is not None and now.diagnosis is not None:
-        ground = ground_of(now.diagnosis.ruleset, found.finding).html()
+        ground = ground_of(now.diagnosis.ruleset, found.finding)
         key = key_of(found.episode.id)
         why = f'<details id="why-{key}"><summary>Why</summary>{ground}</details>'
-    below = Drawing(why + _note(found, seal))
-    return card(found.episode.status, found.title, rows.items(), below).html()
+    below = Html(why + _note(found, seal))
+    return part_html(card(found.episode.status, found.title, rows.items(), below))
 
 
 def _note(card: Card, seal: str) -> str:

@@ -1,17 +1,18 @@
-"""Write the fault-symptom matrix as an HTML table, with groups of faults that are alike."""
+"""The fault-symptom matrix as a table, with groups of faults that are alike."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from string import ascii_lowercase
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rulec_runtime.contract.degree import smallest_degree
-from rulec_runtime.contract.ruleset import AmbiguousGroup, Cell, FaultSpec, ResidualSpec, Ruleset
-from rulec_runtime.report.parts import Drawing, framed
-from rulec_runtime.report.text import safe
+from rulec_runtime.contract.ruleset import AmbiguousGroup, FaultSpec, ResidualSpec, Ruleset
+from rulec_runtime.contract.ruleset import Cell as FaultCell
+from rulec_runtime.report.parts import Cell, Content, Facts, Table, Words, html
+from rulec_runtime.report.text import Html, safe
 from rulec_runtime.report.wording import STATUS
 
 if TYPE_CHECKING:  # the matrix of a plant needs nothing that judges recordings
@@ -43,33 +44,19 @@ Groups = Sequence[tuple[str, AmbiguousGroup]]
 """Groups of faults that are alike, each with its mark."""
 
 
-def matrix(diagnosis: Diagnosis) -> Drawing:
+def matrix(diagnosis: Diagnosis) -> list[Content]:
     """The matrix with the findings of a diagnosis."""
     found = frozenset(f.fault.id for f in diagnosis.findings)
     possible = frozenset(name for f in diagnosis.findings for name, _ in f.alternatives)
     return matrix_of(diagnosis.ruleset, Named(found, possible - found))
 
 
-def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> Drawing:
-    """Rows are faults, columns residuals; below each sign is the smallest detectable degree.
-
-    A column marks groups of faults that are alike; they are explained below the matrix.
-    """
+def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> list[Content]:
+    """The matrix for a page; a column marks groups of faults that are alike, which are explained
+    below it."""
     faults, residuals, part = _chosen(ruleset, named, whole)
     ids = {f.id for f in faults}
     groups = [(m, g) for m, g in marked(ruleset) if ids & set(g.faults)]
-    head = '<th scope="col">alike</th>' if groups else ""
-    for residual in residuals:
-        # A residual's name takes several lines, since columns are narrow.
-        module, _, rest = residual.id.partition(".")
-        parts = (module, *rest.replace("-", "-\n").split("\n"))
-        head += f'<th scope="col">{"<br/>".join(safe(part) for part in parts)}</th>'
-    body = "".join(_row(ruleset, fault, residuals, named, groups) for fault in faults)
-    modules = {fault.module for fault in faults}
-    for signal in ruleset.moved_by_reading:
-        if signal.partition(".")[0] in modules:
-            body += _error_row(ruleset, signal, residuals, named, bool(groups))
-    note = f'<p class="key">{safe(part)}</p>' if part else ""
     key = (
         "+ rises, − falls, · no effect; below: smallest degree beyond the threshold at the "
         "reference point"
@@ -78,17 +65,63 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> Drawing:
     key += "; bold rows: diagnosed here" if named.found else ""
     key += "; dashed rows: could also be" if named.possible else ""
     key += "; alike: see below" if groups else ""
-    shown = framed(
-        "fault-symptom matrix",
-        f'<table class="matrix"><thead><tr><th scope="col">fault</th>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table>",
-    )
     both = named.found | named.possible
     near = [(m, g) for m, g in groups if whole or both & set(g.faults)]
     far = [pair for pair in groups if pair not in near]
     title = "Other faults that are alike" if near else "Faults that are alike"
     folded = f"<details><summary>{title}</summary>{told_alike(far)}</details>" if far else ""
-    return Drawing(f'<p class="key">{key}</p>{note}{shown}{told_alike(near)}{folded}')
+    return [
+        *(Words(text, soft=True) for text in (key, part) if text),
+        matrix_table(ruleset, faults, residuals, named, groups),
+        Html(told_alike(near) + folded),
+    ]
+
+
+def matrix_table(
+    ruleset: Ruleset,
+    faults: Sequence[FaultSpec],
+    residuals: Sequence[ResidualSpec],
+    named: Named,
+    groups: Groups = (),
+) -> Table:
+    """Rows are faults, then readings for all their unlisted errors; columns are residuals. Below
+    each sign is the smallest detectable degree."""
+    rows: list[list[Any]] = []
+    for fault in faults:
+        cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
+        own = " ".join(_sign(m) for m, g in groups if fault.id in g.faults)
+        signs = (_signed(fault, cells.get(r.id)) for r in residuals)
+        rows.append([_first(fault.id, (fault,), named), Html(own), *signs])
+    modules = {fault.module for fault in faults}
+    for signal, moved in ruleset.moved_by_reading.items():
+        if len(faults) == len(ruleset.faults) or signal.partition(".")[0] in modules:
+            errors = [f for f in ruleset.unlisted if signal in f.scales]
+            signs = ("±" if r.id in moved else "·" for r in residuals)
+            rows.append([_first(signal, errors, named), "", *signs])
+    # A residual's name takes several lines, since columns are narrow.
+    names = (r.id.replace("-", "-\n").replace(".", "\n", 1) for r in residuals)
+    titles = ["fault", "alike", *(f":{name}" for name in names)]
+    if not groups:
+        titles, rows = [titles[0], *titles[2:]], [[row[0], *row[2:]] for row in rows]
+    return Table(titles, rows, "fault-symptom matrix", style="matrix")
+
+
+def _signed(fault: FaultSpec, cell: FaultCell | None) -> str | tuple[str, str]:
+    if cell is None:
+        return "·"
+    return "+" if cell.sign > 0 else "-", smallest_degree(fault, cell.detectable)
+
+
+def _first(title: str, faults: Iterable[FaultSpec], named: Named) -> str | Cell:
+    """The first cell of a row, with the style and note of the first of its faults that a diagnosis
+    names."""
+    for fault in faults:
+        if fault.id in named.found:
+            note = f"{STATUS[fault.status][0]} diagnosed"
+            return Cell((title, note), f"found is-{fault.status}")
+        if fault.id in named.possible:
+            return Cell((title, "could also be"), f"possible is-{fault.status}")
+    return title
 
 
 def marked(ruleset: Ruleset) -> Groups:
@@ -100,19 +133,22 @@ def marked(ruleset: Ruleset) -> Groups:
     ]
 
 
+def _sign(mark: str) -> str:
+    return f'<b class="alike">{safe(mark)}</b>'
+
+
 def told_alike(groups: Groups) -> str:
     """Groups by kind, with advice on how to tell their faults apart."""
     parts = []
     for kind, (sign, words, why) in KINDS.items():
-        own = [(m, g) for m, g in groups if g.kind == kind]
-        if own:
-            rows = "".join(
-                f'<dt><b class="alike">{safe(m)}</b> {safe(" / ".join(g.faults))}</dt>'
-                f"<dd>{safe(g.advice)}</dd>"
-                for m, g in own
-            )
+        rows = [
+            (Html(f"{_sign(mark)} {safe(' / '.join(group.faults))}"), [group.advice])
+            for mark, group in groups
+            if group.kind == kind
+        ]
+        if rows:
             parts.append(f'<h3 class="after">{safe(f"{sign} {words}: {why}")}</h3>')
-            parts.append(f'<dl class="remarks">{rows}</dl>')
+            parts.append(html(Facts(rows, "remarks")))
     return "".join(parts)
 
 
@@ -138,47 +174,3 @@ def _chosen(
         f"{len(ruleset.residuals)} residuals are shown; rulec matrix shows all"
     )
     return *shown, part
-
-
-def _row(
-    ruleset: Ruleset,
-    fault: FaultSpec,
-    residuals: Collection[ResidualSpec],
-    named: Named,
-    groups: Groups,
-) -> str:
-    known: Mapping[str, Cell] = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
-    own = " ".join(f'<b class="alike">{safe(m)}</b>' for m, g in groups if fault.id in g.faults)
-    cells = f'<td class="kin">{own}</td>' if groups else ""
-    for residual in residuals:
-        if (cell := known.get(residual.id)) is None:
-            cells += '<td class="soft">·</td>'
-        else:
-            degree = safe(smallest_degree(fault, cell.detectable, "over "))
-            cells += f"<td><b>{'+' if cell.sign > 0 else '−'}</b><small>{degree}</small></td>"
-    return _as_row(fault.id, cells, (fault,), named)
-
-
-def _error_row(
-    ruleset: Ruleset, signal: str, residuals: Collection[ResidualSpec], named: Named, alike: bool
-) -> str:
-    """The row of a reading, for all its unlisted errors."""
-    moved = ruleset.moved_by_reading[signal]
-    cells = '<td class="kin"></td>' if alike else ""
-    cells += "".join(
-        "<td><b>±</b></td>" if r.id in moved else '<td class="soft">·</td>' for r in residuals
-    )
-    return _as_row(signal, cells, [f for f in ruleset.unlisted if signal in f.scales], named)
-
-
-def _as_row(title: str, cells: str, faults: Iterable[FaultSpec], named: Named) -> str:
-    """A row with the style and note of the first of its faults that a diagnosis names."""
-    style = note = ""
-    for fault in faults:
-        if fault.id in named.found or fault.id in named.possible:
-            found = fault.id in named.found
-            style = f' class="{"found" if found else "possible"} is-{fault.status}"'
-            words = f"{STATUS[fault.status][0]} diagnosed" if found else "could also be"
-            note = f"<small>{words}</small>"
-            break
-    return f'<tr{style}><th scope="row">{safe(title)}{note}</th>{cells}</tr>'
