@@ -261,7 +261,7 @@ def _stores(stores: Mapping[str, Any]) -> list[Content]:
     key = "+ the reading stands higher than the balances predict, − lower, · as they do"
     return [
         Words(f"{key}; faults with one mark act alike on all readings", soft=True),
-        Table(titles, rows, "faults and the readings that they change"),
+        Table(titles, rows, "faults and the readings that they change", style="matrix"),
     ]
 
 

@@ -14,7 +14,7 @@ def sparkline(at: Array, value: Array) -> str:
     value or 0, its highest its largest or 0.
 
     >>> sparkline(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
-    '▁▁▁▂▂▂▂▂▃▃▃▃▃▄▄▄▅▅▅▆▆▆▆▆▇▇▇▇▇███'
+    '▁▁▁▂▂▂▂▃▃▃▃▃▄▄▄▄▅▅▅▅▆▆▆▆▆▇▇▇▇███'
     """
     columns = np.interp(np.linspace(at[0], at[-1], COLUMNS), at, value)
     low, high = min(float(columns.min()), 0.0), max(float(columns.max()), 0.0)

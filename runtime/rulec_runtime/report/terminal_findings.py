@@ -133,7 +133,7 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     if finding.growth is not None and (words := grown(finding)):
         time, degrees, _ = np.array(finding.growth.path).T
-        tree.add(styled("[bold]{}[/] {}", sparkline(time, degrees), words))
+        tree.add(styled("[bold]{}[/] {}", sparkline(time, np.maximum(degrees, 0.0)), words))
     tree.add(f"do: {actions(ruleset, finding)}")
     if finding.step is not None:
         tree.add(f"to tell them apart: {finding.step.text}")
