@@ -129,6 +129,15 @@ def test_sketch_of_hostile_names_is_sound(abc: Ruleset) -> None:
     assert "box is-F" in [g.get("class") for g in drawn.iter("g")]
 
 
+def test_flows_of_a_station_are_told_in_its_unit() -> None:
+    """On the page as on the terminal, in evidence and pictures; of a rig in l/h."""
+    plant = ROOT / "plants" / "cooling-loop"
+    page = judge(plant / "examples" / "fouling.csv", compiled("cooling-loop")).page()
+    for part in ("differ by [m3/h]", "flow [m3/h]", "HX.transfer-flow [m3/h]"):
+        assert part in page
+    assert "l/h]" not in page
+
+
 def test_a_matrix_has_a_page(
     tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
