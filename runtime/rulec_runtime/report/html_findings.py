@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.plant_calendar import Calendar, course, moment
@@ -17,6 +17,7 @@ from rulec_runtime.report.blindness import (
 from rulec_runtime.report.document import badge
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.parts import Content, Facts, Part, Table, Words, html
+from rulec_runtime.report.summary import summary
 from rulec_runtime.report.text import Html, bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.wording import (
     LISTED,
@@ -32,7 +33,6 @@ from rulec_runtime.report.wording import (
     readings_of,
     remarks_of,
     residual_rows,
-    rows_of,
     titled,
     why_first,
     worst_first,
@@ -60,7 +60,7 @@ def told(diagnosis: Diagnosis) -> Iterator[Part]:
         title = headline(diagnosis.ruleset, finding)
         yield card(finding.fault.status, title, _fault(diagnosis, finding))
     if len(diagnosis.findings) > 1:
-        yield Part("", [_summary(diagnosis)])
+        yield Part("", [summary(diagnosis, _named, "fault", others=True)])
     if diagnosis.blind:
         hints = [
             (since_when(b, calendar), f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}")
@@ -123,23 +123,8 @@ def degree_of(size: str, more: str) -> Html:
     return Html(f'<span class="degree">{safe(size)}</span> {safe(more)}')
 
 
-def _summary(diagnosis: Diagnosis) -> Table:
-    found = rows_of(diagnosis.findings, diagnosis.calendar)
-    others = any(row.others for row in found)
-    rows = []
-    for row in found:
-        unit, low = row.fault.unit, row.degrees[0]
-        size = degree(low, unit) if row.alike else _between(unit, *row.degrees)
-        probability = percent(row.probability) if diagnosis.mode != "paper" else "–"
-        name = Html(f"{badge(row.fault.status, True)} {safe(row.fault.id)}")
-        cells = [name, size, _between(unit, *row.bounds), row.when, probability]
-        rows.append([*cells, *([listed(row.others)] if others else [])])
-    titles = ("fault", ".degree", ".95 % bounds", ".when", ".probability")
-    return Table((*titles, *(("could also be",) if others else ())), rows, "all findings")
-
-
-def _between(unit: str, low: float, high: float) -> str:
-    return f"{degree(low, unit)}–{degree(high, unit)}"
+def _named(fault: FaultSpec) -> tuple[Html]:
+    return (Html(f"{badge(fault.status, True)} {safe(fault.id)}"),)
 
 
 def evidence(diagnosis: Diagnosis) -> Iterator[Html]:

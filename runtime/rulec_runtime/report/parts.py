@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -217,9 +218,11 @@ def _cell(table: Table, place: int, column: tuple[str, str], cell: Any) -> str:
 
 
 def _typeset(text: str, style: str) -> str:
-    """A number or a sign with a true minus; among numbers a dash where there is none."""
-    minus = "–" if text == "-" and style == "num" else "−"
-    return f"{minus}{text[1:]}" if style and text.startswith("-") else text
+    """Numbers with a true minus, and with dashes between them and where there is none; a sign with
+    a true minus."""
+    if style == "num":
+        text = "–" if text == "-" else re.sub(r"(?<=\d)-(?=\d)", "–", text)
+    return f"−{text[1:]}" if style and text.startswith("-") else text
 
 
 def _class(style: str) -> str:

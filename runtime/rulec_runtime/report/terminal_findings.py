@@ -1,10 +1,12 @@
 """Print a diagnosis on the terminal: findings first, then the evidence, then numbers."""
 
 import numpy as np
-from rich.console import Console, RenderableType
+from rich.console import Console
+from rich.text import Text
 from rich.tree import Tree
 
 from rulec_runtime.contract.degree import degree_in_figures
+from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.output.plural import plural
@@ -14,6 +16,7 @@ from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.parts import Table, shown
 from rulec_runtime.report.sparkline import sparkline
+from rulec_runtime.report.summary import summary
 from rulec_runtime.report.text import percent
 from rulec_runtime.report.wording import (
     COLOURS,
@@ -33,7 +36,6 @@ from rulec_runtime.report.wording import (
     remarks_of,
     residual_rows,
     rounded,
-    rows_of,
     status_in_words,
     why_first,
     worst_first,
@@ -69,7 +71,7 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
         out.print(tree)
     _more(out, len(diagnosis.regimes[SHOWN:]), "other regime")
     if diagnosis.findings:
-        out.print(_summary(diagnosis))
+        out.print(shown(summary(diagnosis, _named, "", "fault")))
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
     if diagnosis.blind:
@@ -91,23 +93,9 @@ def _more(out: Console, count: int, what: str) -> None:
         out.print(styled("[dim]and {} (--json has all)[/]", plural(count, what, f"{what}s")))
 
 
-def _summary(diagnosis: Diagnosis) -> RenderableType:
-    rows = []
-    for row in sorted(rows_of(diagnosis.findings, diagnosis.calendar), key=lambda r: -r.times):
-        symbol, colour = STATUS[row.fault.status][0], COLOURS[row.fault.status]
-        low, high = row.degrees
-        cells = (
-            styled("[{}]{} {}[/]", colour, symbol, row.fault.status),
-            styled("[bold]{}[/]", row.fault.id),
-            degree_in_figures(row.fault, low, None if row.alike else high),
-            degree_in_figures(row.fault, *row.bounds),
-            row.when,
-            percent(row.probability),
-        )
-        rows.append(cells)
-    titles = ("", "fault", "degree", "95 % bounds", "when", ".probability")
-    # On a narrow terminal periods wrap; names and numbers stay whole.
-    return shown(Table(titles, rows, broken=("when",)))
+def _named(fault: FaultSpec) -> tuple[Text, Text]:
+    symbol, colour = STATUS[fault.status][0], COLOURS[fault.status]
+    return styled("[{}]{} {}[/]", colour, symbol, fault.status), styled("[bold]{}[/]", fault.id)
 
 
 def _titled(letter: str, name: str, text: str) -> Tree:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.recordings.plant_calendar import course, span
+from rulec_runtime.recordings.plant_calendar import span
 from rulec_runtime.report.text import percent
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
@@ -111,47 +111,6 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
         if known is None or finding.degree > known.degree:
             largest[finding.fault.id] = finding
     return sorted(largest.values(), key=lambda f: -f.degree)[:SHOWN]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One finding, or all of one fault: their number, ranges of degrees and bounds, period, mean
-    probability, and ids of alternatives."""
-
-    fault: FaultSpec
-    times: int
-    degrees: tuple[float, float]
-    bounds: tuple[float, float]
-    when: str
-    probability: float
-    others: tuple[str, ...] = ()
-
-    @property
-    def alike(self) -> bool:
-        """Whether all degrees look the same when rounded."""
-        return self.degrees[1] - self.degrees[0] < 5e-4 * self.fault.scale
-
-
-def rows_of(findings: Sequence[Finding], calendar: Calendar | None) -> list[Row]:
-    """Findings for a table; one row per fault if there are many."""
-    groups: dict[object, list[Finding]] = {}
-    for i, finding in enumerate(findings):
-        groups.setdefault(i if len(findings) <= LISTED else finding.fault.id, []).append(finding)
-    rows = []
-    for members in groups.values():
-        last = max(members, key=lambda f: f.until)
-        when = course(calendar, members[0].since, last.until, last.behind, short=True)
-        row = Row(
-            fault=last.fault,
-            times=len(members),
-            degrees=(min(f.degree for f in members), max(f.degree for f in members)),
-            bounds=(min(f.lower for f in members), max(f.upper for f in members)),
-            when=f"{len(members)} times, {when}" if len(members) > 1 else when,
-            probability=sum(f.probability for f in members) / len(members),
-            others=tuple(dict.fromkeys(name for f in members for name, _ in f.alternatives)),
-        )
-        rows.append(row)
-    return rows
 
 
 def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tuple[str, str]]:
