@@ -99,11 +99,11 @@ def matrix_table(
             signs = ("±" if r.id in moved else "·" for r in residuals)
             rows.append([_first(signal, errors, named), "", *signs])
     # A residual's name takes several lines, since columns are narrow.
-    names = (r.id.replace("-", "-\n").replace(".", "\n", 1) for r in residuals)
+    names = [r.id.replace("-", "-\n").replace(".", "\n", 1) for r in residuals]
     titles = ["fault", "alike", *(f":{name}" for name in names)]
     if not groups:
         titles, rows = [titles[0], *titles[2:]], [[row[0], *row[2:]] for row in rows]
-    return Table(titles, rows, "fault-symptom matrix", style="matrix")
+    return Table(titles, rows, "fault-symptom matrix", names, "matrix")
 
 
 def _signed(fault: FaultSpec, cell: FaultCell | None) -> str | tuple[str, str]:
