@@ -23,7 +23,15 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.document import Head, document
-from rulec_runtime.report.matrix import ANY_ERROR, KINDS, Named, marked, matrix_of, matrix_table
+from rulec_runtime.report.matrix import (
+    ANY_ERROR,
+    KINDS,
+    Named,
+    marked,
+    matrix_of,
+    matrix_table,
+    narrow,
+)
 from rulec_runtime.report.page_origin import made_now
 from rulec_runtime.report.parts import Content, Part, Table, Words, shown
 from rulec_runtime.report.subject import Subject
@@ -35,10 +43,6 @@ from rulec.study.sensors_needed import Without, show_without, without_each
 
 if TYPE_CHECKING:
     from rulec.separation.table import Separated
-
-
-NARROW = 7
-"""Width of a column of the matrix, characters."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -186,7 +190,8 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
         return
     residuals = ruleset.residuals
     longest = max(map(len, (*(f.id for f in ruleset.faults), *ruleset.moved_by_reading)), default=0)
-    fitting = max(3, (out.width - longest - 2) // NARROW)
+    wide = max((len(line) for r in residuals for line in narrow(r.id).split("\n")), default=0) + 2
+    fitting = max(3, (out.width - longest) // wide)
     for start in range(0, len(residuals), fitting):
         some = residuals[start : start + fitting]
         out.print(shown(matrix_table(ruleset, ruleset.faults, some, Named())))

@@ -23,7 +23,7 @@ from rulec_runtime.report.truth import cases_of, read_truth
 from rulec_runtime.report.verdict import verdict
 
 from rulec.cli import main
-from rulec.commands.matrix import matrix_page
+from rulec.commands.matrix import matrix_page, show
 from rulec.commands.matrix import verdict as matrix_verdict
 from rulec.commands.study_result import StudyResult
 from rulec.mismatch.answer.terminal_and_page import verdict as mismatch_verdict
@@ -39,7 +39,7 @@ from tests.live.view.browser import CHROMIUM, Browser, browser
 from tests.live.view.test_browser import CONTRAST
 from tests.prove.made import run
 from tests.runtime.mismatches import ALL, made_by_hand
-from tests.runtime.reports import EXAMPLES, MADE, Judged, dated, judge, mismatch_page
+from tests.runtime.reports import EXAMPLES, MADE, Judged, dated, judge, mismatch_page, told
 from tests.runtime.sheets import Sheet, example, write
 from tests.test_study import TYPES, counted
 
@@ -136,6 +136,12 @@ def test_flows_of_a_station_are_told_in_its_unit() -> None:
     for part in ("differ by [m3/h]", "flow [m3/h]", "HX.transfer-flow [m3/h]"):
         assert part in page
     assert "l/h]" not in page
+
+
+def test_a_matrix_cuts_no_name() -> None:
+    """However long the names of modules, faults and observers, and however narrow the terminal."""
+    for plant in ("cooling-loop", "irrigation-booster", "hsy-pumping"):
+        assert "…" not in told(show, compiled(plant), 80)
 
 
 def test_a_matrix_has_a_page(

@@ -98,12 +98,21 @@ def matrix_table(
             errors = [f for f in ruleset.unlisted if signal in f.scales]
             signs = ("±" if r.id in moved else "·" for r in residuals)
             rows.append([_first(signal, errors, named), "", *signs])
-    # A residual's name takes several lines, since columns are narrow.
-    names = [r.id.replace("-", "-\n").replace(".", "\n", 1) for r in residuals]
+    names = [narrow(r.id) for r in residuals]
     titles = ["fault", "alike", *(f":{name}" for name in names)]
     if not groups:
         titles, rows = [titles[0], *titles[2:]], [[row[0], *row[2:]] for row in rows]
     return Table(titles, rows, "fault-symptom matrix", names, "matrix")
+
+
+def narrow(residual: str) -> str:
+    """The name of a residual in several lines, as columns are narrow.
+
+    >>> narrow("A.pump-plant").split()
+    ['A', 'pump-', 'plant']
+    """
+    module, _, name = residual.partition(".")
+    return module + "\n" + name.replace("-", "-\n")
 
 
 def _signed(fault: FaultSpec, cell: FaultCell | None) -> str | tuple[str, str]:
