@@ -213,7 +213,7 @@ def _cell(table: Table, place: int, column: tuple[str, str], cell: Any) -> str:
     if table.style and not place:
         return f'<th scope="row">{text}</th>'
     # A card repeats the titles; its first cell is the heading.
-    label = f' data-of="{safe(title)}"' if title and place else ""
+    label = f' data-of="{safe(title)}"' if title and place and not table.style else ""
     return f"<td{_class(f'{style} {own}'.strip())}{label}>{text}</td>"
 
 
