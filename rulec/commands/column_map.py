@@ -21,13 +21,7 @@ from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, form_of, read_file
 from rulec_runtime.recordings.table import Dates, Sheet, texts_of
 from rulec_runtime.recordings.text_table import conventions
-from rulec_runtime.recordings.time_column import (
-    COUNTINGS,
-    SPREADSHEET,
-    counting_of,
-    order_in,
-    plain_times,
-)
+from rulec_runtime.recordings.time_column import COUNTINGS, SPREADSHEET, TimeReader
 
 from rulec import limits
 from rulec.language.write_yaml import flow
@@ -172,19 +166,18 @@ def _time(
     cells = table.read([at[0]], (), form).kept[0]
     if isinstance(cells, Dates):
         return found
-    numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
-    if np.isfinite(numbers).any():
-        unit = parts_of(titles[0])[1] or table.units[at[0]].strip()
-        factor = _conversion(unit, ruleset)[0] if unit else 0.0
-        counting = counting_of(path, numbers, titles[0], factor, form, [])
-        if counting in (*COUNTINGS, SPREADSHEET) and counting.unit not in ruleset.units:
-            return found  # not a unit of a plant, and the file is clear without it
-        if counting is not None:
-            return found | {"unit": counting.unit, "since": counting.since}
+    unit = parts_of(titles[0])[1] or table.units[at[0]].strip()
+    factor = _conversion(unit, ruleset)[0] if unit else 0.0
+    times = TimeReader(path, form, [], titles[0], lambda: factor)
+    times.read(cells)
+    counting = times.counting
+    if counting in (*COUNTINGS, SPREADSHEET) and counting.unit not in ruleset.units:
+        return found  # not a unit of a plant, and the file is clear without it
+    if counting is not None:
+        return found | {"unit": counting.unit, "since": counting.since}
+    if times.dated is False:
         return found | {"unit": unit or "s"}
-    texts = texts_of(cells)
-    order = order_in(path, lambda: texts, form, [])
-    return found | ({"dates": order} if order else {})
+    return found | ({"dates": times.order} if times.order else {})
 
 
 def _layout(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, Any]:

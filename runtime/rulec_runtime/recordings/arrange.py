@@ -13,7 +13,7 @@ from rulec_runtime.recordings.column_roles import Pair, Places, places_of
 from rulec_runtime.recordings.long_table import LongTable, Readings, held, long_sheet, rows_written
 from rulec_runtime.recordings.quality import codes_remark, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
-from rulec_runtime.recordings.time_column import comparable, seconds_in, time_of_parts
+from rulec_runtime.recordings.time_column import TimeReader, seconds_in, time_of_parts
 
 
 def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:
@@ -81,7 +81,7 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
     table = sheet.read(asked, [p.value for p in pairs], replace(form, layout="pairs"))
     cells = dict(zip(asked, table.kept, strict=True))
     notes = list[str]()
-    times = [comparable(path, cells[p.time], form, notes) for p in pairs]
+    times = [TimeReader(path, form, notes).read(cells[p.time]) for p in pairs]
     qualities = {p: texts_of(cells[p.quality]) for p in pairs if p.quality >= 0}
     found = set().union(*qualities.values())
     if found:

@@ -130,6 +130,51 @@ def is_time(name: str) -> bool:
     return name.lower() in NAMES and name != TEMPERATURE
 
 
+class TimeReader:
+    """Times of a column, all at once or block by block, as numbers or dates.
+
+    The first cells with a usable time decide how all are written: whether as dates (`dated`, None
+    before), in which `order` of day, month and year, or as numbers, `counting` from a date or not.
+    Remarks on that go to `notes`. `factor` gives the unit that title or file name, s, or 0.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        form: FileForm,
+        notes: list[str],
+        title: str = "time",
+        factor: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        self._path, self._form, self._notes = path, form, notes
+        self._title, self._factor = title, factor
+        self.dated: bool | None = None
+        self.order: Order = ""
+        self.counting: Counting | None = None
+
+    def read(self, cells: Cells) -> Array | Dates:
+        """Dates, or numbers that count from a zero of their own; NaN where there is no time. Raises
+        `Unclear` if the first cells can be read in several ways."""
+        if isinstance(cells, Dates):
+            self.dated = True
+            return cells
+        if not self.dated or self.counting is not None:
+            numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
+            if self.dated is None and np.isfinite(numbers).any():
+                self.counting = counting_of(
+                    self._path, numbers, self._title, self._factor(), self._form, self._notes
+                )
+                self.dated = self.counting is not None
+            if self.dated is not None:
+                return numbers if self.counting is None else dated(numbers, self.counting)
+        texts = texts_of(cells)
+        if self.dated is None:
+            self.order = order_in(self._path, lambda: texts, self._form, self._notes)
+        dates = Dates(*dates_of(texts, self.order))
+        self.dated = self.dated or bool(np.isfinite(dates.seconds).any()) or None
+        return dates
+
+
 def read_times(
     path: Path,
     cells: Cells,
@@ -146,21 +191,18 @@ def read_times(
     `zone` is the name of the zone of dates that name none; remarks go to `notes`.
     """
     notes = [] if notes is None else notes
-    own, texts = list[str](), list[str]()
-    if not isinstance(cells, Dates):
-        numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
-        if np.isfinite(numbers).any():
-            factor = form.time_factor or factor_of_time(path, title, unit, units)
-            counting = counting_of(path, numbers, title, factor if unit else 0.0, form, own)
-            if counting is None:
-                return kept(numbers * factor), None
-            cells = dated(numbers, counting)
-        else:
-            texts = texts_of(cells)
-            cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form, own)))
-        notes += (f"{path.name}: {one}" for one in own)
-    dates, zones = cells.seconds, cells.zones
+    own = list[str]()
+
+    def factor() -> float:
+        return form.time_factor or factor_of_time(path, title, unit, units)
+
+    times = TimeReader(path, form, own, title, lambda: factor() if unit else 0.0).read(cells)
+    notes += (f"{path.name}: {one}" for one in own)
+    if not isinstance(times, Dates):
+        return kept(times * factor()), None
+    dates, zones = times.seconds, times.zones
     if not np.isfinite(dates).any():
+        texts = [] if isinstance(cells, Dates) else texts_of(cells)
         shown = f"'{texts[0].strip()[:30]}'" if texts else "no date"
         raise RecordingRefused(
             f"{path}: the time column '{title}' holds {shown}; expected seconds, "
@@ -218,7 +260,7 @@ def time_of_parts(
     """A column of times from its parts, as numbers or dates, and the remarks on it. Raises
     `Unclear` as `order_in` does."""
     notes = list(remarks)
-    first = comparable(path, parts[0], form, notes)
+    first = TimeReader(path, form, notes).read(parts[0])
     if len(parts) < 2 or not isinstance(first, Dates):
         return first, tuple(notes)
     texts = texts_of(parts[1])
@@ -238,20 +280,8 @@ def time_of_parts(
     return Dates(seconds, first.zones), tuple(notes)
 
 
-def comparable(path: Path, times: Cells, form: FileForm, notes: list[str]) -> Cells:
-    """Times as numbers or dates; remarks on them go to `notes`."""
-    if isinstance(times, Dates):
-        return times
-    numbers = times if isinstance(times, np.ndarray) else plain_times(times)
-    if np.isfinite(numbers).any():
-        counting = counting_of(path, numbers, "time", 0.0, form, notes)
-        return numbers if counting is None else dated(numbers, counting)
-    texts = texts_of(times)
-    return Dates(*dates_of(texts, order_in(path, lambda: texts, form, notes)))
-
-
 def seconds_in(times: Cells, form: FileForm) -> Array:
-    """Times from `comparable` in s."""
+    """Times from a `TimeReader` in s."""
     if isinstance(times, Dates):
         return times.seconds
     return np.asarray(times, dtype=float) * (form.time_factor or 1.0)

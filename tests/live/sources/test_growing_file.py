@@ -73,6 +73,47 @@ def test_growing_reads_as_whole(name: str, tmp_path: Path, abc: Ruleset) -> None
         np.testing.assert_array_equal(taken.of(signal), values)
 
 
+@pytest.mark.parametrize("way", ["restarted", "rotated"])
+@pytest.mark.parametrize("name", FORMS_READ)
+def test_a_file_is_read_on_in_its_form(name: str, way: str, tmp_path: Path, abc: Ruleset) -> None:
+    """Signs of numbers, order and beginning of dates are those of its first rows, also for a watch
+    that is started anew in the middle, and for the next file."""
+    whole, grown = write(tmp_path, FORMS_READ[name]), tmp_path / "grown.csv"
+    data, wide = whole.read_bytes(), "UTF-16" in name
+    sign = "\n".encode("utf-16-be" if "big" in name else "utf-16-le") if wide else b"\n"
+    every = data.split(sign)
+    middle, titles = len(every) // 2, 4 if "head" in name or "remarks" in name else 1
+    first = Taken(GrowingFile(write(tmp_path, sign.join([*every[:middle], b""]), "grown.csv"), abc))
+    second = first.take()
+    rest = sign.join(every[middle:])
+    if way == "restarted":
+        stored = json.loads(json.dumps(first.source.position))  # type: ignore[attr-defined]
+        append(grown, rest)
+        second = Taken(GrowingFile(grown, abc, stored)).take()
+        second.rows = [*first.rows, *second.rows]
+    else:
+        write(tmp_path, sign.join([*every[:titles], rest]), "new.csv")
+        os.replace(tmp_path / "new.csv", grown)
+    expected = read_recording(whole, abc)
+    second.until(lambda t: len(t.times) >= len(expected))
+    times = np.array(second.times)
+    np.testing.assert_array_equal(times - times[0], expected.time - expected.time[0])
+    for signal, values in expected.values.items():
+        np.testing.assert_array_equal(second.of(signal), values)
+
+
+def test_codes_of_qualities_are_those_of_all_rows(tmp_path: Path, abc: Ruleset) -> None:
+    """A code that alone could be good or bad is read as those before it, also after a restart."""
+    text = "time,A.dp [bar],A.dp Quality,A.n [rpm]\n0,1,192,900\n"
+    path, taken = growing(tmp_path, abc, text)
+    append(path, "1,1,0,900\n")
+    taken.take()
+    stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
+    append(path, "2,1,0,900\n")
+    again = Taken(GrowingFile(path, abc, stored)).take()
+    np.testing.assert_array_equal([*taken.of("A.dp"), *again.of("A.dp")], [1e5, np.nan, np.nan])
+
+
 REFUSED = {
     "long": (long("tag,time,value", "{tag},{time},{value}"), {}),
     "in pairs": (beside("Time", "", time=True, before=True), {}),

@@ -4,11 +4,13 @@ import hashlib
 import os
 import re
 import time as clocks
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.limits import SHOWING_ROWS
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
@@ -18,16 +20,27 @@ from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.recording_file import times_of
 
 
-def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> tuple[TableHead | None, str]:
-    """The head of a file as far as it was written, and the encoding; None without a line that may
-    hold titles. Raises `RecordingRefused`."""
+@dataclass(frozen=True)
+class Begin:
+    """The head of a file as far as it was written, None without a line that may hold titles; its
+    encoding, and rows below the head that came with it."""
+
+    head: TableHead | None
+    encoding: str
+    lines: Sequence[str] = ()
+
+
+def begin_of(file: BinaryIO, path: Path, times: Collection[str]) -> Begin:
+    """Read the begin of a file. Raises `RecordingRefused`."""
     cutter, search = LineCutter(), HeadSearch(str(path), times)
     file.seek(0)
     while data := file.read(limits.PIECE):
-        for line in cutter.feed(data):
+        lines = cutter.feed(data)
+        for at, line in enumerate(lines, start=1):
             if head := search.add(line):
-                return head, cutter.encoding
-    return search.so_far(), cutter.encoding
+                shown = [*search.below(head), *lines[at:]][:SHOWING_ROWS]
+                return Begin(head, cutter.encoding, shown)
+    return Begin(search.so_far(), cutter.encoding)
 
 
 def tail_of(file: BinaryIO, offset: int) -> bytes:
@@ -69,7 +82,7 @@ def following(file: BinaryIO, path: Path, head: TableHead | None, times: Collect
             if about.st_mtime_ns <= last or about.st_ino in (current, inode_of(file)):
                 continue
             with opened(other, buffering=0) as begun:
-                found, _ = head_of(begun, other, times)
+                found = begin_of(begun, other, times).head
         except (OSError, RecordingRefused):
             continue
         if head and found and (head.titles, head.units) == (found.titles, found.units):
@@ -243,14 +256,16 @@ class GrowingFile(TextSource):
             file = self._open(path)
             if hashlib.sha256(tail_of(file, offset)).hexdigest() != position["tail"]:
                 continue
-            head, encoding = head_of(file, path, self._times)
+            begin = begin_of(file, path, self._times)
             file.seek(0)
             if not position["header"]:
                 return
-            if head is None:
+            if begin.head is None:
                 continue
-            self._table.begin(head, begun=self._clock.begun)
-            self._cutter = LineCutter(encoding, offset)
+            self._table.begin(begin.head)
+            if self._clock.begun:
+                self._table.go_on(begin.lines)
+            self._cutter = LineCutter(begin.encoding, offset)
             file.seek(offset)
             self._clock.begins = False
             return

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, NoticeKind, Rows
@@ -30,19 +29,14 @@ from rulec_runtime.recordings.csv_table import (
     read_cells,
     refuse_words,
 )
-from rulec_runtime.recordings.dates import ZoneClock, dates_of
+from rulec_runtime.recordings.dates import ZoneClock
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
+from rulec_runtime.recordings.limits import FEW_TEXTS
 from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
+from rulec_runtime.recordings.table import Dates
 from rulec_runtime.recordings.text_table import conventions
-from rulec_runtime.recordings.time_column import (
-    Counting,
-    counting_of,
-    dated,
-    factor_of_time,
-    order_in,
-    plain_times,
-)
+from rulec_runtime.recordings.time_column import TimeReader, factor_of_time
 from rulec_runtime.recordings.titles import left_out_above
 
 
@@ -61,22 +55,19 @@ class TableStream:
         self._header: Header | None = None
         self.head: TableHead | None = None
         self._factor = 1.0
-        self._header_of_time = "", ""
         self._notes: list[str] = []
         self._begun = False
         self._decimals: dict[str, set[str]] = {}
         self._form = form_of(ruleset)
-        self._order: Order = ""
-        self._counting: Counting | None = None
+        self._times: TimeReader
         self._written: dict[int, Convention] = {}
         self._qualities: Mapping[int, int] = {}
+        self._known_qualities: set[str] = set()
         self._titles: tuple[str, ...] = ()
         self._zone: ZoneClock | None = None
 
-    def begin(self, head: TableHead, begun: bool = False) -> None:
-        """Read the head; an earlier process may have `begun` to read the rows. Raises
-        `RecordingRefused` for a table of another plant."""
-        self._begun = begun
+    def begin(self, head: TableHead) -> None:
+        """Read the head. Raises `RecordingRefused` for a table of another plant."""
         notes = list(left_out_above(head.above))
         header = assign(self._path, head.titles, self._ruleset, notes, head.units)
         places = places_of(self._path, head.titles, self._form)
@@ -88,13 +79,26 @@ class TableStream:
         self._qualities, self._titles = places.quality_of or {}, head.titles
         if not self._ruleset.read.intersection(t.signal for t in header.targets):
             raise foreign(str(self._path), self._ruleset)
-        units = self._ruleset.units
-        self._factor = self._form.time_factor or factor_of_time(
-            self._path, header.time_title, header.time_unit, units
+        title, unit = header.time_title, header.time_unit
+        self._factor = factor = self._form.time_factor or factor_of_time(
+            self._path, title, unit, self._ruleset.units
         )
-        self._header_of_time = header.time_title, header.time_unit
+        self._times = TimeReader(
+            self._path, self._form, notes, title, lambda: factor if unit else 0.0
+        )
         self._separator, self._width = head.separator, len(head.titles)
         self._header, self._notes, self.head = header, notes, head
+
+    def go_on(self, lines: Sequence[str]) -> None:
+        """Continue after rows that an earlier process has read; `lines` are the first rows, which
+        show how numbers and times are written."""
+        self._begun = True
+        cells = [cells_of(line, self._separator) for line in lines]
+        rows = [row for row in cells if any(row) and is_whole(row, self._width)]
+        if self._header is not None and rows:
+            self._settle(self._header, rows)
+            self._see_qualities(rows)
+            self._times.read([row[self._header.time] for row in rows])
 
     def check(self) -> None:
         """Raises `RecordingRefused` if only a head has come so far, and is of another plant."""
@@ -136,12 +140,10 @@ class TableStream:
         if not self._begun:
             indexes = (header.time, *(t.index for t in header.targets))
             refuse_words(self._path, rows[0], indexes)
-            written = conventions(
-                self._path, self._titles, rows, indexes[1:], self._separator, self._form
-            )
-            self._written = dict(zip(indexes[1:], written, strict=True))
-        time, kept, found = self._clock.later(self._times([row[header.time] for row in rows]))
+            self._settle(header, rows)
+        time, kept, found = self._clock.later(self._seconds([row[header.time] for row in rows]))
         found += self._impossible()
+        self._see_qualities(rows)
         if not kept.any():
             return list(found)
         first = [] if self._begun else self._connected(header, float(time[kept][0]))
@@ -153,37 +155,26 @@ class TableStream:
             odd += remarks
         return [*first, *odd, *found, Rows(time[kept], values)]
 
-    def _times(self, cells: list[str]) -> Array:
-        """Seconds; the first usable cells decide whether they are dates."""
-        if self._clock.dated is None:
-            numbers = plain_times(cells)
-            if np.isfinite(numbers).any():
-                title, unit = self._header_of_time
-                factor = self._factor if unit else 0.0
-                self._counting = counting_of(
-                    self._path, numbers, title, factor, self._form, self._notes
-                )
-                self._clock.dated = self._counting is not None
-                return self._numbers(numbers)
-            self._order = order_in(self._path, lambda: cells, self._form, self._notes)
-            dates = self._dates(dates_of(cells, self._order))
-            if np.isfinite(dates).any():
-                self._clock.dated = True
-            return dates
-        if self._clock.dated and self._counting is None:
-            return self._dates(dates_of(cells, self._order))
-        return self._numbers(plain_times(cells))
+    def _settle(self, header: Header, rows: list[list[str]]) -> None:
+        """How each column writes numbers, by the first rows."""
+        indexes = [target.index for target in header.targets]
+        written = conventions(self._path, self._titles, rows, indexes, self._separator, self._form)
+        self._written = dict(zip(indexes, written, strict=True))
 
-    def _numbers(self, numbers: Array) -> Array:
-        if self._counting is None:
-            return numbers * self._factor
-        counted = dated(numbers, self._counting)
-        return self._dates((counted.seconds, counted.zones))
+    def _see_qualities(self, rows: list[list[str]]) -> None:
+        """Remember all qualities: those of a few rows may not show their standard."""
+        if self._qualities and len(self._known_qualities) < FEW_TEXTS:
+            places = {*self._qualities.values()}
+            self._known_qualities |= {row[i] for row in rows for i in places}
 
-    def _dates(self, found: tuple[Array, Array]) -> Array:
-        """Seconds since 1970; a date without a zone is in the zone of the column map."""
-        dates, zones = found
-        name = self._ruleset.time_zone
+    def _seconds(self, cells: list[str]) -> Array:
+        """Seconds, since 1970 for dates; one without a zone is in the zone of the column map."""
+        times = self._times.read(cells)
+        if self._times.dated is not None:
+            self._clock.dated = self._times.dated
+        if not isinstance(times, Dates):
+            return times * self._factor
+        dates, zones, name = times.seconds, times.zones, self._ruleset.time_zone
         if not name or not (np.isfinite(dates) & np.isnan(zones)).any():
             return dates
         if self._zone is None:
@@ -210,7 +201,7 @@ class TableStream:
         if target.index in self._qualities:
             at = self._qualities[target.index]
             texts = [row[at] for row in rows]
-            every = {row[i] for row in rows for i in self._qualities.values()}
+            every = {*self._known_qualities, *texts}
             column = judged(self._path, column, self._titles[at], texts, every, self._form)
         if len(column.decimals) > 1:
             text = (
