@@ -1,6 +1,6 @@
 """Assign the columns of a recording to signals, with their units."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,12 +39,18 @@ class Header:
 
 
 def assign(
-    path: Path, titles: Sequence[str], ruleset: Ruleset, notes: list[str], units: Sequence[str] = ()
+    path: Path,
+    titles: Sequence[str],
+    ruleset: Ruleset,
+    notes: list[str],
+    units: Sequence[str] = (),
+    is_other: Callable[[str], bool] = lambda _: False,
 ) -> Header:
     """Which column is which signal.
 
     `units` are those that the file holds beside the titles, or empty; they count if title and
-    column map name none. Raises `RecordingRefused`.
+    column map name none. A column whose name `is_other` is taken under it, as it is. Raises
+    `RecordingRefused`.
     """
     header = Header()
     foreign: dict[str, list[tuple[str, float, float]]] = {}
@@ -73,6 +79,8 @@ def assign(
             except ValueError as error:
                 raise RecordingRefused(f"{path}: column '{title}': {error}") from None
             _tell_other(path, title, beside, "its title", meant[0][1:], ruleset, notes)
+        elif is_other(name):
+            meant = [(name, 1.0, 0.0)]
         elif result_of(name, ruleset):
             raise RecordingRefused(
                 f"{path}: '{title}' is a result of a module's observer; only rulec diagnose takes "

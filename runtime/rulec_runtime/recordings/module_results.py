@@ -19,16 +19,15 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import is_there, opened_sheet, place_of
-from rulec_runtime.recordings.header import Header, Target, parts_of, result_of
+from rulec_runtime.recordings.header import assign, parts_of, result_of
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
-from rulec_runtime.recordings.reading_unit import conversion
 from rulec_runtime.recordings.recording_file import form_of
 from rulec_runtime.recordings.time_column import read_times
 
 KINDS = frozenset({"q", "valid", "s", "dq", "apart", "fit", "noise", "systematic", "beyond", "lag"})
 """Prefixes of columns, before the first colon."""
 
-TIME, SECONDS, SAMPLES = "time", "seconds", "samples"
+SECONDS, SAMPLES = "seconds", "samples"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,12 +72,14 @@ def holds_results(path: Path, ruleset: Ruleset) -> bool:
 
 def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
     """Read a CSV file (also .gz); raises `RecordingRefused` with a message for the operator."""
+    notes = list[str]()
     with opened_sheet(path, form_of(ruleset)) as sheet:
-        header = _header(path, sheet.titles, ruleset)
+        header = assign(path, sheet.titles, ruleset, notes, sheet.units, _is_result)
         table = sheet.read([header.time], [target.index for target in header.targets])
     _check(path, [target.signal for target in header.targets], ruleset)
     title, unit = header.time_title, header.time_unit
-    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units)
+    zone, form = ruleset.time_zone, form_of(ruleset)
+    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
     values = {
         target.signal: column.numbers() * target.factor + target.offset
         for target, column in zip(header.targets, table.columns, strict=True)
@@ -94,7 +95,7 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
         since = since - start
         calendar = calendar_of(since, start, zones[order])
     lost = len(time) - len(order) + table.left_out
-    notes = [] if not lost else [f"{path.name}: {lost} rows without time or of odd form left out"]
+    notes += [f"{path.name}: {lost} rows without time or of odd form left out"] if lost else []
     return ModuleResults(
         since=since,
         until=since + lengths[order],
@@ -106,28 +107,8 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
     )
 
 
-def _header(path: Path, titles: Sequence[str], ruleset: Ruleset) -> Header:
-    """Columns with factor and offset to SI; others are not used."""
-    header = Header()
-    for i, title in enumerate(as_meant(t.strip()) for t in titles):
-        name, unit = parts_of(title)
-        signal, scale = ruleset.signal_by_id.get(name), (1.0, 0.0)
-        if name == TIME:
-            header.time, header.time_title, header.time_unit = i, title, unit.strip()
-            continue
-        if signal is not None:
-            try:
-                scale = conversion(signal, unit.strip(), ruleset.units)
-            except ValueError as error:
-                raise RecordingRefused(f"{path}: column '{title}': {error}") from None
-        elif name not in (SECONDS, SAMPLES) and name.partition(":")[0] not in KINDS:
-            continue
-        if any(target.signal == name for target in header.targets):
-            raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
-        header.targets.append(Target(i, name, *scale))
-    if header.time < 0:
-        raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
-    return header
+def _is_result(name: str) -> bool:
+    return name in (SECONDS, SAMPLES) or name.partition(":")[0] in KINDS
 
 
 def _check(path: Path, names: Sequence[str], ruleset: Ruleset) -> None:
