@@ -28,10 +28,10 @@ from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_file import TextFile
 from rulec_runtime.recordings.time_column import order_in
 from rulec_runtime.recordings.titles import (
-    TitleSearch,
     is_time,
     left_out_above,
     rejoined,
+    title_line,
     units_below,
 )
 
@@ -181,27 +181,28 @@ def text_sheet(
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a CSV file (also .gz): comma, semicolon or tab; decimal point or comma."""
-    text, search = TextFile(file, path), TitleSearch(times)
-    for line in text.lines():
-        refuse_columns(path, max(map(line.count, ",;\t")))
-        if found := search.add(line):
-            break
-    else:
-        found = search.so_far()
+    text = TextFile(file, path)
+
+    def narrow() -> Iterator[str]:
+        for line in text.lines():
+            refuse_columns(path, max(map(line.count, ",;\t")))
+            yield line
+
+    found = title_line(narrow(), times)
     if found is None:
         raise RecordingRefused(f"{path}: the file is empty")
     start, separator = found.number, found.separator
 
-    def lines_from() -> Iterator[str]:
-        return islice(text.lines(), start, None)
+    def rows() -> Iterator[list[str]]:
+        return rows_of(path, islice(text.lines(), start, None), separator)
 
-    titles = next(rows_of(path, lines_from(), separator), None)
+    titles = next(rows(), None)
     if titles is None:
         raise RecordingRefused(f"{path}: the file is empty")
     titles = rejoined(titles, separator)
+    remarks, timed = left_out_above(found.above), frozenset(times)
 
     def below() -> Iterator[list[str]]:
-        return islice(rows_of(path, lines_from(), separator), 1, None)
+        return islice(rows(), 1, None)
 
-    remarks, timed = left_out_above(found.above), frozenset(times)
     return [text_sheet(path, "", titles, below, separator, remarks, timed)]

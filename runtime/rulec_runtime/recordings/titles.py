@@ -1,8 +1,8 @@
 """Find the titles of a table: after lines that belong to no table, before a row of units."""
 
 import re
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.output.plural import plural
@@ -124,50 +124,47 @@ def is_value(cell: str) -> bool:
 @dataclass(frozen=True)
 class TitleLine:
     """The `number` of the line of titles, from 0, its `separator`, and the number of lines `above`
-    it that are not part of the table."""
+    it that are not part of the table. It is `likely` if a line looks like titles, or like a row of
+    numbers."""
 
     number: int
     separator: str
     above: int
+    likely: bool
 
 
-class TitleSearch:
-    """Searches for the first line that looks like titles and has a row at least as wide below it.
-    If no line looks like titles, the first line holds them."""
+def title_line(
+    lines: Iterable[str], times: Collection[str], ended: bool = True
+) -> TitleLine | None:
+    """The first line that looks like titles and has a row at least as wide below it; if no line
+    looks like titles, the first one.
 
-    def __init__(self, times: Collection[str]) -> None:
-        self._times = times
-        self._found: list[TitleLine] = []
-        self._likely: list[TitleLine] = []
-        self._cells: list[str] = []
-        self._number, self._stated = 0, ""
-        self.in_sight = False
-        """Whether a line so far looks like titles, or like a row of numbers."""
-
-    def add(self, line: str) -> TitleLine | None:
-        """Take in a line; gives the titles once further lines would change nothing."""
-        number, self._number = self._number, self._number + 1
-        stated, is_header = before_header(line)
-        self._stated = stated or self._stated
+    None without a line that may hold titles or, unless all lines have come (`ended`), while further
+    ones may change the answer. `times` are names of time columns.
+    """
+    found, first = list[TitleLine](), None
+    stated, in_sight, above = "", False, list[str]()
+    for number, line in enumerate(lines):
+        own, is_header = before_header(line)
+        stated = own or stated
         if not is_header:
-            return None
-        separator = self._stated or separator_of(line)
-        above, cells = self._cells, cells_of(line, separator)
+            continue
+        separator = stated or separator_of(line)
+        cells = cells_of(line, separator)
         values = are_values(cells)
         # Titles may be numbers, such as channels of a logger, if only numbers are below them.
-        timed = values and len(above) > 1 and any(is_time(cell, self._times) for cell in above)
-        last = self._found[-1] if self._found else None
-        if last and len(cells) >= len(above) and (timed or last in self._likely):
-            return last
-        self._found.append(TitleLine(number, separator, len(self._found)))
-        self._cells = cells
-        if are_titles(cells, self._times):
-            self._likely.append(self._found[-1])
-        self.in_sight = self.in_sight or values or self._found[-1] in self._likely
-        return self.so_far() if len(self._found) > limits.LINES_ABOVE_TITLES else None
-
-    def so_far(self) -> TitleLine | None:
-        """The titles if no further line comes; None without a line that may hold them."""
-        last = self._found[-1:]
-        sure = [line for line in last if line in self._likely]
-        return next(iter(sure or self._likely or self._found), None)
+        timed = values and len(above) > 1 and any(is_time(cell, times) for cell in above)
+        if found and len(cells) >= len(above) and (timed or found[-1].likely):
+            return replace(found[-1], likely=True)
+        likely = are_titles(cells, times)
+        in_sight = in_sight or values or likely
+        found.append(TitleLine(number, separator, len(found), likely))
+        first = first or (found[-1] if likely else None)
+        above = cells
+        if len(found) > limits.LINES_ABOVE_TITLES:
+            break
+    else:
+        if not (ended and found):
+            return None
+    best = found[-1] if found[-1].likely else first or found[0]
+    return replace(best, likely=in_sight)

@@ -16,7 +16,7 @@ from rulec_runtime.live.sources.growing_file import GrowingFile
 from rulec_runtime.live.sources.table_stream import StandardInput
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.recordings.titles import TitleSearch
+from rulec_runtime.recordings.titles import title_line
 
 from tests.conftest import Patch
 from tests.live.sources.taking import Taken, append, growing, lines
@@ -326,9 +326,9 @@ def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> No
         GrowingFile(path, abc)
     _, taken = growing(tmp_path, abc, "time,A.dp,A.n\ns,mbar,rpm\nraw,raw,raw\n0,1,2\n")
     assert taken.kinds() == ["refused"]
-    search = TitleSearch({"time"})
-    assert [search.add(line) for line in ("logger 7\n", "time,101,102\n")] == [None, None]
-    found = search.add("0,1,2\n")
+    begin = ["logger 7\n", "time,101,102\n"]
+    assert title_line(begin, {"time"}, ended=False) is None
+    found = title_line([*begin, "0,1,2\n"], {"time"}, ended=False)
     assert found is not None
     assert (found.number, found.separator, found.above) == (1, ",", 1)
 

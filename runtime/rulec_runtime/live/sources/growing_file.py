@@ -13,7 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.limits import SHOWING_ROWS
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
+from rulec_runtime.live.sources.table_head import LineCutter, TableHead, head_in
 from rulec_runtime.live.sources.table_stream import TextSource
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
@@ -32,15 +32,13 @@ class Begin:
 
 def begin_of(file: BinaryIO, path: Path, times: Collection[str]) -> Begin:
     """Read the begin of a file. Raises `RecordingRefused`."""
-    cutter, search = LineCutter(), HeadSearch(str(path), times)
+    cutter, lines = LineCutter(), list[str]()
     file.seek(0)
     while data := file.read(limits.PIECE):
-        lines = cutter.feed(data)
-        for at, line in enumerate(lines, start=1):
-            if head := search.add(line):
-                shown = [*search.below(head), *lines[at:]][:SHOWING_ROWS]
-                return Begin(head, cutter.encoding, shown)
-    return Begin(search.so_far(), cutter.encoding)
+        lines += cutter.feed(data)
+        if head := head_in(str(path), lines, times, ended=False):
+            return Begin(head, cutter.encoding, lines[head.end :][:SHOWING_ROWS])
+    return Begin(head_in(str(path), lines, times, ended=True), cutter.encoding)
 
 
 def tail_of(file: BinaryIO, offset: int) -> bytes:
@@ -192,7 +190,7 @@ class GrowingFile(TextSource):
             if self._packed:
                 text = "a packed file does not grow; name the one written to"
                 raise RecordingRefused(f"{self._path}: {text}")
-            return self._table.feed(lines) + (self._table.end() if ended else [])
+            return self._table.feed(lines, ended)
         except RecordingRefused as refused:
             started = self._started or self._table.head is not None
             if not started or (isinstance(refused, Unclear) and not self._clock.begun):

@@ -1,11 +1,11 @@
 """The lines of a growing table, and its head: its titles, and the row of units below them."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, cells_of
-from rulec_runtime.recordings.titles import TitleLine, TitleSearch, rejoined, units_below
+from rulec_runtime.recordings.titles import rejoined, title_line, units_below
 
 _MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 
@@ -80,63 +80,42 @@ class LineCutter:
 
 @dataclass(frozen=True)
 class TableHead:
-    """Lines from `first` to before `end` hold titles and units; `above` counts lines before the
-    table. `units` is as long as `titles`, or empty without a row of units."""
+    """Titles and units; rows begin at line `end`, and `above` counts lines before the table.
+
+    `units` is as long as `titles`, or empty without a row of units. It is `likely` if a line looks
+    like titles, or like a row of numbers.
+    """
 
     titles: tuple[str, ...]
     units: tuple[str, ...]
     separator: str
     above: int
-    first: int
     end: int
+    likely: bool
 
 
-class HeadSearch:
-    """Finds a head from lines that come one by one. The row below the titles, which may hold units,
-    completes it."""
+def head_in(
+    name: str, lines: Sequence[str], times: Collection[str], ended: bool
+) -> TableHead | None:
+    """The head of a table that begins with these lines. The row below the titles, which may hold
+    units, completes it, unless the table has `ended`.
 
-    def __init__(self, name: str, times: Collection[str]) -> None:
-        self._name, self._search = name, TitleSearch(times)
-        self._titles: TitleLine | None = None
-        self._lines: list[str] = []
-        self._length = 0
-
-    @property
-    def in_sight(self) -> bool:
-        """Whether the lines so far look like a table."""
-        return self._search.in_sight
-
-    def add(self, line: str) -> TableHead | None:
-        """The head once it is complete. Raises `RecordingRefused` if none comes."""
-        if "\0" in line and not self._search.in_sight:
-            raise RecordingRefused(f"{self._name}: this is a binary file; a CSV file is read here")
-        self._lines.append(line)
-        self._length += len(line)
-        self._titles = self._titles or self._search.add(line)
-        head = self._head(self._titles) if self._titles else None
-        if head is None and self._length > limits.LONGEST_LINE:
-            raise RecordingRefused(
-                f"{self._name}: no header in its first {limits.LONGEST_LINE} bytes"
-            )
-        return head
-
-    def so_far(self) -> TableHead | None:
-        """The head if no further line comes; None without a line that may hold titles."""
-        titles = self._titles or self._search.so_far()
-        return self._head(titles, ended=True) if titles else None
-
-    def below(self, head: TableHead) -> list[str]:
-        """The lines so far below the head."""
-        return self._lines[head.end :]
-
-    def _head(self, found: TitleLine, ended: bool = False) -> TableHead | None:
-        separator, first = found.separator, found.number
-        titles = rejoined(cells_of(self._lines[first], separator), separator)
-        below = range(first + 1, len(self._lines))
-        rows = ((n, cells_of(self._lines[n], separator)) for n in below)
-        number, row = next(((n, row) for n, row in rows if any(row)), (first, None))
-        if row is None and not ended:
-            return None
-        units = units_below(titles, row) if row else None
-        end = number + 1 if units else first + 1
-        return TableHead(tuple(titles), units or (), separator, found.above, first, end)
+    None while it is incomplete. Raises `RecordingRefused` if none comes.
+    """
+    found = title_line(lines, times, ended)
+    number = found.number if found else len(lines)
+    if any("\0" in line for line in lines[: number + 1]):
+        raise RecordingRefused(f"{name}: this is a binary file; a CSV file is read here")
+    if found is not None:
+        separator = found.separator
+        titles = rejoined(cells_of(lines[number], separator), separator)
+        below = ((n, cells_of(lines[n], separator)) for n in range(number + 1, len(lines)))
+        end, row = next(((n + 1, row) for n, row in below if any(row)), (number + 1, None))
+        if row is not None or ended:
+            units = units_below(titles, row) if row else None
+            end = end if units else number + 1
+            above, likely = found.above, found.likely
+            return TableHead(tuple(titles), units or (), separator, above, end, likely)
+    if sum(map(len, lines)) > limits.LONGEST_LINE:
+        raise RecordingRefused(f"{name}: no header in its first {limits.LONGEST_LINE} bytes")
+    return None

@@ -16,7 +16,7 @@ from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
-from rulec_runtime.live.sources.table_head import HeadSearch, LineCutter, TableHead
+from rulec_runtime.live.sources.table_head import LineCutter, TableHead, head_in
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import places_of
 from rulec_runtime.recordings.csv_table import (
@@ -49,7 +49,7 @@ class TableStream:
 
     def __init__(self, path: Path, ruleset: Ruleset, clock: RowClock, remarks: Remarks) -> None:
         self._path, self._ruleset, self._clock, self._remarks = path, ruleset, clock, remarks
-        self._search = HeadSearch(str(path), times_of(ruleset))
+        self._lines: list[str] = []
         self._separator = ""
         self._width = 0
         self._header: Header | None = None
@@ -102,14 +102,19 @@ class TableStream:
 
     def check(self) -> None:
         """Raises `RecordingRefused` if only a head has come so far, and is of another plant."""
-        if self.head is None and self._search.in_sight and (head := self._search.so_far()):
+        head = None if self.head else self._head(ended=True)
+        if head is not None and head.likely:
             TableStream(self._path, self._ruleset, self._clock, self._remarks).begin(head)
 
-    def feed(self, lines: Sequence[str]) -> list[Rows | Notice]:
-        """Rows of further lines, without line ends; the first lines may be the head. Raises
-        `RecordingRefused` as `begin` does."""
-        if self._header is None:
-            lines = self._after_head(lines)
+    def feed(self, lines: Sequence[str], ended: bool = False) -> list[Rows | Notice]:
+        """Rows of further lines, without line ends; the first lines may be the head, which may wait
+        for a row unless the table has `ended`. Raises `RecordingRefused` as `begin` does."""
+        if self._header is None and (lines or ended):
+            self._lines += lines
+            lines = []
+            if head := self._head(ended):
+                self.begin(head)
+                lines, self._lines = self._lines[head.end :], []
         if self._header is None:
             return []
         cells = [row for line in lines if any(row := cells_of(line, self._separator))]
@@ -121,20 +126,8 @@ class TableStream:
             found += self._refused("cells", text)
         return found + self._rows(self._header, whole) if whole else found
 
-    def end(self) -> list[Rows | Notice]:
-        """Rows of lines that waited for the end of the head, if nothing more comes."""
-        head = None if self._header else self._search.so_far()
-        if head is None:
-            return []
-        self.begin(head)
-        return self.feed(self._search.below(head))
-
-    def _after_head(self, lines: Sequence[str]) -> list[str]:
-        for at, line in enumerate(lines):
-            if head := self._search.add(line):
-                self.begin(head)
-                return [*self._search.below(head), *lines[at + 1 :]]
-        return []
+    def _head(self, ended: bool) -> TableHead | None:
+        return head_in(str(self._path), self._lines, times_of(self._ruleset), ended)
 
     def _rows(self, header: Header, rows: list[list[str]]) -> list[Rows | Notice]:
         if not self._begun:
@@ -308,8 +301,7 @@ class StandardInput(TextSource):
         lines = self._cutter.feed(data) if data else self._cutter.rest()
         found: list[Rows | Notice] = []
         try:
-            found += self._table.feed(lines)
-            found += [] if data else self._table.end()
+            found += self._table.feed(lines, ended=not data)
         except RecordingRefused as refused:
             found.append(self._refusal(refused))
             data = b""
