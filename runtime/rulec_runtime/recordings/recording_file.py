@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.file_form import FileForm
@@ -124,14 +123,17 @@ def _file(
         if header.targets:
             raise
         raise foreign(str(path), ruleset) from None  # a foreign file is not quoted
+    values = dict[str, Array]()
+    for column, target in zip(table.columns, header.targets, strict=True):
+        values[target.signal], remarks = readings_of(column, target, ruleset)
+        notes += (f"{path.name}: {text}" for _, text in remarks)
+        if not np.isfinite(values[target.signal]).any():
+            notes.append(f"{path.name}: {target.signal} has not one reading")
     return RecordingFile(
         path=path,
         header=header,
         time=time,
-        values={
-            target.signal: _readings(path, column, target, ruleset, notes)
-            for column, target in zip(table.columns, header.targets, strict=True)
-        },
+        values=values,
         zones=zones,
         comma=any("," in (column.written.decimal, *column.decimals) for column in table.columns),
         left_out=table.left_out,
@@ -146,29 +148,20 @@ def largest_reading(signal: SignalSpec) -> float:
     return min(common.ABSURD, limits.BEYOND_SENSOR * scale) if scale else common.ABSURD
 
 
-def in_si(
-    numbers: Array, target: Target, most: float, missing: Sequence[float] = ()
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Numbers of a column in SI, and flags of those beyond any sensor. These become NaN, as do
-    numbers that mean `missing`."""
-    if missing:
-        numbers = np.where(np.isin(numbers, missing), np.nan, numbers)
-    with np.errstate(over="ignore"):
-        values = numbers * target.factor + target.offset
-    absurd = np.abs(values) > most
-    values[absurd] = np.nan
-    return values, absurd
+def readings_of(
+    column: Column, target: Target, ruleset: Ruleset, placed: bool = True
+) -> tuple[Array, list[tuple[str, str]]]:
+    """The numbers of a column in SI, changed in place, and remarks, each with what it is about.
 
+    NaN where a cell is one of the `words`, `absurd` (beyond any sensor), or `missing` by the column
+    map. Remarks name the first row if its number is that in a file (`placed`).
+    """
+    signal, missing = ruleset.signal_by_id[target.signal], ruleset.file.missing
+    found = list[tuple[str, str]]()
 
-def _readings(
-    path: Path, column: Column, target: Target, ruleset: Ruleset, notes: list[str]
-) -> Array:
-    """Numbers of a column in SI; invalid readings become NaN and are noted."""
-    missing, most = ruleset.file.missing, largest_reading(ruleset.signal_by_id[target.signal])
-
-    def note(count: int, one: str, many: str, more: str) -> None:
-        cell, cells = f"cell of {target.signal} {one}", f"cells of {target.signal} {many}"
-        notes.append(f"{path.name}: {plural(count, cell, cells)}{more}")
+    def note(about: str, count: int, one: str, many: str, more: str) -> None:
+        cell, cells = f"cell of {signal.id} {one}", f"cells of {signal.id} {many}"
+        found.append((about, f"{plural(count, cell, cells)}{more}"))
 
     if column.first is not None:
         (row, word), others = column.first, ""
@@ -176,20 +169,24 @@ def _readings(
             counts = [f"'{w}' {times}" for w, times in column.states.most_common(SHOWN)]
             left = len(column.states) - SHOWN
             others = f"; {', '.join(counts)}" + (f" and {left} others" if left > 0 else "")
-        more = f" (the first, in data row {row}: '{word}'{others}); there it has no reading"
-        note(column.words, "is a word", "are words", more)
+        place = f", in data row {row}" if placed else ""
+        more = f" (the first{place}: '{word}'{others}); there it has no reading"
+        note("words", column.words, "is a word", "are words", more)
     values = column.numbers()
-    if missing and (absent := int(np.isin(values, missing).sum())):
+    if missing and (absent := np.isin(values, missing)).any():
         shown = " or ".join(f"{number:g}" for number in missing)
-        note(absent, "is", "are", f" {shown}, which the column map calls missing")
-    values[:], absurd = in_si(values, target, most, missing)
+        more = f" {shown}, which the column map calls missing"
+        note("missing", int(absent.sum()), "is", "are", more)
+        values[absent] = np.nan
+    with np.errstate(over="ignore"):
+        values[:] = values * target.factor + target.offset
+    absurd = np.abs(values) > largest_reading(signal)
     if absurd.any():
-        row = int(np.argmax(absurd)) + 1
-        more = f" beyond any sensor (the first in data row {row}); there it has no reading"
-        note(int(absurd.sum()), "is", "are", more)
-    if not np.isfinite(values).any():
-        notes.append(f"{path.name}: {target.signal} has not one reading")
-    return values
+        place = f" (the first in data row {int(np.argmax(absurd)) + 1})" if placed else ""
+        more = f" beyond any sensor{place}; there it has no reading"
+        note("absurd", int(absurd.sum()), "is", "are", more)
+        values[absurd] = np.nan
+    return values, found
 
 
 Cells = np.ndarray | list[str]

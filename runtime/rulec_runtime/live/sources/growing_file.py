@@ -5,6 +5,7 @@ import os
 import re
 import time as clocks
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -65,27 +66,20 @@ def with_inode(path: Path, inode: int) -> Iterator[Path]:
             continue
 
 
-def following(file: BinaryIO, path: Path, head: TableHead | None, times: Collection[str]) -> Path:
+def following(file: BinaryIO, path: Path) -> Path:
     """The file to read after one that was replaced.
 
-    Usually that of the same name. After several rotations, the oldest file that was written later,
-    has the same titles and units, and a name such as ``x.csv.1``, ``x.csv-20260301`` or
-    ``x-20260301.csv``. Lines above the titles may contain the start time.
+    Usually that of the same name. After several rotations, the oldest file that was written later
+    and has a name such as ``x.csv.1``, ``x.csv-20260301`` or ``x-20260301.csv``.
     """
-    last, current = os.fstat(file.fileno()).st_mtime_ns, path.stat().st_ino
-    later = []
+    last, known = os.fstat(file.fileno()).st_mtime_ns, (path.stat().st_ino, inode_of(file))
+    found = []
     for other in _rotated(path):
-        try:
+        with suppress(OSError):
             about = other.stat()
-            if about.st_mtime_ns <= last or about.st_ino in (current, inode_of(file)):
-                continue
-            with opened(other, buffering=0) as begun:
-                found = begin_of(begun, other, times).head
-        except (OSError, RecordingRefused):
-            continue
-        if head and found and (head.titles, head.units) == (found.titles, found.units):
-            later.append((about.st_mtime_ns, other))
-    return min(later)[1] if later else path
+            if about.st_mtime_ns > last and about.st_ino not in known:
+                found.append((about.st_mtime_ns, other))
+    return min(found)[1] if found else path
 
 
 def _rotated(path: Path) -> list[Path]:
@@ -227,7 +221,7 @@ class GrowingFile(TextSource):
         if self._cutter.waiting:
             text = ": the last row before it was replaced has no end; left out"
             found.append(self._notice("refused", text))
-        self._open(following(self._file, self._path, self._table.head, self._times))
+        self._open(following(self._file, self._path))
         return found
 
     def _lost(self, why: str) -> list[Rows | Notice]:

@@ -33,7 +33,7 @@ from rulec_runtime.recordings.dates import ZoneClock
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.limits import FEW_TEXTS
 from rulec_runtime.recordings.quality import judged
-from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
+from rulec_runtime.recordings.recording_file import form_of, readings_of, times_of
 from rulec_runtime.recordings.table import Dates
 from rulec_runtime.recordings.text_table import conventions
 from rulec_runtime.recordings.time_column import TimeReader, factor_of_time
@@ -202,18 +202,11 @@ class TableStream:
             )
             return np.full(len(cells), np.nan), self._refused((signal, "decimals"), text)
         self._decimals[signal] = column.decimals
-        most = largest_reading(self._ruleset.signal_by_id[signal])
-        values, absurd = in_si(column.numbers(), target, most, self._form.missing)
-        found = []
-        if column.first is not None:
-            one, many = f"cell of {signal} is a word", f"cells of {signal} are words"
-            text = f"{self._name}: {plural(column.words, one, many)} (the first: "
-            text += f"'{column.first[1]}'); there it has no reading"
-            found += self._refused((signal, "words"), text)
-        if absurd.any():
-            one, many = f"cell of {signal} is", f"cells of {signal} are"
-            text = f"{self._name}: {plural(int(absurd.sum()), one, many)} beyond any sensor; "
-            found += self._refused((signal, "absurd"), text + "there it has no reading")
+        values, remarks = readings_of(column, target, self._ruleset, placed=False)
+        found = list[Notice]()
+        for about, text in remarks:
+            if about != "missing":  # the column map expects those
+                found += self._refused((signal, about), f"{self._name}: {text}")
         return values, found
 
     def _connected(self, header: Header, time: float) -> list[Notice]:
