@@ -179,9 +179,8 @@ def format_of(file: BinaryIO, path: Path) -> Format:
     """The format of a file by its first bytes; CSV if no other matches."""
     head = file.read(4096)
     file.seek(0)
-    for kind in BINARY:
-        if any(head[at:].startswith(mark) for at, mark in kind.begins):
-            return kind
+    if kind := other_than_csv(head):
+        return kind
     for mark, text in _NO_RECORDING:
         if head.startswith(mark):
             raise RecordingRefused(f"{path}: this is {text}")
@@ -192,6 +191,12 @@ def format_of(file: BinaryIO, path: Path) -> Format:
                 "like one. Copy it again, or export it anew"
             )
     return CSV
+
+
+def other_than_csv(head: bytes) -> Format | None:
+    """The format of a file with these first bytes, if it is another than CSV."""
+    begun = (k for k in BINARY if any(head[at:].startswith(mark) for at, mark in k.begins))
+    return next(begun, None)
 
 
 def is_called_recording(path: Path) -> bool:

@@ -61,6 +61,12 @@ COUNTINGS = (
 """No number is a date of this century in two of them."""
 
 
+def may_be_day(number: float) -> bool:
+    """Whether a number may be a day of a spreadsheet in this century: two rows show if it is."""
+    first, last = map(SPREADSHEET.numbers, (limits.FIRST_YEAR, limits.LAST_YEAR))
+    return first <= number < last
+
+
 def counting_of(
     path: Path, numbers: Array, title: str, factor: float, form: FileForm, notes: list[str]
 ) -> Counting | None:
@@ -83,7 +89,7 @@ def counting_of(
             notes.append(f"times count {one.unit} since {one.since[:10]}")
             return one
     days = SPREADSHEET
-    if not (days.numbers(limits.FIRST_YEAR) <= low and high < days.numbers(limits.LAST_YEAR)):
+    if not (may_be_day(low) and may_be_day(high)):
         return None
     if factor == SPREADSHEET.factor or (not factor and 0 < step < limits.BRIEFEST_ROW):
         notes.append(f"times are days of a spreadsheet, since {days.since}")

@@ -48,7 +48,10 @@ FORMS_READ: dict[str, str | bytes] = {
     "a head": head() + rows(range(30)),
     "UTF-16": SHEET.text().encode("utf-16"),
     "UTF-16 big": f"\ufeff{SHEET.text()}".encode("utf-16-be"),
-    **{name: stamped(DATES[name]) for name in ("with a zone", "American, AM and PM", "Unix, ms")},
+    **{
+        name: stamped(DATES[name])
+        for name in ("with a zone", "American, AM and PM", "Unix, ms", "spreadsheet")
+    },
     **{name: FORMS[name] for name in ("thousands, German", "thousands, Swiss", "quality columns")},
     "a bad quality": beside("{} Quality", "Good").replace("1.82216,Good", "1.82216,Bad"),
 }
@@ -102,6 +105,23 @@ def test_a_file_is_read_on_in_its_form(name: str, way: str, tmp_path: Path, abc:
         np.testing.assert_array_equal(second.of(signal), values)
 
 
+def test_days_of_a_spreadsheet_row_by_row(tmp_path: Path, abc: Ruleset) -> None:
+    """One number alone may count days or seconds; the second row shows which."""
+    head, *rows = stamped(DATES["spreadsheet"]).splitlines(keepends=True)[:5]
+    path, taken = growing(tmp_path, abc, head + rows[0])
+    assert not taken.take().times
+    stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
+    for row in rows[1:]:
+        append(path, row)
+        taken.take()
+    again = Taken(GrowingFile(path, abc, stored)).take()
+    assert taken.source.dated
+    assert taken.times == again.times
+    assert np.diff(taken.times) == pytest.approx(np.ones(3), abs=1e-4)
+    seconds = "".join(f"{t},1,2\n" for t in (40000, 40001))
+    assert growing(tmp_path, abc, "time,A.dp,A.n\n" + seconds)[1].times == [40000, 40001]
+
+
 def test_codes_of_qualities_are_those_of_all_rows(tmp_path: Path, abc: Ruleset) -> None:
     """A code that alone could be good or bad is read as those before it, also after a restart."""
     text = "time,A.dp [bar],A.dp Quality,A.n [rpm]\n0,1,192,900\n"
@@ -112,6 +132,14 @@ def test_codes_of_qualities_are_those_of_all_rows(tmp_path: Path, abc: Ruleset) 
     append(path, "2,1,0,900\n")
     again = Taken(GrowingFile(path, abc, stored)).take()
     np.testing.assert_array_equal([*taken.of("A.dp"), *again.of("A.dp")], [1e5, np.nan, np.nan])
+
+
+@pytest.mark.parametrize("name", ["annotated, pivoted", "LabVIEW"])
+def test_another_format_is_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
+    """Text that looks like CSV: its later tables have other columns."""
+    text = FORMS[name]
+    with pytest.raises(RecordingRefused, match=r"this is (annotated|LabVIEW).*, not plain CSV"):
+        GrowingFile(write(tmp_path, text), abc)
 
 
 REFUSED = {

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, cells_of
+from rulec_runtime.recordings.formats import other_than_csv
 from rulec_runtime.recordings.titles import rejoined, title_line, units_below
 
 _MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
@@ -102,6 +103,12 @@ def head_in(
 
     None while it is incomplete. Raises `RecordingRefused` if none comes.
     """
+    other = other_than_csv(lines[0].encode("utf-8", "replace")) if lines else None
+    if other is not None:
+        raise RecordingRefused(
+            f"{name}: this is {other.name}, not plain CSV; read it with rulec diagnose when it is "
+            "complete"
+        )
     found = title_line(lines, times, ended)
     number = found.number if found else len(lines)
     if any("\0" in line for line in lines[: number + 1]):

@@ -36,8 +36,8 @@ from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording_file import form_of, readings_of, times_of
 from rulec_runtime.recordings.table import Dates
 from rulec_runtime.recordings.text_table import conventions
-from rulec_runtime.recordings.time_column import TimeReader, factor_of_time
-from rulec_runtime.recordings.titles import left_out_above
+from rulec_runtime.recordings.time_column import TimeReader, factor_of_time, may_be_day, plain_times
+from rulec_runtime.recordings.titles import is_time, left_out_above
 
 
 class TableStream:
@@ -112,7 +112,7 @@ class TableStream:
         if self._header is None and (lines or ended):
             self._lines += lines
             lines = []
-            if head := self._head(ended):
+            if (head := self._head(ended)) and (ended or self._shows_times(head)):
                 self.begin(head)
                 lines, self._lines = self._lines[head.end :], []
         if self._header is None:
@@ -125,6 +125,15 @@ class TableStream:
             text = f"{self._name}: {what} another number of cells than the header; left out"
             found += self._refused("cells", text)
         return found + self._rows(self._header, whole) if whole else found
+
+    def _shows_times(self, head: TableHead) -> bool:
+        """Whether the rows so far show what times count: one number may be days or seconds."""
+        rows = [cells_of(line, head.separator) for line in self._lines[head.end :] if line.strip()]
+        if len(rows) != 1:
+            return len(rows) > 1
+        named, times = zip(head.titles, rows[0], strict=False), times_of(self._ruleset)
+        stamps = plain_times([cell for title, cell in named if is_time(title, times)])
+        return not any(map(may_be_day, stamps))
 
     def _head(self, ended: bool) -> TableHead | None:
         return head_in(str(self._path), self._lines, times_of(self._ruleset), ended)
