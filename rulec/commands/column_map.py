@@ -15,13 +15,13 @@ from rulec_runtime.contract.ruleset import ColumnMap, Ruleset, SignalSpec
 from rulec_runtime.recordings.column_roles import Places, places_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.formats import opened_sheet, opened_table
-from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.quality import standard_of
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, form_of, read_file
 from rulec_runtime.recordings.table import Dates, Sheet, texts_of
 from rulec_runtime.recordings.text_table import conventions
 from rulec_runtime.recordings.time_column import COUNTINGS, SPREADSHEET, TimeReader
+from rulec_runtime.recordings.titles import parts_of
 
 from rulec import limits
 from rulec.language.write_yaml import flow

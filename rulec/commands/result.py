@@ -21,7 +21,7 @@ from rulec_runtime.output.terminal import as_html, plain, with_styles
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording_file import Cells
-from rulec_runtime.recordings.time_column import NAMES
+from rulec_runtime.recordings.titles import NAMES
 
 if TYPE_CHECKING:
     import narwhals as nw

@@ -16,8 +16,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.formats import opened_table
-from rulec_runtime.recordings.header import parts_of
-from rulec_runtime.recordings.titles import is_value
+from rulec_runtime.recordings.titles import is_value, parts_of
 
 from rulec.curves.limits import MOST_SHEET_POINTS
 from rulec.knowledge.module_type import Accuracy

@@ -11,8 +11,8 @@ from rulec_runtime.fleet.plant_day import hash_of
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.open_file import check_address, is_below, is_near
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+from rulec_runtime.recordings.titles import parts_of
 
 from rulec.knowledge.layers import PLANT, leads_out
 from rulec.knowledge.read import read_alone

@@ -11,8 +11,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import as_meant, defused, row_of
 from rulec_runtime.recordings.formats import opened_sheet
-from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.recording_file import RecordingFile, form_of
+from rulec_runtime.recordings.titles import parts_of
 
 from rulec.simulation.equations import SimulationRefused
 

@@ -338,6 +338,14 @@ def test_readings_that_are_written_when_they_change(
     assert any("a reading holds until the next one of its signal" in n for n in found.notes)
 
 
+def test_a_temperature_called_t_is_no_time(tmp_path: Path, abc: Ruleset) -> None:
+    """Empty cells hold the reading above them in time, wherever the column of times is."""
+    warm = dataclasses.replace(abc, columns=(ColumnMap("A.T", "T", 1.0, 273.15),))
+    file = write(tmp_path, "T,time,A.dp [bar]\n20,0,1\n19,1,\n18,2,2\n17,3,\n")
+    found = read_recording(file, formed(warm, hold="last"))
+    assert found.values["A.dp"].tolist() == [1e5, 1e5, 2e5, 2e5]
+
+
 def test_what_holds(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     """Nothing beyond a bad quality or for too long. In a table with a column per signal, where its
     map says so, empty cells; a word ends it."""

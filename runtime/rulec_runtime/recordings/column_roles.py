@@ -8,8 +8,7 @@ from pathlib import Path
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.header import parts_of
-from rulec_runtime.recordings.titles import is_time, names_of_times
+from rulec_runtime.recordings.titles import is_time, names_of_times, parts_of
 
 TAGS = ("tag", "tagname", "tag name", "tag_name", "tagindex", "varname", "point", "pointname",
         "variable", "variable name", "name", "node", "nodeid", "series", "metric", "signal",

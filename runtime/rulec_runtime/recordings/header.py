@@ -11,7 +11,7 @@ from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.reading_unit import conversion, parse_unit
-from rulec_runtime.recordings.time_column import is_time
+from rulec_runtime.recordings.titles import is_time, parts_of
 
 SHOWN = 4
 """Most names shown of a list; the others are counted."""
@@ -63,7 +63,7 @@ def assign(
         name, unit = parts_of(title)
         beside = units[index].strip() if units else ""
         named = title != "" and title == ruleset.time_column
-        if named or (header.time < 0 and is_time(name.partition(" (")[0])):
+        if named or (header.time < 0 and is_time(title)):
             header.time, header.time_title, header.time_unit = index, title, unit.strip() or beside
             continue
         if title in foreign or name in foreign:
@@ -135,22 +135,6 @@ def result_of(name: str, ruleset: Ruleset) -> bool:
     """Whether a column is the estimate of an observer, as reported by its module."""
     kind, _, observer = name.partition(":")
     return kind == "q" and observer in ruleset.observer_by_id
-
-
-def parts_of(title: str) -> tuple[str, str]:
-    """Name and unit of a column; a title in any other form is all name.
-
-    >>> parts_of("A.dp [bar]"), parts_of("A.dp"), parts_of("a[b]c")
-    (('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
-    """
-    name, bracket, rest = title.partition("[")
-    name = name.strip()
-    if not bracket and "]" not in title:
-        return name, ""
-    unit, closed, behind = rest.partition("]")
-    if not (name and bracket and closed) or behind.strip() or set("[]") & {*name, *unit}:
-        return title, ""
-    return name, unit
 
 
 def _tell_other(

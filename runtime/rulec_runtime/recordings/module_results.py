@@ -19,10 +19,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import is_there, opened_sheet, place_of
-from rulec_runtime.recordings.header import assign, parts_of, result_of
+from rulec_runtime.recordings.header import assign, result_of
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.recording_file import form_of
 from rulec_runtime.recordings.time_column import read_times
+from rulec_runtime.recordings.titles import parts_of
 
 KINDS = frozenset({"q", "valid", "s", "dq", "apart", "fit", "noise", "systematic", "beyond", "lag"})
 """Prefixes of columns, before the first colon."""

@@ -18,10 +18,11 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
 from rulec_runtime.recordings.columns import interval_of
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.header import foreign, parts_of
+from rulec_runtime.recordings.header import foreign
 from rulec_runtime.recordings.larger_than_memory import kept, one_behind_the_other
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of, together
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+from rulec_runtime.recordings.titles import parts_of
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
 

@@ -116,26 +116,6 @@ def _which(path: Path, title: str, low: float, one: Counting) -> Unclear:
     )
 
 
-NAMES = (
-    "time", "datetime", "timestamp", "date", "t", "zeit", "zeitstempel", "datum", "uhrzeit",
-    "time stamp", "time_stamp", "date time", "date/time", "timestring", "t_stamp", "_time",
-    "x_value",
-)  # fmt: skip
-"""Names of the time column, in lower case."""
-
-TEMPERATURE = "T"
-"""Not a name of the time column: t is a time, T a temperature (ISO 80000)."""
-
-
-def is_time(name: str) -> bool:
-    """Whether a column holds times, by its name.
-
-    >>> is_time("Time"), is_time("t"), is_time("T")
-    (True, True, False)
-    """
-    return name.lower() in NAMES and name != TEMPERATURE
-
-
 class TimeReader:
     """Times of a column, all at once or block by block, as numbers or dates.
 

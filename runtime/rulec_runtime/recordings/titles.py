@@ -14,8 +14,6 @@ from rulec_runtime.recordings.csv_table import (
     is_whole,
     separator_of,
 )
-from rulec_runtime.recordings.header import parts_of
-from rulec_runtime.recordings.time_column import NAMES
 
 _NAMESPACE = re.compile(r"\s*nsu?=[^;]*$")
 _IDENTIFIER = re.compile(r"[isgb]=")
@@ -25,16 +23,49 @@ _DATE = re.compile(
 )
 
 
+def parts_of(title: str) -> tuple[str, str]:
+    """Name and unit of a column; a title in any other form is all name.
+
+    >>> parts_of("A.dp [bar]"), parts_of("A.dp"), parts_of("a[b]c")
+    (('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
+    """
+    name, bracket, rest = title.partition("[")
+    name = name.strip()
+    if not bracket and "]" not in title:
+        return name, ""
+    unit, closed, behind = rest.partition("]")
+    if not (name and bracket and closed) or behind.strip() or set("[]") & {*name, *unit}:
+        return title, ""
+    return name, unit
+
+
+NAMES = (
+    "time", "datetime", "timestamp", "date", "t", "zeit", "zeitstempel", "datum", "uhrzeit",
+    "time stamp", "time_stamp", "date time", "date/time", "timestring", "t_stamp", "_time",
+    "x_value",
+)  # fmt: skip
+"""Names of the time column, in lower case."""
+
+TEMPERATURE = "T"
+"""Not a name of the time column: t is a time, T a temperature (ISO 80000)."""
+
+
 def names_of_times(form: FileForm) -> frozenset[str]:
     """Names of time columns, in lower case except those of the column map."""
     return frozenset((*NAMES, *form.time))
 
 
-def is_time(title: str, times: Collection[str]) -> bool:
-    """Whether a column with this title holds times; `times` are names of such columns."""
-    title = title.strip()
-    plain = parts_of(title)[0].lower()
-    return title in times or plain in times or plain.partition(" (")[0] in times
+def is_time(title: str, times: Collection[str] = NAMES) -> bool:
+    """Whether a column with this title holds times; `times` are names of such columns.
+
+    >>> is_time("Time [s]"), is_time("t (ms)"), is_time("T")
+    (True, True, False)
+    """
+    name = parts_of(title.strip())[0]
+    if title.strip() in times or name in times:
+        return True
+    bare = name.partition(" (")[0]
+    return bare != TEMPERATURE and (name.lower() in times or bare.lower() in times)
 
 
 def are_titles(cells: Sequence[str], times: Collection[str]) -> bool:

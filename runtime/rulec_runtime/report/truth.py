@@ -14,7 +14,8 @@ from rulec_runtime.recordings.columns import nearest
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.time_column import NAMES, read_times
+from rulec_runtime.recordings.time_column import read_times
+from rulec_runtime.recordings.titles import NAMES
 from rulec_runtime.report.series import NOT_JUDGED
 
 

@@ -50,8 +50,8 @@ def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
 
 
 def _timed(names: Iterable[str], times: Collection[str]) -> bool:
-    """Whether one of the arrays holds times; `T` is usually a temperature."""
-    return any(name != "T" and is_time(name, times) for name in names)
+    """Whether one of the arrays holds times."""
+    return any(is_time(name, times) for name in names)
 
 
 def _tables(group: Group, times: Collection[str]) -> Iterator[Sheet]:
