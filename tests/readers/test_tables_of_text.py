@@ -31,6 +31,20 @@ def read(text: str, folder: Path, ruleset: Ruleset) -> Recording:
     return read_recording(write(folder, text), ruleset)
 
 
+def test_a_word_has_no_decimal_sign(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
+    """Neither k.A. among numbers with a decimal comma, nor a header that a logger repeats."""
+    first, *rest = SHEET.german().splitlines()
+    lines = [first, *rest[:30], first, rest[30].replace(";1,8", ";k.A.;1,8", 1), *rest[31:]]
+    cells = lines[32].split(";")
+    del cells[cells.index("k.A.") + 1]
+    lines[32] = ";".join(cells)
+    found = read("\n".join(lines) + "\n", tmp_path, abc)
+    assert np.flatnonzero(np.isnan(found.values["A.dp"])).tolist() == [30]
+    for name, values in expected.values.items():
+        kept = slice(None, 30) if name == "A.dp" else slice(None)
+        np.testing.assert_array_equal(found.values[name][kept], values[kept])
+
+
 def test_units_below_the_titles(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     """They count as those in titles do; where both contradict, the title counts, and a note names
     both."""

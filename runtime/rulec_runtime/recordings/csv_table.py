@@ -267,7 +267,12 @@ def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> No
     if column.written.thousands:
         cells = [column.written.plain(cell) for cell in cells]
     elif comma or column.written.decimal == ",":
-        column.decimals |= {sign for sign in ",." if any(sign in cell for cell in cells)}
+        # A word such as k.A. has no decimal sign.
+        column.decimals |= {
+            sign
+            for sign in ",."
+            if any(sign in cell and _SHAPE.fullmatch(cell.strip()) for cell in cells)
+        }
         if "," in column.decimals:
             cells = [cell.replace(",", ".") for cell in cells]
     numbers, others = numbers_in(cells)
