@@ -3,18 +3,18 @@ that come in parts."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm, Order
+from rulec_runtime.contract.file_form import AS_SEEN, START, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Convention, columns_of, read_cells
-from rulec_runtime.recordings.dates import dates_of
 from rulec_runtime.recordings.larger_than_memory import Growing
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
-from rulec_runtime.recordings.time_column import plain_times
+from rulec_runtime.recordings.time_column import TimeReader
 
 
 class GrowingCells:
@@ -52,35 +52,25 @@ class GrowingCells:
         return np.zeros(0) if self._texts is None else self._texts
 
 
-class GrowingTimes:
-    """Texts of times, kept as numbers if one of them is a number, else as dates.
+class GrowingTimes(GrowingCells):
+    """Texts of times, kept as numbers or dates: the first one that is a time shows which.
 
-    Other texts are NaN, as in `read_times`, which gets all texts at once.
+    Dates are in this `order`; the first text stands for all if none is a time.
     """
 
-    def __init__(self, order: Order) -> None:
-        self._numbers, self._dates = Growing(), GrowingCells()
-        self._order = order
-        self._plain = False
+    def __init__(self, path: Path, order: Order) -> None:
+        super().__init__()
+        self._reader = TimeReader(path, FileForm(since=START, dates=order), [])
         self._first: list[str] = []
 
-    def add(self, cells: Sequence[str]) -> None:
+    def add(self, cells: Cells) -> None:
         """Append texts."""
-        self._first = self._first or list(cells[:1])
-        numbers = plain_times(cells)
-        self._numbers.append(numbers)
-        self._plain = self._plain or bool(np.isfinite(numbers).any())
-        if not self._plain:
-            self._dates.add(Dates(*dates_of(cells, self._order)))
+        self._first = self._first or texts_of(cells)[:1]
+        super().add(self._reader.read(cells))
 
     def joined(self) -> Cells:
-        """All times; the first text if none is a time."""
-        if self._plain:
-            return self._numbers.joined()
-        dates = self._dates.joined()
-        if isinstance(dates, Dates) and np.isfinite(dates.seconds).any():
-            return dates
-        return self._first
+        """All times."""
+        return self._first if self._reader.dated is None else super().joined()
 
 
 Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]

@@ -98,7 +98,7 @@ class TextTable:
         once, while of several each may be a part of the time."""
         if {index} == times and len(form.time) < 2:
             order = order_in(self.path, lambda: (row[index] for row in self.lines()), form, notes)
-            return GrowingTimes(order)
+            return GrowingTimes(self.path, order)
         return GrowingCells()
 
     def _below(self) -> Iterator[list[str]]:

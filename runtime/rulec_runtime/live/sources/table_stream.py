@@ -5,7 +5,7 @@ import os
 import select
 import sys
 import time as clocks
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,20 +50,12 @@ class TableStream:
     def __init__(self, path: Path, ruleset: Ruleset, clock: RowClock, remarks: Remarks) -> None:
         self._path, self._ruleset, self._clock, self._remarks = path, ruleset, clock, remarks
         self._lines: list[str] = []
-        self._separator = ""
-        self._width = 0
-        self._header: Header | None = None
         self.head: TableHead | None = None
-        self._factor = 1.0
-        self._notes: list[str] = []
+        self._form = form_of(ruleset)
         self._begun = False
         self._decimals: dict[str, set[str]] = {}
-        self._form = form_of(ruleset)
-        self._times: TimeReader
         self._written: dict[int, Convention] = {}
-        self._qualities: Mapping[int, int] = {}
         self._known_qualities: set[str] = set()
-        self._titles: tuple[str, ...] = ()
         self._zone: ZoneClock | None = None
 
     def begin(self, head: TableHead) -> None:
@@ -76,7 +68,7 @@ class TableStream:
                 f"{self._path}: watch reads tables with a column per signal and one of times; have "
                 "this one written so, or read it with rulec diagnose when it is complete"
             )
-        self._qualities, self._titles = places.quality_of or {}, head.titles
+        self._qualities = places.quality_of or {}
         if not self._ruleset.read.intersection(t.signal for t in header.targets):
             raise foreign(str(self._path), self._ruleset)
         title, unit = header.time_title, header.time_unit
@@ -86,17 +78,15 @@ class TableStream:
         self._times = TimeReader(
             self._path, self._form, notes, title, lambda: factor if unit else 0.0
         )
-        self._separator, self._width = head.separator, len(head.titles)
         self._header, self._notes, self.head = header, notes, head
 
     def go_on(self, lines: Sequence[str]) -> None:
         """Continue after rows that an earlier process has read; `lines` are the first rows, which
         show how numbers and times are written."""
+        assert self.head is not None
         self._begun = True
-        cells = [cells_of(line, self._separator) for line in lines]
-        rows = [row for row in cells if any(row) and is_whole(row, self._width)]
-        if self._header is not None and rows:
-            self._settle(self._header, rows)
+        if rows := _rows_in(self.head, lines)[0]:
+            self._settle(self.head, rows)
             self._see_qualities(rows)
             self._times.read([row[self._header.time] for row in rows])
 
@@ -109,26 +99,25 @@ class TableStream:
     def feed(self, lines: Sequence[str], ended: bool = False) -> list[Rows | Notice]:
         """Rows of further lines, without line ends; the first lines may be the head, which may wait
         for a row unless the table has `ended`. Raises `RecordingRefused` as `begin` does."""
-        if self._header is None and (lines or ended):
+        if self.head is None and (lines or ended):
             self._lines += lines
             lines = []
             if (head := self._head(ended)) and (ended or self._shows_times(head)):
                 self.begin(head)
                 lines, self._lines = self._lines[head.end :], []
-        if self._header is None:
+        if self.head is None:
             return []
-        cells = [row for line in lines if any(row := cells_of(line, self._separator))]
-        whole = [row for row in cells if is_whole(row, self._width)]
+        rows, odd = _rows_in(self.head, lines)
         found: list[Rows | Notice] = []
-        if len(whole) < len(cells):
-            what = plural(len(cells) - len(whole), "row has", "rows have")
+        if odd:
+            what = plural(odd, "row has", "rows have")
             text = f"{self._name}: {what} another number of cells than the header; left out"
             found += self._refused("cells", text)
-        return found + self._rows(self._header, whole) if whole else found
+        return found + self._rows(self.head, rows) if rows else found
 
     def _shows_times(self, head: TableHead) -> bool:
         """Whether the rows so far show what times count: one number may be days or seconds."""
-        rows = [cells_of(line, head.separator) for line in self._lines[head.end :] if line.strip()]
+        rows, _ = _rows_in(head, self._lines[head.end :])
         if len(rows) != 1:
             return len(rows) > 1
         named, times = zip(head.titles, rows[0], strict=False), times_of(self._ruleset)
@@ -138,11 +127,11 @@ class TableStream:
     def _head(self, ended: bool) -> TableHead | None:
         return head_in(str(self._path), self._lines, times_of(self._ruleset), ended)
 
-    def _rows(self, header: Header, rows: list[list[str]]) -> list[Rows | Notice]:
+    def _rows(self, head: TableHead, rows: list[list[str]]) -> list[Rows | Notice]:
+        header = self._header
         if not self._begun:
-            indexes = (header.time, *(t.index for t in header.targets))
-            refuse_words(self._path, rows[0], indexes)
-            self._settle(header, rows)
+            refuse_words(self._path, rows[0], (header.time, *(t.index for t in header.targets)))
+            self._settle(head, rows)
         time, kept, found = self._clock.later(self._seconds([row[header.time] for row in rows]))
         found += self._impossible()
         self._see_qualities(rows)
@@ -152,15 +141,15 @@ class TableStream:
         self._begun = True
         values, odd = {}, []
         for target in header.targets:
-            numbers, remarks = self._readings(target, rows)
+            numbers, remarks = self._readings(head, target, rows)
             values[target.signal] = numbers[kept]
             odd += remarks
         return [*first, *odd, *found, Rows(time[kept], values)]
 
-    def _settle(self, header: Header, rows: list[list[str]]) -> None:
+    def _settle(self, head: TableHead, rows: list[list[str]]) -> None:
         """How each column writes numbers, by the first rows."""
-        indexes = [target.index for target in header.targets]
-        written = conventions(self._path, self._titles, rows, indexes, self._separator, self._form)
+        indexes = [target.index for target in self._header.targets]
+        written = conventions(self._path, head.titles, rows, indexes, head.separator, self._form)
         self._written = dict(zip(indexes, written, strict=True))
 
     def _see_qualities(self, rows: list[list[str]]) -> None:
@@ -193,18 +182,20 @@ class TableStream:
         self._zone.never = 0
         return self._remarks.tell("clock", "zone", self._clock.now, text)
 
-    def _readings(self, target: Target, rows: list[list[str]]) -> tuple[Array, list[Notice]]:
+    def _readings(
+        self, head: TableHead, target: Target, rows: list[list[str]]
+    ) -> tuple[Array, list[Notice]]:
         """Numbers of a column in SI, and notices about them."""
         signal, cells = target.signal, [row[target.index] for row in rows]
         before = self._decimals.get(signal, set())
         written = self._written.get(target.index, UNKNOWN)
         column = Column(signal, decimals=set(before), written=written)
-        read_cells(column, cells, 0, self._separator != ",")
+        read_cells(column, cells, 0, head.separator != ",")
         if target.index in self._qualities:
             at = self._qualities[target.index]
             texts = [row[at] for row in rows]
             every = {*self._known_qualities, *texts}
-            column = judged(self._path, column, self._titles[at], texts, every, self._form)
+            column = judged(self._path, column, head.titles[at], texts, every, self._form)
         if len(column.decimals) > 1:
             text = (
                 f"{self._name}: {signal} mixes decimal comma and decimal point; it has no reading"
@@ -234,6 +225,13 @@ class TableStream:
 
     def _refused(self, key: object, text: str) -> list[Notice]:
         return self._remarks.tell("refused", key, self._clock.now, text)
+
+
+def _rows_in(head: TableHead, lines: Sequence[str]) -> tuple[list[list[str]], int]:
+    """Rows with all cells of the titles, and the number of others."""
+    rows = [row for line in lines if any(row := cells_of(line, head.separator))]
+    whole = [row for row in rows if is_whole(row, len(head.titles))]
+    return whole, len(rows) - len(whole)
 
 
 class TextSource:
