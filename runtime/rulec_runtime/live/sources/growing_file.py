@@ -4,42 +4,18 @@ import hashlib
 import os
 import re
 import time as clocks
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.limits import SHOWING_ROWS
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.table_head import LineCutter, TableHead, head_in
+from rulec_runtime.live.sources.table_head import LineCutter
 from rulec_runtime.live.sources.table_stream import TextSource
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
-from rulec_runtime.recordings.recording_file import times_of
-
-
-@dataclass(frozen=True)
-class Begin:
-    """The head of a file as far as it was written, None without a line that may hold titles; its
-    encoding, and rows below the head that came with it."""
-
-    head: TableHead | None
-    encoding: str
-    lines: Sequence[str] = ()
-
-
-def begin_of(file: BinaryIO, path: Path, times: Collection[str]) -> Begin:
-    """Read the begin of a file. Raises `RecordingRefused`."""
-    cutter, lines = LineCutter(), list[str]()
-    file.seek(0)
-    while data := file.read(limits.PIECE):
-        lines += cutter.feed(data)
-        if head := head_in(str(path), lines, times, ended=False):
-            return Begin(head, cutter.encoding, lines[head.end :][:SHOWING_ROWS])
-    return Begin(head_in(str(path), lines, times, ended=True), cutter.encoding)
 
 
 def tail_of(file: BinaryIO, offset: int) -> bytes:
@@ -102,7 +78,6 @@ class GrowingFile(TextSource):
         self, path: Path, ruleset: Ruleset, resume: Mapping[str, Any] | None = None
     ) -> None:
         super().__init__(path, ruleset)
-        self._times = times_of(ruleset)
         self._file: BinaryIO | None = None
         self._started = self._refused = self._missing = False
         self._replaced: float | None = None
@@ -248,16 +223,12 @@ class GrowingFile(TextSource):
             file = self._open(path)
             if hashlib.sha256(tail_of(file, offset)).hexdigest() != position["tail"]:
                 continue
-            begin = begin_of(file, path, self._times)
-            file.seek(0)
             if not position["header"]:
                 return
-            if begin.head is None:
+            lines = self._cutter.feed(file.read(min(offset, 2 * limits.LONGEST_LINE)))
+            if not self._table.go_on(lines):
                 continue
-            self._table.begin(begin.head)
-            if self._clock.begun:
-                self._table.go_on(begin.lines)
-            self._cutter = LineCutter(begin.encoding, offset)
+            self._cutter = LineCutter(self._cutter.encoding, offset)
             file.seek(offset)
             self._clock.begins = False
             return

@@ -12,6 +12,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.limits import SHOWING_ROWS
 from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
@@ -80,15 +81,21 @@ class TableStream:
         )
         self._header, self._notes, self.head = header, notes, head
 
-    def go_on(self, lines: Sequence[str]) -> None:
-        """Continue after rows that an earlier process has read; `lines` are the first rows, which
-        show how numbers and times are written."""
-        assert self.head is not None
-        self._begun = True
-        if rows := _rows_in(self.head, lines)[0]:
-            self._settle(self.head, rows)
+    def go_on(self, lines: Sequence[str]) -> bool:
+        """Continue a table that an earlier process has read; its first lines show how numbers and
+        times are written. Returns whether they hold a head. Raises as `begin` does."""
+        self._lines = [*lines]
+        head, self._lines = self._head(ended=True), []
+        if head is None:
+            return False
+        self.begin(head)
+        rows, _ = _rows_in(head, lines[head.end :][:SHOWING_ROWS])
+        self._begun = self._clock.begun
+        if self._begun and rows:
+            self._settle(head, rows)
             self._see_qualities(rows)
             self._times.read([row[self._header.time] for row in rows])
+        return True
 
     def check(self) -> None:
         """Raises `RecordingRefused` if only a head has come so far, and is of another plant."""
