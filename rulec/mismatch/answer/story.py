@@ -12,7 +12,6 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import (
     VERDICTS,
     degree_words,
-    drawn,
     hysteresis,
     interval,
     is_repaired,
@@ -22,6 +21,7 @@ from rulec.mismatch.answer.wording import (
     rounded,
     share,
     suffix,
+    text_plot,
     titled,
 )
 from rulec.mismatch.result import (
@@ -55,7 +55,7 @@ Fact = tuple[str, Sequence[str]]
 
 def story(mismatch: Mismatch, brief: bool) -> list[Part]:
     """All parts that are not empty, those with a letter first on a page; in brief the main items,
-    with curves as a line of characters."""
+    with curves drawn in characters."""
     own = letter(mismatch)
     parts = [*_findings(mismatch, brief)]
     if mismatch.hidden is not None:
@@ -147,10 +147,10 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
     shape = location.shape
     if shape is None:
         return
-    rows = []
     # A course in time has a drawing of its own.
-    if brief and shape.driver != TIME and np.isfinite(shape.value).all():
-        rows.append(drawn(shape.at, shape.value, (shape.driver_unit, shape.unit)))
+    units = (shape.driver_unit, shape.unit)
+    drawn = brief and shape.driver != TIME
+    rows = text_plot(shape.at, shape.value, shape.u, units) if drawn else []
     yield "shape", [f"over {shape.driver} {shape.text}", *rows]
     yield "hysteresis", [hysteresis(shape)]
     for beaten in shape.beaten[:MOST]:
@@ -165,7 +165,8 @@ def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
     known = np.isfinite(hidden.course)
     rows: list[str] = []
     if brief and known.any():
-        rows.append(drawn(hidden.time[known], hidden.course[known], ("s", hidden.unit)))
+        course = hidden.course[known]
+        rows = text_plot(hidden.time[known], course, 0.0 * course, ("s", hidden.unit))
     yield "course", [hidden.text, *rows]
     if hidden.candidates:
         yield "could be", [listed(hidden.candidates)]
