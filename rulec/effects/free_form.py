@@ -1,18 +1,18 @@
-"""Nonparametric terms at a place: a sum of products of readings, or a piecewise linear curve over
-one reading, with knots at its quantiles or at given values."""
+"""Nonparametric terms at a place: piecewise linear curves over one reading, with knots at its
+quantiles or at given values."""
 
 from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import MEDIAN, Candidate, CurveTerm, DisturbanceLocation, Unknown
-from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, CURVE_POINT, SPREAD
+from rulec.effects.candidate import Candidate, CurveTerm, DisturbanceLocation, Unknown
+from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, CURVE_POINT
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
 from rulec.knowledge.tables import PER, SIZE, equations
 from rulec.language.diagnostics import Origin
-from rulec.language.expression import Expression, parse
+from rulec.language.expression import parse
 from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.language.units import UNKNOWN, Unit
 from rulec.language.write_yaml import rounded
@@ -25,32 +25,15 @@ BENDS = 5
 """Bends of a curve in one equation."""
 
 
-def free_form(spot: DisturbanceLocation, id_: str, features: tuple[str, ...]) -> Matched:
-    """The candidate of an additive term, with coefficients in the unit of the place.
+def free_form(spot: DisturbanceLocation, id_: str, bands: tuple[str, ...]) -> Matched:
+    """The candidate of an additive curve over one reading, with coefficients in the unit of the
+    place.
 
-    A feature is a product of readings such as ``A.n*A.T``, or a band of one reading such as
-    ``A.n~3/8``: 1 at its quantile 3/8, and 0 from those at 2/8 and 4/8 on.
+    A band such as ``A.n~3/8`` is 1 at the quantile 3/8 of the reading, and 0 from those at 2/8 and
+    4/8 on.
     """
-    if any(BAND in f for f in features):
-        return _curve(spot, id_, features)
-    signals = list(dict.fromkeys(s for f in features for s in f.split("*")))
-    drivers = {f"x{i}": s for i, s in enumerate(signals, 1)}
-    names = {s: n for n, s in drivers.items()}
-    terms = []
-    for i, feature in enumerate(features, 1):
-        scaled = (f"(({names[s]} - {names[s]}_m)/{names[s]}_s)" for s in feature.split("*"))
-        terms.append("*".join([f"c{i}", *scaled]))
-    law = parse(f"law + {' + '.join(terms)}")
-    unknowns = [_coefficient(id_, i, f, spot) for i, f in enumerate(features, 1)]
-    for name, signal in drivers.items():
-        unknowns.append(_statistic(id_, f"{name}_m", f"median of {signal}", signal, MEDIAN))
-        unknowns.append(_statistic(id_, f"{name}_s", f"spread of {signal}", signal, SPREAD))
-    return _matched(spot, id_, law, unknowns, drivers)
-
-
-def _curve(spot: DisturbanceLocation, id_: str, features: tuple[str, ...]) -> Matched:
-    signal = features[0].partition(BAND)[0]
-    ends = [feature.partition(BAND)[2].partition("/") for feature in features]
+    signal = bands[0].partition(BAND)[0]
+    ends = [band.partition(BAND)[2].partition("/") for band in bands]
     parts, numbers = int(ends[0][2]), [int(number) for number, _, _ in ends]
     terms, unknowns = [], []
     for i, number in enumerate(numbers, 1):
@@ -58,8 +41,8 @@ def _curve(spot: DisturbanceLocation, id_: str, features: tuple[str, ...]) -> Ma
         unknowns.append(_coefficient(id_, i, f"{signal}, band {number} of {parts}", spot))
     for knot in sorted({k for n in numbers for k in (n - 1, n, n + 1) if 0 <= k <= parts}):
         title = f"quantile {knot}/{parts} of {signal}"
-        unknowns.append(_statistic(id_, f"x_{knot}", title, signal, (knot / parts,)))
-    return _matched(spot, id_, parse(f"law + {' + '.join(terms)}"), unknowns, {"x1": signal})
+        unknowns.append(_knot(id_, knot, title, signal, knot / parts))
+    return _matched(spot, id_, f"law + {' + '.join(terms)}", unknowns, signal)
 
 
 def _band(number: int, parts: int) -> str:
@@ -87,8 +70,8 @@ def bent_line(
     terms = [*(["c0"] if 0 in bends else []), *(f"c{k + 1}*max(x1 - x_{k}, 0)" for k in bends)]
     for k in bends:
         title = f"knot {k} of {driver}"
-        unknowns.append(_statistic(id_, f"x_{k}", title, driver, (k / (knots - 1),)))
-    return _matched(spot, id_, parse(f"law + {' + '.join(terms)}"), unknowns, {"x1": driver})
+        unknowns.append(_knot(id_, k, title, driver, k / (knots - 1)))
+    return _matched(spot, id_, f"law + {' + '.join(terms)}", unknowns, driver)
 
 
 def curve_through(place: str, driver: str, at: Array, value: Array) -> CurveTerm:
@@ -128,7 +111,7 @@ def curve_term(spot: DisturbanceLocation, curve: CurveTerm, over: Unit) -> Match
             (PER, curve.driver, over.text, over.factor),
         )
     ]
-    found = _matched(spot, curve.id, parse(f"law + {law}"), unknowns, {"x1": curve.driver})
+    found = _matched(spot, curve.id, f"law + {law}", unknowns, curve.driver)
     ends = f"{first:.4g} to {last:.4g}"
     candidate = replace(
         found.candidate,
@@ -142,12 +125,16 @@ def curve_term(spot: DisturbanceLocation, curve: CurveTerm, over: Unit) -> Match
 
 
 def _matched(
-    spot: DisturbanceLocation,
-    id_: str,
-    law: Expression,
-    unknowns: list[Unknown],
-    drivers: dict[str, str],
+    spot: DisturbanceLocation, id_: str, law: str, unknowns: list[Unknown], driver: str
 ) -> Matched:
+    """The candidate of a law over ``x1``, a reading or a state."""
+    change = Change(
+        places=((spot.kind, spot.place),),
+        law=parse(law),
+        drivers={"x1": driver.removeprefix(f"{spot.module}.")},
+        parameters={u.name: _parameter(u) for u in unknowns},
+        ids={u.name: u.id for u in unknowns},
+    )
     candidate = Candidate(
         id=id_,
         sort="free",
@@ -157,19 +144,11 @@ def _matched(
         place=spot.place,
         observers=spot.observers,
         unknowns=tuple(unknowns),
-        drivers=drivers,
+        drivers={"x1": driver},
         equation=f"{spot.place} = {law}",
-        text=f"{spot.title} of {spot.module} follows {', '.join(drivers.values())} "
-        "in a way that no entry names",
+        text=f"{spot.title} of {spot.module} follows {driver} in a way that no entry names",
         action="",
         source="",
-    )
-    change = Change(
-        places=((spot.kind, spot.place),),
-        law=law,
-        drivers={n: s.removeprefix(f"{spot.module}.") for n, s in drivers.items()},
-        parameters={u.name: _parameter(u) for u in unknowns},
-        ids={u.name: u.id for u in unknowns},
     )
     return Matched(candidate, change)
 
@@ -185,17 +164,15 @@ def _coefficient(id_: str, number: int, feature: str, spot: DisturbanceLocation)
     )
 
 
-def _statistic(
-    id_: str, name: str, title: str, signal: str, quantiles: tuple[float, ...]
-) -> Unknown:
-    """A fixed quantile or spread of the readings of a signal, SI."""
+def _knot(id_: str, number: int, title: str, signal: str, quantile: float) -> Unknown:
+    """A fixed quantile of the readings of a signal, SI."""
     return Unknown(
-        id=f"{id_}.{name}",
-        name=name,
+        id=f"{id_}.x_{number}",
+        name=f"x_{number}",
         title=title,
         unit="SI",
         factor=1.0,
-        quantiles=quantiles,
+        quantiles=(quantile,),
         driver=signal,
         fixed=True,
     )

@@ -31,10 +31,6 @@ PROPORTIONAL = 1.0 - 1e-12
 """Squared cosine from which on two places move all observers in one proportion. Origin:
 numerical."""
 
-SPREAD = (0.16, 0.84)
-"""Quantiles between which a reading's spread is measured. Origin: distribution (normal, one
-standard deviation to each side)."""
-
 ONSET_QUANTILES = (0.08, 0.17, 0.26, 0.35, 0.44, 0.53, 0.62, 0.71, 0.8, 0.89)
 """Shares of the recording at which the search for an onset starts. Origin: assumed."""
 

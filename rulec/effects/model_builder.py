@@ -208,15 +208,14 @@ class ModelBuilder:
         ) or _kind_of(amended, place)
         return equation_of(amended, (kind, place))
 
-    def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
-        """An additive term at a spot without physics behind it.
+    def free_form(self, spot: str, bands: tuple[str, ...]) -> Candidate:
+        """An additive curve at a spot without physics behind it, in bands of a reading.
 
-        `features` are products of readings such as ``A.T`` or ``A.T*A.dp``; each reading is centred
-        on its median and divided by its spread. The same call gives the same candidate.
+        The same call gives the same candidate.
         """
-        id_ = f"{spot}[{', '.join(features)}]"
+        id_ = f"{spot}[{', '.join(bands)}]"
         if id_ not in self._free:
-            self._free[id_] = free_form(self.places[spot], id_, features)
+            self._free[id_] = free_form(self.places[spot], id_, bands)
         return self._free[id_].candidate
 
     def bent_line(self, spot: str, driver: str, knots: int) -> tuple[Candidate, ...]:
