@@ -53,18 +53,15 @@ class EffectReader(Reader):
 
     def read(self) -> Effect:
         """The effect, in SI."""
-        data, found, before = self.document.data, self.found, len(self.found)
+        data, before = self.document.data, len(self.found)
         groups = ("drivers", "parameters", "states")
         numbered = (n for g in groups for n in self._group(g) if n.startswith(f"{PLAIN}_"))
         self.check_own_names(groups, (PLAIN, *SLOTS, *numbered))
-        of_laws = found if len(found) == before else []
         self.drivers = {n: self._driver(n, part) for n, part in self._group("drivers").items()}
         parameters = {n: self._parameter(n, part) for n, part in data["parameters"].items()}
         self.states = {n: self._state(n, part) for n, part in self._group("states").items()}
         self.of_place = {n: p.unit.dimension for n, p in parameters.items() if p.of_place}
-        self.found = of_laws  # a law that uses a refused name would report the same mistake again
         joins = [(i, join) for i, part in enumerate(data["joins"]) for join in self._joins(i, part)]
-        self.found = found
         effect = Effect(
             name=data["effect"],
             title=data["title"],
@@ -77,15 +74,15 @@ class EffectReader(Reader):
             origin=self.origin("effect", source=data["source"]),
             states=self.states,
         )
-        if len(found) == before:
+        if len(self.found) == before:
             self._check_used(effect)
             self._check_text(effect)
             self._check_null(effect, joins)
-        for name, p in parameters.items() if len(found) == before else ():
+        for name, p in parameters.items() if len(self.found) == before else ():
             if p.null is not None and p.usual is None:
                 message = f"how large '{name}' usually is is missing"
                 self.report_key(("parameters", name), "KB108", message, USUAL_HINT)
-        if len(found) > before:
+        if len(self.found) > before:
             return effect
         # A parameter with two quantiles is a distance between readings, not one of them.
         judged = {
@@ -327,11 +324,6 @@ class EffectReader(Reader):
 
     def _check_null(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Check that the law reduces to the plain law if all parameters are at their null."""
-        if all(parameter.null is None for parameter in effect.parameters.values()):
-            message = "this effect has no parameter with a 'null'; nothing switches it off"
-            hint = "add 'null: 0' to the one that says how strong it is"
-            self.report_key(("parameters",), "KB105", message, hint)
-            return
         for i, join in dict(reversed(joins)).items():  # the first join of each entry
             is_off = is_off_at_null(effect, join)
             if not is_off:

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rulec.knowledge.check_fault import frequency_at
@@ -21,7 +21,7 @@ from rulec.knowledge.module_type import (
     Parameter,
     Signal,
 )
-from rulec.language.expression import Expression, Rejected, constant
+from rulec.language.expression import Rejected, constant
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import Unit
@@ -33,7 +33,6 @@ class ModuleReader(Reader):
 
     sensors: Mapping[str, SensorClass]
     faults: Mapping[str, FaultType]
-    reserved: set[str] = field(default_factory=set)
 
     def read(self) -> ModuleType:
         """The module type, in SI."""
@@ -41,10 +40,7 @@ class ModuleReader(Reader):
         signals = {n: self._signal(n, s) for n, s in data.get("signals", {}).items()}
         parameters = {n: self._parameter(n, p) for n, p in data.get("parameters", {}).items()}
         self._check_tables()
-        self.reserved |= self.check_own_names(("signals", "states", "parameters", "definitions"))
-        for name in data.get("provides", {}):
-            if name not in self.reserved and self.is_reserved(("provides", name)):
-                self.reserved.add(name)
+        self.check_own_names(("signals", "states", "parameters", "definitions"))
         provides = self._provides(signals)
         before = len(self.found)
         definitions = {
@@ -79,10 +75,10 @@ class ModuleReader(Reader):
         compared = {*signals, *parameters, *definitions}
         of_regimes = RegimeReader(self.document, self.units, self.found, signals, compared)
         kind = replace(kind, definitions=self._ordered(definitions), regimes=of_regimes.regimes())
-        if len(self.found) == before and not self.reserved:
+        if len(self.found) == before:
             every = list(kind.equations_at())  # definitions first
             check_lengths(self, every[: len(definitions)], every[len(definitions) :])
-        if len(self.found) == before and not self.reserved:
+        if len(self.found) == before:
             self._check_constants(kind)
             self._check_used(kind)
         gathers = {name for e in kind.equations() for name, _ in e.gathered()}
@@ -156,14 +152,6 @@ class ModuleReader(Reader):
                     message = f"the points of a table cannot be in {unit.text}"
                     hint = f"give them in {other}, counted from absolute zero"
                     self.report(("tables", name, key), "KB123", message, hint)
-
-    def expression(self, *path: str | int) -> Expression:
-        """The equation at a path; a reserved word is reported only where it is declared."""
-        before = len(self.found)
-        expression = super().expression(*path)
-        if self.reserved:
-            self.found[before:] = [m for m in self.found[before:] if m.code != "KB024"]
-        return expression
 
     def _provides(self, signals: Mapping[str, Signal]) -> dict[str, str]:
         provides: dict[str, str] = self.document.data.get("provides", {})

@@ -17,7 +17,7 @@ from rulec.knowledge.check_module import check_value
 from rulec.knowledge.file_form import file_form, time_title
 from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
-from rulec.knowledge.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
+from rulec.knowledge.limits import ASYMMETRY, CORRELATION_RIDGE
 from rulec.knowledge.module_type import ModuleType, Parameter
 from rulec.knowledge.plant import Block, Column, Module, Plant
 from rulec.knowledge.sources import Sources
@@ -233,7 +233,6 @@ class _PlantReader(Reader):
         result, time_column, reader = [], "", self.reader_of(document)
         for key, part in document.data["columns"].items():
             path = ("columns", key)
-            scale, shift = _conversion(reader, path, part)
             if key == "time":
                 time_column = time_title(part)
                 continue
@@ -247,8 +246,9 @@ class _PlantReader(Reader):
                 reader.knows(path, known, "KB085", "this plant has no signal '{}'")
                 continue
             _check_unit(reader, path, unit, signals[signal].unit, "KB086")
-            offset = shift * unit.factor + unit.offset
-            result.append(Column(key, part["from"], scale * unit.factor, offset))
+            factor = float(part.get("scale", 1)) * unit.factor
+            offset = float(part.get("offset", 0)) * unit.factor + unit.offset
+            result.append(Column(key, part["from"], factor, offset))
         return tuple(result), time_column
 
     def time_zone(self, document: Document | None) -> str:
@@ -355,16 +355,6 @@ def _block(
         return None
     factor = factor * (spread * scale)[:, None]
     return Block(names, tuple(tuple(rounded(float(v), 12) for v in row) for row in factor))
-
-
-def _conversion(reader: Reader, path: Path_, part: Mapping[str, Any]) -> tuple[float, float]:
-    """Scale and offset that convert a number to a reading in the stated unit."""
-    scale, offset = float(part.get("scale", 1)), float(part.get("offset", 0))
-    if abs(scale) < LEAST_SCALE:
-        message = f"with a scale of {scale:g} every number would be the same reading"
-        hint = "reading = number*scale + offset, in the unit stated"
-        reader.report((*path, "scale"), "KB121", message, hint)
-    return scale, offset
 
 
 def _check_unit(

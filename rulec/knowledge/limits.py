@@ -27,10 +27,6 @@ assumed."""
 FLUID_POINTS = 25
 """Temperatures over the valid range at which a property must be positive. Origin: assumed."""
 
-LEAST_SCALE = 1e-12
-"""Smallest scale of a column, the reciprocal of the largest that columns.schema.json lets pass.
-Origin: assumed."""
-
 FAR_ESTIMATES = 50.0
 """Ratio of two estimates of one flow at the typical readings, beyond which a unit may be wrong.
 Shipped types have 1.12 at most; units that are mixed up differ by 60 at least. Origin: assumed."""

@@ -1,6 +1,5 @@
 """Reads the parts of one document, and reports mistakes at their places."""
 
-import keyword
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -133,32 +132,15 @@ class Reader:
         name = self.part((*path, "quantity"))
         return self.unit_of(UNKNOWN if quantity is None else quantity, name, *path, "unit")
 
-    def is_reserved(self, path: Path_) -> bool:
-        """Whether the name at a path is a word reserved in equations; it is then reported."""
-        name = str(path[-1])
-        if not keyword.iskeyword(name):
-            return False
-        message = f"'{name}' is a reserved word and cannot be a name"
-        hint = "it could not stand in an equation; use another name"
-        self.report_key(path, "KB024", message, hint)
-        return True
-
-    def check_own_names(self, groups: Iterable[str], taken: Iterable[str] = ()) -> set[str]:
-        """Report names in groups of the document that mean two things, or are reserved.
-
-        `taken` are names with a meaning of their own; gives the reserved words.
-        """
+    def check_own_names(self, groups: Iterable[str], taken: Iterable[str] = ()) -> None:
+        """Report names in groups of the document that mean two things; `taken` have a meaning."""
         first: dict[str, Place | None] = dict.fromkeys(taken)
-        reserved = set()
         for group in groups:
             for name in self.document.data.get(group, {}):
-                if self.is_reserved((group, name)):
-                    reserved.add(name)
                 if name in first:
                     message = f"the name '{name}' means two things"
                     self.report_key((group, name), "KB034", message, "rename one", first[name])
                 first.setdefault(name, self.document.key(group, name))
-        return reserved
 
     def check_range(self, low: float, high: float, *path: str | int) -> None:
         """Report a range whose lower end is not below its upper end."""

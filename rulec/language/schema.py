@@ -1,12 +1,14 @@
 """Check a document against the JSON Schema of its kind; each violation becomes a diagnostic.
 
 A part of a schema may hold its own words under `refusal`: `code`, `message` and `hint`, with the
-slots {name} (of the part), {key} and {lacking} (the required keys that are missing). The place is
-the key of a group, or a value; with `at` each key of that list in the group, or the value `inside`.
+slots {name} (of the part), {value} (a number), {key} and {lacking} (the required keys that are
+missing). The place is the key of a group, or a value; with `at` each key of that list in the group,
+or the value `inside`.
 """
 
 import functools
 import json
+import keyword
 import math
 import re
 from collections.abc import Iterable
@@ -58,7 +60,12 @@ def check_schema(document: Document, kind: str, schema_folder: Path) -> tuple[Di
 def _validator(path: Path) -> Any:
     schema = json.loads(path.read_text(encoding="utf-8"))
     extend: Any = jsonschema.validators.extend
-    return extend(jsonschema.Draft202012Validator, {"pattern": _pattern})(schema)
+    kind = extend(jsonschema.Draft202012Validator, {"pattern": _pattern})
+    return kind(schema, format_checker=_FORMATS)
+
+
+_FORMATS = jsonschema.FormatChecker(formats=())
+_FORMATS.checks("equation name")(lambda name: not keyword.iskeyword(name))
 
 
 def _pattern(_: Any, pattern: str, value: Any, __: Any) -> Iterable[jsonschema.ValidationError]:
@@ -148,6 +155,11 @@ def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
     if error.validator == "enum":
         hint = did_you_mean(name, error.validator_value)
         return Diagnostic(place, "KB020", f"'{_clip(name)}' is not a key of '{group}'", hint)
+    if error.validator == "format":
+        message = f"'{name}' is a reserved word and cannot be a name"
+        return Diagnostic(
+            place, "KB024", message, "it could not stand in an equation; use another name"
+        )
     legal = "a letter, then at most 40 letters, digits and _"
     hint = "'time', or module.signal as in A.dp" if group == "columns" else legal
     return Diagnostic(place, "KB024", f"'{_clip(name)}' is not a legal name", hint)
@@ -174,6 +186,7 @@ def _refused(document: Document, path: Path_, error: Any) -> Iterable[Diagnostic
     told, part = error.schema["refusal"], error.instance
     lacking = [f"'{key}'" for key in error.schema.get("required", ()) if key not in part]
     slots = {"name": _clip(path[-1]) if path else "", "lacking": " and ".join(lacking)}
+    slots |= {"value": f"{part:g}"} if isinstance(part, int | float) else {}
     is_group = isinstance(part, dict | list)
     places = {"": document.key(*path) if is_group else document.place(*path)}
     if "inside" in told:
