@@ -7,17 +7,15 @@ type that it represents.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from rulec.effects.binding import Binder, Binding, drivers_of, matching, thermometer
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
 from rulec.effects.disturbance_locations import unit_of
 from rulec.effects.equation_text import equation_of
-from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
+from rulec.effects.onset import CLOCK, degree_unknown, with_onset
 from rulec.effects.places import Site, Survey, sites_of, survey
 from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, Join
 from rulec.knowledge.fluid import property_at, reading_of
-from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import ENDS, Parameter, State, Stored
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Origin
@@ -25,9 +23,8 @@ from rulec.language.expression import Rejected
 from rulec.language.units import SECOND
 from rulec.language.write_yaml import filled
 from rulec.passes.amend import Amended, Change, amend
-from rulec.passes.differentiate import TypeFault
-from rulec.passes.put_balances import Places, StoreFault, fault_change, store_faults, undoing
-from rulec.passes.types import Compilation
+from rulec.passes.link import Network
+from rulec.passes.put_balances import StoreFault, store_faults
 
 
 @dataclass(frozen=True)
@@ -51,27 +48,26 @@ class Matched:
 class Matches:
     """Candidates that fit some place of a plant, and those that lack one sensor."""
 
-    models: Compilation
+    around: Survey
     sites: Mapping[str, tuple[Site, ...]]
     candidates: tuple[Matched, ...]
     missing: tuple[Missing, ...]
 
 
-def match_effects(models: Compilation, readings: Mapping[str, float]) -> Matches:
+def match_effects(network: Network, readings: Mapping[str, float]) -> Matches:
     """Match effects and faults to all modules; `readings` are at the reference point, SI."""
-    network = models.network
     around = survey(network, readings)
     binder = Binder(network)
     sites = {m.name: sites_of(around, m) for m in network.plant.modules.values()}
     found: list[Matched] = []
     missing: list[Missing] = []
     for module in network.plant.modules.values():
-        matcher = _Matcher(models, around, binder, module, sites[module.name])
+        matcher = _Matcher(around, binder, module, sites[module.name])
         found += matcher.faults()
         for effect in network.plant.knowledge.effects.values():
             found += matcher.joined(effect, missing)
     found += list(everywhere(found, network.plant))
-    return Matches(models, sites, tuple(found), tuple(dict.fromkeys(missing)))
+    return Matches(around, sites, tuple(found), tuple(dict.fromkeys(missing)))
 
 
 def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
@@ -117,15 +113,13 @@ def _common(alike: Sequence[Matched]) -> Matched:
 
 class _Matcher:
     def __init__(
-        self,
-        models: Compilation,
-        around: Survey,
-        binder: Binder,
-        module: Module,
-        sites: tuple[Site, ...],
+        self, around: Survey, binder: Binder, module: Module, sites: tuple[Site, ...]
     ) -> None:
-        self._models, self._binder = models, binder
-        self._plant, self._stores = around.network.plant, around.network.stores
+        self._plant, self._stores, self._binder = (
+            around.network.plant,
+            around.network.stores,
+            binder,
+        )
         self._module, self._sites = module, {site.key: site for site in sites}
 
     def joined(self, effect: Effect, missing: list[Missing]) -> Iterator[Matched]:
@@ -250,67 +244,38 @@ class _Matcher:
 
     def faults(self) -> Iterator[Matched]:
         """Faults of the module: with a degree alone, or if the plant stores, also with an onset."""
-        if self._stores:
-            for stored in store_faults(self._module, self._plant.knowledge):
-                yield from self._beginning(stored)
-            return
-        for fault in self._models.types[self._module.type.key].faults:
-            yield self._fault(fault)
+        for fault in store_faults(self._module, self._plant.knowledge):
+            degree = f"{fault.id}.x"
+            change = replace(fault.change, ids={"x": degree})
+            unknowns: tuple[Unknown, ...] = (degree_unknown(degree, fault.variant),)
+            if self._stores:
+                change, unknowns = with_onset(fault)
+            equation = self._equation(change, change.places[0])
+            if equation is not None:
+                yield Matched(self._fault(fault, change, unknowns, equation), change)
 
-    def _beginning(self, stored: StoreFault) -> Iterator[Matched]:
-        """A fault in balances with an unknown onset."""
-        change, place = beginning_change(stored), stored.change.places[0]
-        equation = self._equation(change, place)
-        if equation is None:
-            return
-        sites = (self._sites.get(p) for p in change.places)
-        found = tuple(dict.fromkeys(o for s in sites if s is not None for o in s.observers))
-        candidate = self._fault_at(
-            stored.fault,
-            stored.variant,
-            stored.target,
-            id=stored.id,
-            place=place[1],
-            observers=found or (f"{self._module.name}.{place[1]}",),
-            unknowns=beginning_unknowns(stored),
-            equation=equation,
-            drivers={CLOCK: TIME},
-        )
-        yield Matched(candidate, change)
-
-    def _fault(self, fault: TypeFault) -> Matched:
-        id_ = f"{self._module.name}.{fault.id}"
-        kind, variant = fault.fault, fault.variant
-        places: Places = ((kind.acts_on, fault.target),)
-        if kind.acts_on == "flow":
-            places = tuple(("observer", name) for name in fault.affects)
-        change = fault_change(kind, variant, places, undoing(variant, kind.acts_on), f"{id_}.x")
-        observers = dict.fromkeys(o for place in places for o in self._sites[place].observers)
-        candidate = self._fault_at(
-            kind,
-            variant,
-            f"{self._module.name}.{fault.target}",
-            id=id_,
-            place=places[0][1],
-            observers=tuple(observers),
-            unknowns=(degree_unknown(f"{id_}.x", variant),),
-            equation=self._equation(change, places[0]) or "",
-            drivers={},
-        )
-        return Matched(candidate, change)
-
-    def _fault_at(self, kind: FaultType, variant: Variant, target: str, **where: Any) -> Candidate:
-        """A fault as an explanation; `where` are the fields that depend on its place."""
-        slots = {"where": target, "variant": variant.title, "degree": "{x}"}
+    def _fault(
+        self, fault: StoreFault, change: Change, unknowns: tuple[Unknown, ...], equation: str
+    ) -> Candidate:
+        """A fault as an explanation."""
+        kind, place = fault.fault, change.places[0][1]
+        sites = (self._sites.get(key) for key in change.places)
+        found = dict.fromkeys(o for s in sites if s is not None for o in s.observers)
+        slots = {"where": fault.target, "variant": fault.variant.title, "degree": "{x}"}
         return Candidate(
+            id=fault.id,
             sort="fault",
             name=kind.name,
-            title=kind.title_at(target, variant),
+            title=kind.title_at(fault.target, fault.variant),
             module=self._module.name,
+            place=place,
+            observers=tuple(found) or (f"{self._module.name}.{place}",),
+            unknowns=unknowns,
+            drivers={CLOCK: TIME} if self._stores else {},
+            equation=equation,
             text=self._text(kind.text, slots),
             action=kind.action,
             source=kind.origin.source,
-            **where,
         )
 
 

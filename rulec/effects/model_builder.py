@@ -28,7 +28,6 @@ from rulec.effects.disturbance_locations import laws_of, spots_of, stores_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.free_form import BENDS, bent_line, curve_term, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
-from rulec.effects.places import survey
 from rulec.knowledge.module_type import ENDS, Parameter
 from rulec.knowledge.read import read_plant
 from rulec.knowledge.sources import Sources
@@ -95,7 +94,7 @@ class ModelBuilder:
     @cached_property
     def matches(self) -> Matches:
         """Candidates and the places that they fit, of the whole plant."""
-        return match_effects(self._models, self._readings)
+        return match_effects(self.network, self._readings)
 
     @cached_property
     def parameters(self) -> BaseParameters:
@@ -127,9 +126,8 @@ class ModelBuilder:
     @cached_property
     def spots(self) -> tuple[DisturbanceLocation, ...]:
         """Disturbance locations of the whole plant."""
-        around = survey(self.network, self._readings)
-        plant, sites = self.network.plant, self.matches.sites
-        modules = plant.modules.values()
+        around, sites = self.matches.around, self.matches.sites
+        modules = self.network.plant.modules.values()
         settled = (s for m in modules for s in spots_of(around, m, sites[m.name]))
         stored = (s for m in modules for s in stores_of(around, m, sites[m.name]))
         return tuple({s.id: s for s in (*settled, *stored)}.values())
@@ -137,7 +135,7 @@ class ModelBuilder:
     @cached_property
     def laws(self) -> tuple[DisturbanceLocation, ...]:
         """Laws of the whole plant, each as a place with its accuracy."""
-        around, sites = survey(self.network, self._readings), self.matches.sites
+        around, sites = self.matches.around, self.matches.sites
         modules = self.network.plant.modules.values()
         return tuple(law for m in modules for law in laws_of(around, m, sites[m.name]))
 

@@ -55,24 +55,10 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
     )
 
 
-def beginning_change(stored: StoreFault) -> Change:
-    """A fault of balances as a change of its module type, with an onset."""
-    unit, origin = Unit("s", 1.0, SECOND), stored.fault.origin
-    since = Parameter(name=SINCE, value=0.0, unit=unit, title="onset", origin=origin)
-    half = replace(since, name=HALF, value=1.0, fit=False, title="half of the recording")
-    parameters = {"x": stored.change.parameters["x"], SINCE: since, HALF: half}
-    return replace(
-        stored.change,
-        law=beginning(stored.change.law),
-        drivers={CLOCK: TIME},
-        parameters=parameters,
-        ids={name: f"{stored.id}.{name}" for name in parameters},
-    )
-
-
-def beginning_unknowns(stored: StoreFault) -> tuple[Unknown, ...]:
-    """Degree and onset of a fault, and half of the recording."""
-    ids = {name: f"{stored.id}.{name}" for name in ("x", SINCE, HALF)}
+def with_onset(fault: StoreFault) -> tuple[Change, tuple[Unknown, ...]]:
+    """A fault as a change of its module type that acts from an onset on, and what is unknown of it:
+    degree and onset; half of the recording is fixed."""
+    ids = {name: f"{fault.id}.{name}" for name in ("x", SINCE, HALF)}
     onset = Unknown(
         id=ids[SINCE],
         name=SINCE,
@@ -85,4 +71,15 @@ def beginning_unknowns(stored: StoreFault) -> tuple[Unknown, ...]:
         driver=TIME,
     )
     half = replace(onset, id=ids[HALF], name=HALF, title="", quantiles=(), fixed=True)
-    return degree_unknown(ids["x"], stored.variant), onset, half
+    since = Parameter(
+        name=SINCE, value=0.0, unit=Unit("s", 1.0, SECOND), title="", origin=fault.fault.origin
+    )
+    changed = {SINCE: since, HALF: replace(since, name=HALF, value=1.0, fit=False)}
+    change = replace(
+        fault.change,
+        law=beginning(fault.change.law),
+        drivers={CLOCK: TIME},
+        parameters={**fault.change.parameters, **changed},
+        ids=ids,
+    )
+    return change, (degree_unknown(ids["x"], fault.variant), onset, half)
