@@ -14,7 +14,7 @@ from rulec.effects.limits import MAX_TYPE_STEM
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused
 from rulec.knowledge.fluid import reading_of
-from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal
+from rulec.knowledge.module_type import ModuleType, Parameter, Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Origin
 from rulec.language.units import Unit
@@ -169,19 +169,12 @@ def _instance(
 
 def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
     """Signals; those that only the new physics reads become inputs."""
-    new = _read(amended) - _read(plain) - amended.readings.keys()
+    groups = ("observers", "states", "readings")
+    new = amended.reached(*groups) - plain.reached(*groups) - amended.readings.keys()
     return {
         name: replace(signal, is_input=signal.is_input or name in new)
         for name, signal in amended.signals.items()
     }
-
-
-def _read(kind: ModuleType) -> set[str]:
-    """Signals on which some observer, state, reading or flow depends."""
-    ends = [("definitions", end) for end in ENDS]
-    equations = [e for path, e in kind.equations_at() if path[0] != "definitions"]
-    equations += [e for path, e in kind.equations_at() if path[:2] in ends]
-    return {name for e in equations for name in kind.names_through(e) if name in kind.signals}
 
 
 def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:

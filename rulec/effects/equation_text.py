@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Iterator
 
-from rulec.knowledge.module_type import ENDS, ModuleType, State
+from rulec.knowledge.module_type import ENDS, State
 from rulec.knowledge.plant import Module
 from rulec.language.expression import Expression, constant, name_node, replaced, text_of
 from rulec.language.write_yaml import signed_sum
@@ -60,8 +60,10 @@ def balances_text(network: Network, module: Module) -> Iterator[str]:
     for end in ENDS if kind.flows else ():
         if (module.name, end) in network.ends and end in kind.read:
             yield f"{module.name}.{end} = {flow_text(network, module.name, end)}"
-    for name in _needed(kind):
-        yield f"{module.name}.{name} = {kind.definitions[name].expression}"
+    used = kind.reached("states", "readings") | ({*ENDS} if kind.flows else set())
+    for definition in kind.definitions.values():
+        if definition.name in used:
+            yield f"{module.name}.{definition.name} = {definition.expression}"
     for reading in kind.readings.values():
         yield f"{module.name}.{reading.name} shows {reading.expression}"
 
@@ -87,13 +89,3 @@ def _value(state: State, expression: Expression) -> str:
 def flow_text(network: Network, module: str, end: str) -> str:
     """The flow at an end as a sum of laws; ``0`` if nothing is connected."""
     return signed_sum((sign, f"{k.module}.{k.name}") for sign, k in network.ends[module, end])
-
-
-def _needed(kind: ModuleType) -> list[str]:
-    """Definitions that balances and readings depend on, and laws of flows."""
-    laws = [("definitions", end) for end in ENDS]
-    used = {*ENDS} if kind.flows else set()
-    for path, expression in kind.equations_at():
-        if path[0] in ("states", "readings") or path[:2] in laws:
-            used |= kind.names_through(expression)
-    return [name for name in kind.definitions if name in used]

@@ -4,12 +4,14 @@ import hashlib
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rulec_runtime.contract.ruleset_file import built
 from rulec_runtime.output.json_file import Damaged, read_json
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.formats import STANDARD_INPUT, bytes_of, is_there
@@ -83,8 +85,8 @@ class Proven:
 def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool) -> Proven:
     """What a JSON file says of the repair in it, or of the `recalibrated` plant."""
     part = data["repair"]
-    try:
-        kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
+    kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
+    with _sound(file):
         reported = tuple(
             Reported(
                 str(fit["signal"]),
@@ -95,40 +97,23 @@ def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool) -> Proven
             )
             for fit in data.get("fits", ())
         )
-        basis = part.get("made_from")
+        misread: tuple[Mending, ...] = built(tuple[Mending, ...])(part.get("misread", []))
+        for one in misread:
+            if not one.signals or (len(one.signals) > 2 and not one.late):
+                raise ValueError(f"{len(one.signals)} columns to be read otherwise at once")
         return Proven(
-            basis=None if basis is None else _basis(basis),
+            basis=built(Basis | None)(part.get("made_from")),
             left_out=tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
             refused="" if recalibrated else str(part.get("refused") or ""),
             reported=reported,
             checks={str(c["signal"]): _number(c[row]) for c in part.get("checks", ())},
-            heldout=tuple(
-                (_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())
-            ),
-            misread=tuple(_mending(m) for m in part.get("misread", ())),
+            heldout=built(_Spans)(data.get("split", {}).get("heldout", [])),
+            misread=misread,
             edits=tuple(str(r["edit"]) for r in part.get("rewired", ())),
         )
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise _broken(file, error) from None
 
 
-def _mending(data: Mapping[str, Any]) -> Mending:
-    signals = tuple(str(name) for name in data["signals"])
-    late = _number(data.get("late", 0.0))
-    if not signals or (len(signals) > 2 and not late):
-        raise ValueError(f"{len(signals)} columns to be read otherwise at once")
-    return Mending(
-        signals=signals, factor=_number(data["factor"]), offset=_number(data["offset"]), late=late
-    )
-
-
-def _basis(data: Mapping[str, Any]) -> Basis:
-    return Basis(
-        {str(k): str(v) for k, v in data["plant"].items()},
-        tuple(str(path) for path in data["given"]),
-        {str(k): str(v) for k, v in data["recordings"].items()},
-        bool(data.get("in_memory", False)),
-    )
+_Spans = tuple[tuple[float, float], ...]
 
 
 def _maybe(value: Any) -> float:
@@ -153,6 +138,15 @@ def _broken(file: Path, error: Exception) -> AdoptRefused:
     return AdoptRefused(f"{message}; write it again with rulec mismatch")
 
 
+@contextmanager
+def _sound(file: Path) -> Iterator[None]:
+    """Raise `AdoptRefused` where the content of a file has another form."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise _broken(file, error) from None
+
+
 def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Repair:
     """The repair in the content of a JSON file, or the values of the `recalibrated` plant.
 
@@ -163,12 +157,10 @@ def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -
         if not isinstance(part.get("recalibrated"), dict):
             raise AdoptRefused(f"{file}: it holds no recalibrated plant; run rulec mismatch again")
         part = {"joined": [], **part["recalibrated"]}
-    try:
+    with _sound(file):
         # The name goes into comments: no line breaks.
         name = str(data.get("recording", ""))[:200]
         return _repair("".join(c for c in name if c.isprintable()), part)
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise _broken(file, error) from None
 
 
 def _repair(recording: str, part: Mapping[str, Any]) -> Repair:
@@ -185,25 +177,20 @@ def _repair(recording: str, part: Mapping[str, Any]) -> Repair:
     for entry in part["joined"]:
         known = {**entry["unknowns"], **(entry.get("fixed") or {})}
         fixed |= {str(k): _number(v) for k, v in known.items()}
+    curves: tuple[CurveTerm, ...] = built(tuple[CurveTerm, ...])(part.get("curves") or [])
+    for curve in curves:
+        if len(curve.points) < 2 or any(a >= b for (a, _), (b, _) in pairwise(curve.points)):
+            raise ValueError("the points of a curve do not go up")
     return Repair(
         joined=tuple(str(entry["id"]) for entry in part["joined"]),
         parameters=tuple(map(Changed, names, values, u)),
         covariance=covariance,
         fixed=fixed,
-        misfit={str(k): _number(v) for k, v in (part.get("misfit") or {}).items()},
-        ranges={
-            str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()
-        },
-        curves=tuple(map(_curve, part.get("curves") or ())),
+        misfit=built(Mapping[str, float])(part.get("misfit") or {}),
+        ranges=built(Mapping[str, tuple[float, float]])(part.get("range") or {}),
+        curves=curves,
         recording=recording,
     )
-
-
-def _curve(entry: Mapping[str, Any]) -> CurveTerm:
-    points = tuple((_number(x), _number(y)) for x, y in entry["points"])
-    if len(points) < 2 or any(a >= b for (a, _), (b, _) in pairwise(points)):
-        raise ValueError("the points of a curve do not go up")
-    return CurveTerm(str(entry["place"]), str(entry["driver"]), points)
 
 
 def _number(value: Any) -> float:

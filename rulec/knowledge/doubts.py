@@ -167,12 +167,7 @@ def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...
 
 def unread(kind: ModuleType) -> Iterable[str]:
     """Signals and definitions with a fault that no estimate, state or reading uses."""
-    ends = [observer.expression for observer in kind.observers.values()]
-    ends += [reading.expression for reading in kind.readings.values()]
-    ends += [equation for state in kind.states.values() for _, equation in state.equations()]
-    reached = {name for end in ends for name in kind.names_through(end)} | kind.readings.keys()
-    for end in kind.definitions.keys() & {*ENDS}:
-        reached |= {end} | kind.names_through(kind.definitions[end].expression)
+    reached = kind.reached("observers", "states", "readings") | kind.readings.keys() | {*ENDS}
     known = kind.signals.keys() | kind.definitions.keys()
     return sorted({use.target for use in kind.faults if use.target in known - reached})
 

@@ -336,6 +336,12 @@ class ModuleType:
         """Names in an equation and in all definitions it uses, directly or not."""
         return {name for part in self.with_definitions(expression) for name, _ in part.names()}
 
+    def reached(self, *groups: str) -> set[str]:
+        """Names that equations of some groups and laws of flows use, directly or not."""
+        laws = [("definitions", end) for end in ENDS]
+        found = (e for path, e in self.equations_at() if path[0] in groups or path[:2] in laws)
+        return {name for expression in found for name in self.names_through(expression)}
+
     @property
     def read(self) -> set[str]:
         """Names that any equation reads."""
