@@ -1,5 +1,6 @@
 """Check an effect: its drivers, parameters and states, the places it joins, and its laws there."""
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -120,24 +121,18 @@ class EffectReader(Reader):
         if driver is not None and not reads_place:
             driver = self._asked((*path, "of" if "of" in part else "driver"), driver)
         own = self.known.get(driver or "", UNKNOWN)
-        if "of" in part:
-            self.known[name] = own
-            return EffectParameter(
-                name=name,
-                title=part["title"],
-                unit=Unit(PLAIN, 1.0, NONE) if reads_place else self.units.plain(own),
-                quantiles=quantiles,
-                driver=driver,
-                fixed=True,
-                of_place=reads_place,
-            )
-        unit, of_place = self._unit((*path, "unit"))
-        self.known[name] = UNKNOWN if of_place else unit.dimension
-        if driver and not own.fits(unit.dimension):
-            message = f"'{unit.text}' is not a unit of {self.drivers[driver].quantity}"
-            self.report((*path, "unit"), "KB053", message, self.units.like(own))
-        self._check_inside(path, part)
-        low, high = part["range"]
+        fixed = "of" in part
+        if fixed:
+            unit = Unit(PLAIN, 1.0, NONE) if reads_place else self.units.plain(own)
+            of_place, self.known[name] = reads_place, own
+        else:
+            unit, of_place = self._unit((*path, "unit"))
+            self.known[name] = UNKNOWN if of_place else unit.dimension
+            if driver and not own.fits(unit.dimension):
+                message = f"'{unit.text}' is not a unit of {self.drivers[driver].quantity}"
+                self.report((*path, "unit"), "KB053", message, self.units.like(own))
+            self._check_inside(path, part)
+        low, high = part.get("range", (-math.inf, math.inf))
         return EffectParameter(
             name=name,
             title=part["title"],
@@ -148,6 +143,7 @@ class EffectReader(Reader):
             starts=tuple(unit.to_si(start) for start in part.get("starts", ())),
             quantiles=quantiles,
             driver=driver,
+            fixed=fixed,
             usual=usual_of(part, unit),
             of_place=of_place,
         )

@@ -8,7 +8,7 @@ from typing import Any
 
 from rulec.knowledge.check_fault import frequency_at
 from rulec.knowledge.check_length import check_lengths
-from rulec.knowledge.check_states import RegimeReader, StateReader
+from rulec.knowledge.check_regimes import read_regimes
 from rulec.knowledge.knowledge import FaultType, SensorClass, adds, has_no_zero, scales_from_zero
 from rulec.knowledge.limits import MAX_DEFINITION_CHAIN
 from rulec.knowledge.module_type import (
@@ -19,12 +19,14 @@ from rulec.knowledge.module_type import (
     ModuleType,
     Observer,
     Parameter,
+    Reading,
     Signal,
+    State,
 )
-from rulec.language.expression import Rejected, constant
+from rulec.language.expression import Expression, Rejected, constant, parse
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
-from rulec.language.units import Unit
+from rulec.language.units import SECOND, Unit
 
 
 @dataclass
@@ -43,13 +45,6 @@ class ModuleReader(Reader):
         self.check_own_names(("signals", "states", "parameters", "definitions"))
         provides = self._provides(signals)
         before = len(self.found)
-        definitions = {
-            n: Definition(
-                n, self.expression("definitions", n, "is"), d.get("title", n), _accuracy(d)
-            )
-            for n, d in data.get("definitions", {}).items()
-        }
-        of_states = StateReader(self.document, self.units, self.found)
         kind = ModuleType(
             name=data["module"],
             version=data["version"],
@@ -57,39 +52,41 @@ class ModuleReader(Reader):
             signals=signals,
             provides=provides,
             parameters=parameters,
-            definitions=definitions,
+            definitions={n: self._definition(n, d) for n, d in data.get("definitions", {}).items()},
             observers={n: self._observer(n, o) for n, o in data.get("observers", {}).items()},
             residuals=(),
             faults=(),
             gathers=(),
             file=self.document.path,
-            states=of_states.states(),
-            readings=of_states.readings(signals),
+            states={n: self._state(n, s) for n, s in data.get("states", {}).items()},
+            readings=self._readings(signals),
         )
-        flows = of_states.flows
-        known = {*signals, *parameters, *definitions, *data.get("states", {})}
-        known |= {*ENDS} if flows else set()
+        flows = kind.flows or "readings" in data
+        compared = {*signals, *parameters, *kind.definitions}
+        known = compared | kind.states.keys() | ({*ENDS} if flows else set())
         for path, expression in kind.equations_at():
             what = "signal, parameter nor definition of this module"
             self.check_names(path, expression, known, what)
-        compared = {*signals, *parameters, *definitions}
-        of_regimes = RegimeReader(self.document, self.units, self.found, signals, compared)
-        kind = replace(kind, definitions=self._ordered(definitions), regimes=of_regimes.regimes())
+        kind = replace(
+            kind,
+            definitions=self._ordered(kind.definitions),
+            regimes=read_regimes(self, signals, compared),
+        )
         if len(self.found) == before:
             every = list(kind.equations_at())  # definitions first
-            check_lengths(self, every[: len(definitions)], every[len(definitions) :])
+            count = len(kind.definitions)
+            check_lengths(self, every[:count], every[count:])
         if len(self.found) == before:
             self._check_constants(kind)
             self._check_used(kind)
-        gathers = {name for e in kind.equations() for name, _ in e.gathered()}
-        kind = replace(
+        if flows:
+            self._check_flows(kind)
+        return replace(
             kind,
             residuals=self._residuals(kind.observers),
             faults=self._fault_uses(kind, flows),
-            gathers=tuple(sorted(gathers)),
+            gathers=tuple(sorted({name for e in kind.equations() for name, _ in e.gathered()})),
         )
-        of_states.check_still(kind)
-        return kind
 
     def _signal(self, name: str, part: Mapping[str, Any]) -> Signal:
         path = ("signals", name)
@@ -187,12 +184,66 @@ class ModuleReader(Reader):
             visit(name, ())
         return result
 
+    def _definition(self, name: str, part: Mapping[str, Any]) -> Definition:
+        expression = self.expression("definitions", name, "is")
+        return Definition(name, expression, part.get("title", name), _accuracy(part))
+
     def _observer(self, name: str, part: Mapping[str, Any]) -> Observer:
         path = ("observers", name)
         origin = self.origin(*path, source=part["source"])
         expression = self.expression(*path, "Q")
         is_reference = part.get("reference", False)
         return Observer(name, part["component"], expression, is_reference, origin, _accuracy(part))
+
+    def _state(self, name: str, part: Mapping[str, Any]) -> State:
+        path = ("states", name)
+        unit = self.measured_unit(path)
+        units = {"start": unit, "low": unit, "high": unit, "after": self.units.plain(SECOND)}
+        return State(
+            name=name,
+            quantity=part.get("quantity", ""),
+            unit=unit,
+            title=part.get("title", name),
+            rate=self.expression(*path, "der"),
+            origin=self.origin(*path, source=part["source"]),
+            **{key: self._value((*path, key), own) for key, own in units.items() if key in part},
+        )
+
+    def _value(self, path: Path_, unit: Unit) -> Expression:
+        """An equation, or a bare number in a unit."""
+        value = self.part(path)
+        if isinstance(value, (int, float)):
+            return parse(repr(unit.to_si(value)))
+        return self.expression(*path)
+
+    def _readings(self, signals: Mapping[str, Signal]) -> dict[str, Reading]:
+        """Equations of what sensors show; each must be a signal that is no input."""
+        result = {}
+        for name, part in self.document.data.get("readings", {}).items():
+            path = ("readings", name)
+            if not self.knows(path, signals, "KB035", "'{}' is not a signal of this module"):
+                continue
+            if signals[name].is_input:
+                message = f"'{name}' is given ('input: true'), so it has no equation"
+                self.report_key(path, "KB111", message, "remove one of the two")
+            expression = self.expression(*path, "is")
+            result[name] = Reading(name, expression, self.origin(*path, source=part["source"]))
+        return result
+
+    def _check_flows(self, kind: ModuleType) -> None:
+        """Check that the flows of a module are not declared, and that observers use no states or
+        flows: they must hold at each moment alone."""
+        for group in ("signals", "states", "parameters"):
+            for name in ENDS:
+                if name in self.document.data.get(group, {}):
+                    message = f"'{name}' is what flows through this module; it cannot be declared"
+                    hint = "a definition of that name is a law for it"
+                    self.report_key((group, name), "KB110", message, hint)
+        for observer in kind.observers.values():
+            for name in kind.names_through(observer.expression) & {*kind.states, *ENDS}:
+                message = f"an observer knows no past, but '{observer.name}' stands on '{name}'"
+                hint = "read signals; a definition 'inflow' or 'outflow' is a law for a flow"
+                self.report(("observers", observer.name, "Q"), "KB116", message, hint)
 
     def _check_constants(self, kind: ModuleType) -> None:
         """Refuse invalid numbers that appear only once definitions are combined, such as 1/zero."""
