@@ -21,7 +21,7 @@ from rulec.knowledge.effect import (
 )
 from rulec.knowledge.effect_trials import is_neutral, is_off_at_null
 from rulec.knowledge.module_type import Stored
-from rulec.language.expression import Expression, Rejected, constant, rejected_at
+from rulec.language.expression import Expression, Rejected, constant, parse, rejected_at
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 from rulec.language.units import NONE, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, Unit
@@ -104,13 +104,16 @@ class EffectReader(Reader):
         return Driver(name, quantity, part.get("where", "own"), part.get("title", quantity))
 
     def _state(self, name: str, part: Mapping[str, Any]) -> Stored:
-        """A state of the effect; unknown names in its equations are reported."""
+        """A state of the effect; an equation with an unknown name is reported and replaced by 0."""
         known, equations = {PLAIN, *self.known, *self._group("states")}, {}
         for key in part:
-            path = ("states", name, key)
-            equations[key] = self.expression(*path)
+            path, before = ("states", name, key), len(self.found)
+            expression = self.expression(*path)
+            hint = "declare a driver of that quantity"
+            self.check_own(path, expression, "a state of an effect", hint)
             what = "driver, parameter nor state of this effect"
-            self.check_names(path, equations[key], known, what)
+            self.check_names(path, expression, known, what)
+            equations[key] = expression if len(self.found) == before else parse("0")
         return Stored(rate=equations.pop("der"), **equations)
 
     def _parameter(self, name: str, part: Mapping[str, Any]) -> EffectParameter:
