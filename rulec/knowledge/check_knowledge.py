@@ -1,7 +1,6 @@
 """Pass 2a, check knowledge: documents to checked module types, faults, effects, sensors and
 fluids, in SI."""
 
-import functools
 from collections.abc import Iterable, Iterator, Mapping
 
 from rulec_runtime.output.nearest import did_you_mean
@@ -11,30 +10,25 @@ from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_fault import check_fault, frequency_at
 from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
-from rulec.knowledge.effect import Effect
 from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
 from rulec.knowledge.sources import Sources, table_of
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.read_yaml import Document
 from rulec.language.reader import Reader
-from rulec.language.units import NONE, UnitTable
-from rulec.limits import KEPT_DOCUMENTS
+from rulec.language.units import NONE
 
 
 def check_knowledge(sources: Sources) -> Knowledge:
     """Check the meaning of all knowledge documents; raises `Refused` with all mistakes."""
     found: list[Diagnostic] = []
-    units = _units(tuple(sources.units)) or table_of(sources.units, found)
+    units = table_of(sources.units, found)
     table = {
         kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
         for kind in ("module", "fault", "effect", "sensor", "fluid")
     }
     faults = {d.data["fault"]: check_fault(Reader(d, units, found)) for d in table["fault"]}
     sensors = {d.data["sensor"]: _sensor(Reader(d, units, found), faults) for d in table["sensor"]}
-    effects = {
-        d.data["effect"]: _effect(d, units) or EffectReader(d, units, found).read()
-        for d in table["effect"]
-    }
+    effects = {d.data["effect"]: EffectReader(d, units, found).read() for d in table["effect"]}
     fluids = {d.data["fluid"]: FluidReader(d, units, found).read() for d in table["fluid"]}
     modules = {
         d.data["module"]: ModuleReader(d, units, found, sensors, faults).read()
@@ -49,22 +43,6 @@ def check_knowledge(sources: Sources) -> Knowledge:
     return Knowledge(
         units=units, sensors=sensors, faults=faults, modules=modules, fluids=fluids, effects=effects
     )
-
-
-@functools.lru_cache(maxsize=KEPT_DOCUMENTS)
-def _units(documents: tuple[Document, ...]) -> UnitTable | None:
-    """The units of some documents; None if there is a mistake."""
-    found: list[Diagnostic] = []
-    units = table_of(documents, found)
-    return None if found else units
-
-
-@functools.lru_cache(maxsize=KEPT_DOCUMENTS)
-def _effect(document: Document, units: UnitTable) -> Effect | None:
-    """An effect, cached for checks of many plants; None if there is a mistake."""
-    found: list[Diagnostic] = []
-    effect = EffectReader(document, units, found).read()
-    return None if found else effect
 
 
 def _refuse_twins(
