@@ -8,9 +8,10 @@ before anything is built.
 import ast
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from rulec.knowledge.limits import MAX_COUNTED_TERMS, MAX_LAW_WORK, MAX_WORK, MAX_WRITTEN_DEPTH
-from rulec.language.expression import Expression
+from rulec.language.expression import Expression, fold
 from rulec.language.read_yaml import Path_
 from rulec.language.reader import Reader
 
@@ -45,12 +46,12 @@ def check_lengths(
     """
     known: dict[str, Length] = {}
     for path, expression in definitions:
-        known[str(path[-2])] = length = _length_of(expression.tree, known)
+        known[str(path[-2])] = length = _length_of(expression, known)
         if _is_refused(reader, path, length, MAX_WORK):
             return
     total = 0
     for path, expression in equations:
-        length = _length_of(expression.tree, known)
+        length = _length_of(expression, known)
         if _is_refused(reader, path, length, MAX_WORK - total):
             return
         total += length.work
@@ -58,7 +59,7 @@ def check_lengths(
 
 def check_law(reader: Reader, path: Path_, law: Expression) -> bool:
     """Whether the law of a fault is short enough; otherwise a mistake is reported."""
-    return not _is_refused(reader, path, _length_of(law.tree, {}), MAX_LAW_WORK)
+    return not _is_refused(reader, path, _length_of(law, {}), MAX_LAW_WORK)
 
 
 def _is_refused(reader: Reader, path: Path_, length: Length, most: int) -> bool:
@@ -74,25 +75,25 @@ def _is_refused(reader: Reader, path: Path_, length: Length, most: int) -> bool:
     return True
 
 
-def _length_of(node: ast.expr, known: Mapping[str, Length]) -> Length:
+def _length_of(expression: Expression, known: Mapping[str, Length]) -> Length:
     """Length of an equation, given those of the definitions it uses; other names count as 1."""
-    more, steep = 0, 1
-    match node:
-        case ast.Name(id=name):
-            return known.get(name, Length(1, 0, 0))
-        case ast.UnaryOp(operand=operand):
-            return _length_of(operand, known)
-        case ast.BinOp(op=ast.Pow(), left=left):
-            parts, more = [left], 1
-        case ast.BinOp(op=op, left=left, right=right):
-            parts, steep = [left, right], int(not isinstance(op, ast.Add | ast.Sub))
-        case ast.Call(args=args):
-            parts, more = args, 1
-        case _:
-            return Length(1, 0, 0)
-    each = [_length_of(part, known) for part in parts]
-    return Length(
-        min(sum(part.terms for part in each) + more, MAX_COUNTED_TERMS),
-        max(part.steep for part in each) + steep,
-        max(part.depth for part in each) + 1,
-    )
+
+    def leaf(node: ast.expr) -> Length:
+        return known.get(node.id, _ONE) if isinstance(node, ast.Name) else _ONE
+
+    def operation(name: str, _: ast.expr, parts: list[Any]) -> Length:
+        if name == "neg":
+            own: Length = parts[0]
+            return own
+        each = [part for part in parts if isinstance(part, Length)]  # but the exponent of a power
+        return Length(
+            min(sum(part.terms for part in each) + (name not in _BINARY), MAX_COUNTED_TERMS),
+            max(part.steep for part in each) + (name not in ("add", "sub")),
+            max(part.depth for part in each) + 1,
+        )
+
+    return fold(expression.tree, leaf, operation)
+
+
+_BINARY = ("add", "sub", "mul", "div")
+_ONE = Length(1, 0, 0)

@@ -4,10 +4,11 @@ import ast
 import functools
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
-from rulec.language.expression import GATHER, Expression, function_of, rejected_at
+from rulec.language.expression import ARITHMETIC, Expression, fold, rejected_at
 from rulec.language.functions import FUNCTIONS, Gives
-from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimension, exponent_of
+from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimension
 
 
 def dimension(
@@ -20,55 +21,37 @@ def dimension(
     That of the number 0 is `UNKNOWN`: it fits every dimension.
     """
 
-    def walk(node: ast.expr) -> Dimension:
+    def leaf(node: ast.expr) -> Dimension:
         match node:
             case ast.Constant(value=value):
                 return UNKNOWN if value == 0 else NONE
             case ast.Name(id=name):
                 return known[name]
-            case ast.UnaryOp(operand=operand):
-                return walk(operand)
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                power = exponent_of(right)
-                assert power is not None
-                return walk(left) ** power
-            case ast.BinOp(left=left, op=ast.Mult(), right=right):
-                return walk(left) * walk(right)
-            case ast.BinOp(left=left, op=ast.Div(), right=right):
-                return walk(left) / walk(right)
-            case ast.BinOp(left=left, right=right):
-                return _same(walk(left), walk(right), node)
-            case ast.Call():
-                return call(node)
+            case ast.Call(args=[ast.Name(id=name)]):
+                return gathered[name]
         raise AssertionError(ast.dump(node))
 
-    def call(node: ast.Call) -> Dimension:
-        name = function_of(node)
-        if name == GATHER:
-            argument = node.args[0]
-            assert isinstance(argument, ast.Name)
-            return gathered[argument.id]
-        parts = [walk(argument) for argument in node.args]
-        if name in PROPERTIES:
-            own = NONE if isinstance(node.args[0], ast.Constant) else parts[0]
-            if not own.fits(TEMPERATURE):
-                message = f"{name}() takes a temperature, but this has {own}"
-                raise rejected_at(node.args[0], "KB052", message, f"as in {name}(T)")
-            return PROPERTIES[name]
-        assert name is not None
-        gives = FUNCTIONS[name].gives
-        if gives is Gives.ROOT:
-            return parts[0] ** Fraction(1, 2)
-        if gives is Gives.SAME:
-            return functools.reduce(lambda a, b: _same(a, b, node), parts)
-        if gives is Gives.PLAIN:
-            return NONE
-        if not parts[0].fits(NONE):
-            message = f"the argument of {name}() must be a plain number, but has {parts[0]}"
-            raise rejected_at(node.args[0], "KB052", message, "divide by a reference")
-        return NONE
+    return fold(expression.tree, leaf, _of_operation)
 
-    return walk(expression.tree)
+
+def _of_operation(name: str, node: Any, parts: list[Dimension]) -> Dimension:
+    if name in PROPERTIES:
+        own = NONE if isinstance(node.args[0], ast.Constant) else parts[0]
+        if not own.fits(TEMPERATURE):
+            message = f"{name}() takes a temperature, but this has {own}"
+            raise rejected_at(node.args[0], "KB052", message, f"as in {name}(T)")
+        return PROPERTIES[name]
+    gives = FUNCTIONS[name].gives if name in FUNCTIONS else None
+    if name in ("add", "sub", "neg") or gives is Gives.SAME:
+        return functools.reduce(lambda a, b: _same(a, b, node), parts)
+    if gives is Gives.PLAIN_OF_PLAIN and not parts[0].fits(NONE):
+        message = f"the argument of {name}() must be a plain number, but has {parts[0]}"
+        raise rejected_at(node.args[0], "KB052", message, "divide by a reference")
+    if gives is None:
+        product: Dimension = ARITHMETIC[name](*parts)
+        return product
+    root: Dimension = parts[0] ** Fraction(1, 2)
+    return root if gives is Gives.ROOT else NONE
 
 
 def _same(left: Dimension, right: Dimension, node: ast.expr) -> Dimension:

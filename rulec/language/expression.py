@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
 from rulec_runtime.output.nearest import did_you_mean
 
@@ -30,6 +30,8 @@ from rulec.language.units import PROPERTIES, exponent_of
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | dict.fromkeys(PROPERTIES, 1)
 GATHER = "downstream"
+
+T = TypeVar("T")
 
 
 class Rejected(ValueError):
@@ -264,10 +266,36 @@ def _names(node: ast.expr) -> Iterator[tuple[str, int]]:
                 yield from _names(right)
 
 
-_OPERATORS: Mapping[type[ast.operator], Callable[..., Any]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
-    ast.Div: operator.truediv, ast.Pow: operator.pow,
+ARITHMETIC: Mapping[str, Callable[..., Any]] = {
+    "add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv,
+    "pow": operator.pow, "neg": operator.neg,
 }  # fmt: skip
+"""Operations of an equation that are no functions, as a plan names them."""
+
+_NAMED = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Pow: "pow"}
+
+
+def fold(
+    node: ast.expr, leaf: Callable[[ast.expr], T], operation: Callable[[str, Any, list[Any]], T]
+) -> T:
+    """What a checked tree is worth: a number, a dimension, a formula.
+
+    `leaf` is what a number, a name or a sum downstream is worth; `operation` what one of
+    `ARITHMETIC` or a function is, by its name, its node and its operands. The second operand of a
+    power is its exponent, a fraction.
+    """
+    match node:
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = fold(operand, leaf, operation)
+            return operation("neg", node, [inner]) if isinstance(op, ast.USub) else inner
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return operation("pow", node, [fold(left, leaf, operation), exponent_of(right)])
+        case ast.BinOp(left=left, op=op, right=right):
+            parts = [fold(left, leaf, operation), fold(right, leaf, operation)]
+            return operation(_NAMED[type(op)], node, parts)
+        case ast.Call(args=args) if (name := function_of(node)) and name != GATHER:
+            return operation(name, node, [fold(argument, leaf, operation) for argument in args])
+    return leaf(node)
 
 
 def constant(expression: Expression, known: Mapping[str, float]) -> float | None:
@@ -276,31 +304,21 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
     sympy would evaluate such a part exactly, which never ends for a power of powers.
     """
 
-    def walk(node: ast.expr) -> float | None:
-        match node:
-            case ast.Constant(value=int(number) | float(number)):
-                return bounded(node, lambda: number)
-            case ast.Name(id=name):
-                return known.get(name)
-            case ast.UnaryOp(op=op, operand=operand):
-                value = walk(operand)
-                return -value if value is not None and isinstance(op, ast.USub) else value
-            case ast.BinOp(left=left, op=op, right=right):
-                parts, function = [walk(left), walk(right)], _OPERATORS[type(op)]
-                if isinstance(op, ast.Div) and parts[1] == 0:
-                    raise rejected_at(right, "KB041", "this divides by zero")
-            case ast.Call(args=args):
-                called = FUNCTIONS.get(function_of(node) or "")
-                if called is None:
-                    return None
-                parts, function = [walk(a) for a in args], called.value
-        if None in parts:
-            return None
-        return bounded(node, lambda: function(*parts))
+    def leaf(node: ast.expr) -> float | None:
+        if isinstance(node, ast.Constant):
+            return bounded(node, float, node.value)
+        return known.get(node.id) if isinstance(node, ast.Name) else None
 
-    def bounded(node: ast.expr, value: Callable[[], Any]) -> float:
+    def operation(name: str, node: Any, parts: list[Any]) -> float | None:
+        if name == "div" and parts[1] == 0:
+            raise rejected_at(node.right, "KB041", "this divides by zero")
+        if None in parts or name in PROPERTIES:
+            return None
+        return bounded(node, ARITHMETIC.get(name) or FUNCTIONS[name].value, *parts)
+
+    def bounded(node: ast.expr, function: Callable[..., Any], *parts: Any) -> float:
         try:
-            number = float(value())
+            number = float(function(*parts))
         except (ArithmeticError, ValueError, TypeError):
             number = math.nan
         if not abs(number) <= MAX_CONSTANT:
@@ -308,7 +326,7 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
             raise rejected_at(node, "KB041", "this is not a number one can calculate with", hint)
         return number
 
-    return walk(expression.tree)
+    return fold(expression.tree, leaf, operation)
 
 
 def text_of(tree: ast.expr) -> str:

@@ -7,9 +7,8 @@ from typing import Any
 
 import sympy
 
-from rulec.language.expression import GATHER, Expression, function_of
+from rulec.language.expression import ARITHMETIC, Expression, fold
 from rulec.language.functions import FUNCTIONS, Absolute
-from rulec.language.units import exponent_of
 
 TEMPERATURE = sympy.Symbol("T", real=True)
 """The variable of a fluid's equations, K."""
@@ -53,48 +52,30 @@ def to_sympy(
 ) -> sympy.Expr:
     """Translate to sympy, with each name from the given tables (a KeyError is a bug of ours)."""
 
-    def walk(node: ast.expr) -> sympy.Expr:
+    def leaf(node: ast.expr) -> sympy.Expr:
         match node:
             case ast.Constant(value=int(value)):
                 return sympy.Integer(value)
-            case ast.Constant(value=float(value)):
+            case ast.Constant(value=value):
                 return sympy.Float(value)
             case ast.Name(id=name):
                 return symbols[name]
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return -walk(operand)
-            case ast.UnaryOp(operand=operand):
-                return walk(operand)
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                power = exponent_of(right)
-                assert power is not None
-                return walk(left) ** sympy.Rational(power.numerator, power.denominator)
-            case ast.BinOp(left=left, op=op, right=right):
-                a, b = walk(left), walk(right)
-                match op:
-                    case ast.Add():
-                        return a + b
-                    case ast.Sub():
-                        return a - b
-                    case ast.Mult():
-                        return a * b
-                return a / b
-            case ast.Call(args=args):
-                function = function_of(node)
-                if function == GATHER:
-                    assert gathered is not None
-                    assert isinstance(args[0], ast.Name)
-                    return gathered[args[0].id]
-                assert function is not None
-                parts = [walk(a) for a in args]
-                if function in FUNCTIONS:
-                    return FUNCTIONS[function].symbolic(*parts)
-                assert properties is not None
-                return properties[function](*parts)
+            case ast.Call(args=[ast.Name(id=name)]) if gathered is not None:
+                return gathered[name]
         raise AssertionError(ast.dump(node))
 
+    def operation(name: str, _: ast.expr, parts: list[Any]) -> sympy.Expr:
+        if name == "pow":
+            parts[1] = sympy.Rational(parts[1].numerator, parts[1].denominator)
+        if name in ARITHMETIC:
+            return ARITHMETIC[name](*parts)
+        if name in FUNCTIONS:
+            return FUNCTIONS[name].symbolic(*parts)
+        assert properties is not None
+        return properties[name](*parts)
+
     # sympy turns the root of a square into its own Abs, whose derivatives no plan can hold.
-    result = walk(expression.tree)
+    result = fold(expression.tree, leaf, operation)
     return result.replace(sympy.Abs, Absolute) if result.has(sympy.Abs) else result
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from rulec_runtime.contract.plan import Plan
 
@@ -18,8 +18,8 @@ from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.module_type import ENDS, Fluid
 from rulec.knowledge.plant import Module
-from rulec.language.expression import GATHER, Expression, Rejected, function_of
-from rulec.language.units import PROPERTIES, exponent_of
+from rulec.language.expression import Expression, Rejected, fold
+from rulec.language.units import PROPERTIES
 from rulec.passes.amend import Amended
 from rulec.passes.link import WAY, EndFlows, Network
 
@@ -40,39 +40,27 @@ class _Names(Protocol):
     def property(self, name: str, temperature: Node) -> Node: ...
 
 
-def lower_tree(graph: Graph, node: ast.expr, names: _Names) -> Node:
+def lower_tree(graph: Graph, tree: ast.expr, names: _Names) -> Node:
     """Build the node of an equation's tree."""
-    match node:
-        case ast.Constant(value=int(number) | float(number)):
-            return graph.constant(number)
-        case ast.Name(id=name):
-            return names.value(name)
-        case ast.UnaryOp(op=op, operand=operand):
-            inner = lower_tree(graph, operand, names)
-            return graph.apply("neg", inner) if isinstance(op, ast.USub) else inner
-        case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            power = exponent_of(right)
-            assert power is not None, "checked when the equation was read"
-            return _power(graph, lower_tree(graph, left, names), float(power))
-        case ast.BinOp(left=left, op=op, right=right):
-            a, b = lower_tree(graph, left, names), lower_tree(graph, right, names)
-            return graph.apply(_BINARY[type(op)], a, b)
-        case ast.Call(args=arguments):
-            function = function_of(node)
-            assert function is not None
-            if function == GATHER:
-                assert isinstance(arguments[0], ast.Name)
-                return names.gathered(arguments[0].id)
-            parts = [lower_tree(graph, a, names) for a in arguments]
-            if function in PROPERTIES:
-                return names.property(function, parts[0])
-            return graph.apply(function, *parts)
-    raise AssertionError(ast.dump(node))
 
+    def leaf(node: ast.expr) -> Node:
+        match node:
+            case ast.Constant(value=int(number) | float(number)):
+                return graph.constant(number)
+            case ast.Name(id=name):
+                return names.value(name)
+            case ast.Call(args=[ast.Name(id=name)]):
+                return names.gathered(name)
+        raise AssertionError(ast.dump(node))
 
-_BINARY: Mapping[type[ast.operator], str] = {
-    ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div"
-}  # fmt: skip
+    def operation(name: str, _: ast.expr, parts: list[Any]) -> Node:
+        if name == "pow":
+            return _power(graph, parts[0], float(parts[1]))
+        if name in PROPERTIES:
+            return names.property(name, parts[0])
+        return graph.apply(name, *parts)
+
+    return fold(tree, leaf, operation)
 
 
 def _power(graph: Graph, base: Node, power: float) -> Node:
