@@ -285,19 +285,14 @@ def cheapest_sensor(plant: Plant, quantity: str) -> str:
     Classes that the plant uses for the quantity come first, as they suit the liquid; then classes
     that declare the quantity. Without either, the text names the quantity alone.
     """
-    known = plant.knowledge.sensors
-    own = {
-        s.sensor
-        for m in plant.modules.values()
-        for s in m.type.signals.values()
-        if s.quantity == quantity
-    }
-    ranked = [
-        [s for s in known.values() if s.name in own],
-        [s for s in known.values() if s.measures == quantity],
+    signals = (s for m in plant.modules.values() for s in m.type.signals.values())
+    own = {s.sensor for s in signals if s.quantity == quantity}
+    classes = [
+        (s.name not in own, s.cost, s.title)
+        for s in plant.knowledge.sensors.values()
+        if s.name in own or s.measures == quantity
     ]
-    classes = next((sensors for sensors in ranked if sensors), [])
-    return min(((s.cost, s.title) for s in classes), default=(0.0, f"the {quantity}"))[1]
+    return min(classes, default=(False, 0.0, f"the {quantity}"))[2]
 
 
 def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:

@@ -5,6 +5,7 @@ it, and its slopes at the reference point of the plant.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -253,14 +254,11 @@ def _asks(kind: ModuleType, expression: Expression, name: str) -> bool:
     return any(name == gathered for part in parts for gathered, _ in part.gathered())
 
 
-class _Slopes(dict[str, float]):
-    """Slopes by input; 0 where an output does not depend on it."""
-
-    def __missing__(self, key: str) -> float:
-        return 0.0
+_Slopes = Mapping[str, Mapping[str, float]]
+"""Slopes of outputs by inputs; 0 where an output does not depend on one."""
 
 
-def _is_turned(slopes: Mapping[str, _Slopes], stated: Mapping[str, _Slopes]) -> bool:
+def _is_turned(slopes: _Slopes, stated: _Slopes) -> bool:
     """Has any slope the other sign?"""
     return any(
         slope * stated[to][by] < 0.0 for to, own in slopes.items() for by, slope in own.items()
@@ -269,7 +267,7 @@ def _is_turned(slopes: Mapping[str, _Slopes], stated: Mapping[str, _Slopes]) -> 
 
 def _reference_of(
     around: Survey, module: Module, known: Mapping[str, float]
-) -> tuple[dict[str, float], dict[str, _Slopes]]:
+) -> tuple[dict[str, float], _Slopes]:
     """Definitions and observers, and their derivatives by own signals and errors of all places."""
     kind = module.type
     places = [("definition", n) for n in kind.definitions] + [
@@ -281,6 +279,6 @@ def _reference_of(
     signals = {f"{module.name}.{s}": s for s in (*kind.signals, *kind.states)}
     values, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
     return {name: float(v) for name, v in values.items()}, {
-        output: _Slopes({signals.get(seed, seed): float(v) for seed, v in by.items()})
+        output: defaultdict(float, {signals.get(seed, seed): float(v) for seed, v in by.items()})
         for output, by in slopes.items()
     }
