@@ -126,20 +126,8 @@ def _module(one: Imported) -> dict[str, Any]:
             for tag in package.tags
         ],
         "signals": [_signal(reading) for reading in one.readings],
-        "services": [
-            {
-                "name": service.name,
-                "procedures": [
-                    {**vars(p), "parameters": [q.name for q in p.parameters]}
-                    for p in service.procedures
-                ],
-                "parameters": [
-                    {**vars(p), "tag": p.tag.name if p.tag else None} for p in service.parameters
-                ],
-            }
-            for service in package.services
-        ],
-        "connections": [vars(connection) for connection in package.connections],
+        "services": package.services,
+        "connections": package.connections,
         "odd": [vars(oddity) for oddity in one.odd],
     }
 

@@ -6,6 +6,7 @@ procedures (strategies in older files).
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from rulec.mtp import limits
 from rulec.mtp.caex import Element
@@ -16,10 +17,7 @@ from rulec.mtp.package import (
     Node,
     Oddity,
     Package,
-    Parameter,
-    Procedure,
     Server,
-    Service,
     Tag,
 )
 from rulec.mtp.read_pictures import read_pictures
@@ -191,38 +189,41 @@ class Manifest:
             place=element.place,
         )
 
-    def _service(self, element: Element, tags: Mapping[str, Tag]) -> Service:
-        inside = [e for e in element.inside() if self._space.passes(e, "ServiceParameter")]
+    def _service(self, element: Element, tags: Mapping[str, Tag]) -> dict[str, Any]:
+        """A service in JSON form, with its procedures and the parameters that these ask for."""
+        space = self._space
+        inside = [e for e in element.inside() if space.passes(e, "ServiceParameter")]
         parameters = {id(e): self._parameter(e, tags) for e in inside}
-        by_id = {e.get("ID").lower(): parameters[id(e)] for e in inside}
+        names = {e.get("ID").lower(): space.name(e) for e in inside}
         procedures = []
         for one in element.inside():
-            if self._space.is_a(one, "ServiceProcedure", "ServiceStrategy"):
+            if space.is_a(one, "ServiceProcedure", "ServiceStrategy"):
                 texts = one.values()
-                own = [parameters[id(e)] for e in one.walk() if id(e) in parameters]
+                own = [space.name(e) for e in one.walk() if id(e) in parameters]
                 asked = texts.get("requiredparameters", "").lower().split()[: limits.MOST_LISTED]
-                procedure = Procedure(
-                    name=self._space.name(one),
-                    number=texts.get("procedureid") or texts.get("strategyid", ""),
-                    default=texts.get("isdefault", "").lower() in _TRUE,
-                    completes=texts.get("isselfcompleting", "").lower() in _TRUE,
-                    parameters=(*own, *(by_id[key] for key in asked if key in by_id)),
-                )
+                procedure = {
+                    "name": space.name(one),
+                    "number": texts.get("procedureid") or texts.get("strategyid", ""),
+                    "default": texts.get("isdefault", "").lower() in _TRUE,
+                    "completes": texts.get("isselfcompleting", "").lower() in _TRUE,
+                    "parameters": [*own, *(names[key] for key in asked if key in names)],
+                }
                 procedures.append(procedure)
-        return Service(
-            name=self._space.name(element),
-            procedures=tuple(procedures),
-            parameters=tuple(parameters.values()),
-        )
+        return {
+            "name": space.name(element),
+            "procedures": procedures,
+            "parameters": list(parameters.values()),
+        }
 
-    def _parameter(self, element: Element, tags: Mapping[str, Tag]) -> Parameter:
+    def _parameter(self, element: Element, tags: Mapping[str, Tag]) -> dict[str, Any]:
+        """A parameter or report value of a service, with the name of the tag behind it."""
         name, tag = self._space.name(element), tags.get(element.values().get("refid", "").lower())
         if tag is None:
             text = f"no tag belongs to the parameter '{name}'"
             remedy = "its unit and its node are not known; look them up in the server"
             self._report("service parameters without tag", element.place, text, remedy)
-        path = next(self._space.paths(element), "")
-        return Parameter(name=name, kind=path.rpartition("/")[2], tag=tag)
+        kind = next(self._space.paths(element), "").rpartition("/")[2]
+        return {"name": name, "kind": kind, "tag": tag.name if tag else None}
 
 
 def _leaves(group: Element) -> Iterator[Element]:

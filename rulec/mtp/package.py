@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from rulec_runtime.output.refusal import Refusal
 
@@ -64,49 +65,6 @@ class Tag:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parameter:
-    """A parameter or report value of a service; `tag` is the data assembly behind it."""
-
-    name: str
-    kind: str
-    tag: Tag | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Procedure:
-    name: str
-    number: str
-    default: bool
-    completes: bool
-    parameters: tuple[Parameter, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Service:
-    name: str
-    procedures: tuple[Procedure, ...]
-    parameters: tuple[Parameter, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Symbol:
-    """A symbol of a picture with its ECLASS code and the data assembly that it shows."""
-
-    name: str
-    code: str
-    tag: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Connection:
-    """Two symbols joined by a pipe: `linked` in the file, or else only drawn next to it."""
-
-    ends: tuple[str, str]
-    linked: bool
-    pipe: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Server:
     name: str
     endpoint: str
@@ -114,7 +72,12 @@ class Server:
 
 @dataclass(frozen=True, kw_only=True)
 class Package:
-    """One module."""
+    """One module.
+
+    `services` and `connections` are as the JSON form has them; the two `ends` of a connection are
+    symbols joined by a pipe, `linked` in the file, or else only drawn next to it. `symbols` are
+    those of pictures, each with its ECLASS code.
+    """
 
     file: str
     name: str
@@ -123,9 +86,9 @@ class Package:
     writer: str
     tags: tuple[Tag, ...]
     servers: tuple[Server, ...]
-    services: tuple[Service, ...]
-    symbols: tuple[Symbol, ...]
-    connections: tuple[Connection, ...]
+    services: tuple[Mapping[str, Any], ...]
+    symbols: tuple[tuple[str, str], ...]
+    connections: tuple[Mapping[str, Any], ...]
     odd: tuple[Oddity, ...]
 
 

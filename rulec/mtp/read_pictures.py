@@ -7,10 +7,10 @@ connectors, and pipes that merely end where a symbol is drawn.
 import itertools
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
 
 from rulec.mtp import limits
 from rulec.mtp.caex import Element
-from rulec.mtp.package import Connection, Symbol
 from rulec.mtp.space import Space
 
 Box = tuple[float, float, float, float]
@@ -19,10 +19,10 @@ Box = tuple[float, float, float, float]
 
 def read_pictures(
     space: Space, parts: Sequence[Element]
-) -> tuple[tuple[Symbol, ...], tuple[Connection, ...]]:
-    """Symbols, and the pairs that a pipe joins."""
-    symbols: list[Symbol] = []
-    found: list[Connection] = []
+) -> tuple[tuple[tuple[str, str], ...], tuple[dict[str, Any], ...]]:
+    """Symbols with their codes, and the pairs that a pipe joins, in JSON form."""
+    symbols: list[tuple[str, str]] = []
+    found: list[dict[str, Any]] = []
     for picture in (e for part in parts for e in part.inside() if space.is_a(e, "Picture")):
         inside = (e for e in picture.inside() if e is not picture)
         things = [e for e in inside if not space.passes(e, "PortObject")]
@@ -35,9 +35,7 @@ def read_pictures(
             name, texts = space.name(element) or "symbol", element.values()
             counts[name] += 1
             names[key] = name if counts[name] == 1 else f"{name} ({counts[name]})"
-            code = texts.get("eclassclassificationclass", "").strip()
-            tag = texts.get("refid", "").lower()
-            symbols.append(Symbol(name=names[key], code=code, tag=tag))
+            symbols.append((names[key], texts.get("eclassclassificationclass", "").strip()))
             if corner := _numbers([texts.get("x", ""), texts.get("y", "")]):
                 size = _numbers([texts.get("width", ""), texts.get("height", "")]) or (0.0, 0.0)
                 boxes[names[key]] = (*corner, *size)
@@ -49,7 +47,7 @@ def read_pictures(
             near = _near(pipe, boxes) if len(linked) < 2 else ()
             for pair in itertools.pairwise(dict.fromkeys((*linked, *near))):
                 is_linked = {*pair} <= {*linked}
-                found.append(Connection(ends=pair, linked=is_linked, pipe=space.name(pipe)))
+                found.append({"ends": pair, "linked": is_linked, "pipe": space.name(pipe)})
     return tuple(symbols), tuple(found)
 
 

@@ -1,12 +1,13 @@
 """Write the skeleton of a module type in YAML; what the package does not say is marked TODO."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from rulec_runtime.output.terminal import one_line
 
 from rulec.language.write_yaml import flow, rounded
 from rulec.mtp import limits
-from rulec.mtp.package import Package, Parameter, Service, Symbol, Tag
+from rulec.mtp.package import Package, Tag
 from rulec.mtp.readings import Reading
 from rulec.mtp.tables import tables
 
@@ -129,40 +130,36 @@ def _others(tags: Sequence[Tag]) -> Iterator[str]:
             yield f"#   {_said(f'{tag.name} ({kind}){title_of}')}"
 
 
-def _services(services: Sequence[Service]) -> Iterator[str]:
+def _services(services: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     if services:
         yield ""
         yield "# Services:"
     for service in services[: limits.MOST_LISTED]:
-        yield f"#   {_said(service.name)}"
-        for procedure in service.procedures:
-            marks = ["default"] * procedure.default + ["ends by itself"] * procedure.completes
+        yield f"#   {_said(service['name'])}"
+        for one in service["procedures"]:
+            marks = ["default"] * one["default"] + ["ends by itself"] * one["completes"]
             more = f" ({', '.join(marks)})" if marks else ""
-            asked = f": {_names(procedure.parameters)}" if procedure.parameters else ""
-            name = _said(f"{procedure.number} {procedure.name}")
+            asked = f": {_said(', '.join(one['parameters']))}" if one["parameters"] else ""
+            name = _said(f"{one['number']} {one['name']}")
             yield f"#     procedure {name}{more}{asked}"
-        asked_for = {id(p) for procedure in service.procedures for p in procedure.parameters}
-        common = [p for p in service.parameters if id(p) not in asked_for]
-        if common:
-            yield f"#     parameters: {_names(common)}"
-
-
-def _names(parameters: Iterable[Parameter]) -> str:
-    return _said(", ".join(parameter.name for parameter in parameters))
+        asked_for = {name for one in service["procedures"] for name in one["parameters"]}
+        names = (parameter["name"] for parameter in service["parameters"])
+        if common := [name for name in names if name not in asked_for]:
+            yield f"#     parameters: {_said(', '.join(common))}"
 
 
 def _equipment(package: Package) -> Iterator[str]:
-    found = [(symbol, kind) for symbol in package.symbols if (kind := equipment(symbol))]
+    found = [(symbol, kind) for symbol in package.symbols if (kind := equipment(symbol[1]))]
     if found:
         yield ""
         yield "# Equipment, proposal by ECLASS codes of the picture:"
-    for symbol, kind in found[: limits.MOST_LISTED]:
-        yield f"#   {_said(f'{symbol.name}: {kind} ({symbol.code})')}"
+    for (name, code), kind in found[: limits.MOST_LISTED]:
+        yield f"#   {_said(f'{name}: {kind} ({code})')}"
 
 
-def equipment(symbol: Symbol) -> str:
+def equipment(text: str) -> str:
     """The kind of equipment that a symbol shows by its ECLASS code; empty if unknown."""
-    code = "".join(c for c in symbol.code if c.isdigit())
+    code = "".join(c for c in text if c.isdigit())
     kind = next((kind for begin, kind in tables().equipment.items() if code.startswith(begin)), "")
     return f"{kind}, of an unnamed kind" if kind and code.endswith("90") else kind
 
@@ -172,8 +169,8 @@ def _connections(package: Package) -> Iterator[str]:
         yield ""
         yield "# Pipes, proposal by the picture (which way it flows is not said):"
     for one in package.connections[: limits.MOST_LISTED]:
-        how = "likely, linked in the file" if one.linked else "possible, by where they are drawn"
-        yield f"#   {_said(f'{one.ends[0]} -- {one.ends[1]}')}  ({how})"
+        how = "likely, linked in the file" if one["linked"] else "possible, by where they are drawn"
+        yield f"#   {_said(' -- '.join(one['ends']))}  ({how})"
 
 
 def _said(text: str) -> str:
