@@ -4,7 +4,7 @@ of the plant that can drive its law there."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -60,22 +60,6 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
     ]
 
 
-@dataclass(frozen=True)
-class Binding:
-    """Signals for the drivers of a law: own ones by name, others by id, or ``time``.
-
-    `missing` lists drivers that the plant does not measure; then `signals` is empty.
-    """
-
-    signals: Mapping[str, str]
-    missing: tuple[str, ...] = ()
-
-    @property
-    def of_fluid(self) -> bool:
-        """Is some driver a property of the fluid instead of a reading?"""
-        return any(property_at(source)[0] for source in self.signals.values())
-
-
 class Binder:
     """Finds readings for drivers in one plant."""
 
@@ -83,17 +67,18 @@ class Binder:
         self._network = network
         self._pipes: nx.Graph = nx.Graph(network.plant.connections)
 
-    def bindings(self, module: str, site: Site, effect: Effect, join: Join) -> Iterator[Binding]:
-        """All choices of readings for a law, or one without signals if a reading is missing."""
+    def bindings(
+        self, module: str, site: Site, effect: Effect, join: Join
+    ) -> tuple[list[dict[str, str]], tuple[str, ...]]:
+        """All choices of readings for the drivers of a law: own ones by name, others by id, or
+        ``time``. Without any, the drivers that the plant would have to measure."""
         drivers = [effect.drivers[name] for name in drivers_of(join, effect)]
         options = {d.name: self._options(module, site, join, d) for d in drivers}
-        if all(options.values()):
-            for chosen in itertools.product(*options.values()):
-                yield Binding(dict(zip(options, chosen, strict=True)))
-            return
+        chosen = itertools.product(*options.values())
+        found = [dict(zip(options, signals, strict=True)) for signals in chosen]
         lacking = [d for d in drivers if not options[d.name]]
-        if all(self._would_help(module, join, driver) for driver in lacking):
-            yield Binding({}, tuple(driver.name for driver in lacking))
+        helps = all(self._would_help(module, join, driver) for driver in lacking)
+        return found, tuple(driver.name for driver in lacking) if helps else ()
 
     def _would_help(self, module: str, join: Join, driver: Driver) -> bool:
         """Would the law fit the place if this driver were measured?"""
@@ -170,6 +155,11 @@ class Binder:
             far = nx.single_source_shortest_path_length(self._pipes, module)
         others = [name for name in names if name != module]
         return sorted(others, key=lambda name: far.get(name, len(names)))
+
+
+def is_of_fluid(signals: Mapping[str, str]) -> bool:
+    """Is some driver a property of the fluid instead of a reading?"""
+    return any(property_at(source)[0] for source in signals.values())
 
 
 def _is_replaced(driver: Driver, join: Join) -> bool:

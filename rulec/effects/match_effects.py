@@ -8,7 +8,7 @@ type that it represents.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from rulec.effects.binding import Binder, Binding, drivers_of, matching, thermometer
+from rulec.effects.binding import Binder, drivers_of, is_of_fluid, matching, thermometer
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
 from rulec.effects.disturbance_locations import unit_of
 from rulec.effects.equation_text import equation_of
@@ -115,12 +115,9 @@ class _Matcher:
     def __init__(
         self, around: Survey, binder: Binder, module: Module, sites: tuple[Site, ...]
     ) -> None:
-        self._plant, self._stores, self._binder = (
-            around.network.plant,
-            around.network.stores,
-            binder,
-        )
-        self._module, self._sites = module, {site.key: site for site in sites}
+        self._plant, self._stores = around.network.plant, around.network.stores
+        self._binder, self._module = binder, module
+        self._sites = {site.key: site for site in sites}
 
     def joined(self, effect: Effect, missing: list[Missing]) -> Iterator[Matched]:
         """Candidates of an effect; those that lack a reading are added to `missing`."""
@@ -133,25 +130,24 @@ class _Matcher:
             for site in matching(join, self._sites.values(), knowledge, self._module):
                 if site.key in taken:
                     continue
-                bindings = list(self._binder.bindings(self._module.name, site, effect, join))
-                for binding in bindings:
-                    if binding.missing:
-                        asked = list(self._missing(effect, site, binding))
-                        known = lacking.setdefault(site.name, asked)
-                        lacking[site.name] = min(known, asked, key=len)
-                    else:
-                        # Readings get the plain id, even if the fluid offers another driver.
-                        read = [b for b in bindings if not b.of_fluid]
-                        several = len(read) > 1 or binding.of_fluid
-                        made = self._candidate(effect, join, site, binding, several)
-                        taken |= {site.key} if made else set()
-                        yield from made
+                choices, lacks = self._binder.bindings(self._module.name, site, effect, join)
+                if lacks:
+                    asked = list(self._missing(effect, site, lacks))
+                    known = lacking.setdefault(site.name, asked)
+                    lacking[site.name] = min(known, asked, key=len)
+                # Readings get the plain id, even if the fluid offers another driver.
+                several = sum(not is_of_fluid(signals) for signals in choices) > 1
+                for signals in choices:
+                    named = several or is_of_fluid(signals)
+                    made = self._candidate(effect, join, site, signals, named)
+                    taken |= {site.key} if made else set()
+                    yield from made
         # If another join fits without this reading, no sensor is asked for.
         joined = {name for _, name in taken}
         missing += [m for place, some in lacking.items() if place not in joined for m in some]
 
-    def _missing(self, effect: Effect, site: Site, binding: Binding) -> Iterator[Missing]:
-        for name in binding.missing:
+    def _missing(self, effect: Effect, site: Site, lacks: tuple[str, ...]) -> Iterator[Missing]:
+        for name in lacks:
             quantity, fluid = effect.drivers[name].quantity, self._module.fluid
             if fluid is not None and quantity in fluid.properties:
                 quantity = thermometer(self._plant.knowledge)
@@ -165,19 +161,19 @@ class _Matcher:
             )
 
     def _candidate(
-        self, effect: Effect, join: Join, site: Site, binding: Binding, several: bool
+        self, effect: Effect, join: Join, site: Site, signals: Mapping[str, str], named: bool
     ) -> list[Matched]:
         """The candidate, or none if its equation cannot be written there."""
         id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
-        if several:
-            id_ += f"({', '.join(binding.signals.values())})"
+        if named:
+            id_ += f"({', '.join(signals.values())})"
         used, unit = effect.used_by(join), unit_of(self._plant, self._module, site)
         units = unit, self._plant.knowledge.units.difference(unit)
         parameters = {n: p.at(*units) for n, p in effect.parameters.items() if n in used}
         change = Change(
             places=(site.key,),
             law=join.law.expression,
-            drivers={n: s for n, s in binding.signals.items() if n in used},
+            drivers={n: s for n, s in signals.items() if n in used},
             parameters={n: _parameter(p, effect.origin) for n, p in parameters.items()},
             ids={n: f"{id_}.{n}" for n in parameters},
             substitutes=join.law.substitutes,
@@ -187,7 +183,7 @@ class _Matcher:
             },
             fluid=self._module.fluid,
         )
-        drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
+        drivers = {n: self._id(signals[n]) for n in drivers_of(join, effect)}
         read = {**drivers, PLAIN: self._id(site.name)}
         unknowns = tuple(_unknown(f"{id_}.{n}", p, read) for n, p in parameters.items())
         equation = self._equation(change, site.key)

@@ -67,18 +67,12 @@ class Element:
             waiting.extend(reversed(element.children))
 
 
-@dataclass(frozen=True)
-class Caex:
-    """A file: its root, the base of each class of its libraries, and how many elements it has."""
+def read_caex(label: str, data: bytes, most: int) -> tuple[Element, dict[str, str], int]:
+    """Parse one file that has at most `most` elements; `label` is its name in messages.
 
-    root: Element
-    bases: dict[str, str]
-    elements: int
-
-
-def read_caex(member: Member, most: int) -> Caex:
-    """Parse one file that has at most `most` elements. Raises `MtpRefused` with the place."""
-    data, label = member.data, member.label
+    Returns its root, the base of each class of its libraries, and how many elements it has. Raises
+    `MtpRefused` with the place.
+    """
     if not data.strip():
         raise MtpRefused(f"{label}: the file is empty; export it again")
     try:
@@ -101,7 +95,7 @@ def read_caex(member: Member, most: int) -> Caex:
         raise MtpRefused(f"{label}: no 'CAEXFile' in it; give an AutomationML file")
     bases = _bases(root)
     root.children = [child for child in root.children if child.tag in _INSTANCES]
-    return Caex(root, bases, reader.elements)
+    return root, bases, reader.elements
 
 
 _INSTANCES = ("InstanceHierarchy", "AdditionalInformation")
@@ -195,16 +189,8 @@ class _Reader:
         self._parts.append(text)
 
 
-@dataclass(frozen=True)
-class Member:
-    """One AutomationML file; `label` is its name in messages."""
-
-    label: str
-    data: bytes
-
-
-def read_members(path: Path) -> list[Member]:
-    """AutomationML files of a .mtp, .zip or .aml file, sorted by name.
+def read_members(path: Path) -> list[tuple[str, bytes]]:
+    """AutomationML files of a .mtp, .zip or .aml file, sorted by name: names in messages, content.
 
     Raises `MtpRefused` if there is none or the container is damaged or hostile, and OSError if
     the file cannot be read.
@@ -219,7 +205,7 @@ def read_members(path: Path) -> list[Member]:
     if not data:
         raise MtpRefused(f"{name}: the file is empty; export it again")
     if not data.startswith(b"PK"):
-        return [Member(name, data)]
+        return [(name, data)]
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return list(_members(archive, name))
@@ -229,7 +215,7 @@ def read_members(path: Path) -> list[Member]:
         ) from None
 
 
-def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
+def _members(archive: zipfile.ZipFile, name: str) -> Iterator[tuple[str, bytes]]:
     entries = archive.infolist()
     if len(entries) > limits.MOST_MEMBERS:
         raise MtpRefused(
@@ -259,7 +245,7 @@ def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
         labels.add(label)
         data = _unpacked(archive, entry, label, left)
         left -= len(data)
-        yield Member(label, data)
+        yield label, data
 
 
 def _ends(entry: zipfile.ZipInfo, *endings: str) -> bool:

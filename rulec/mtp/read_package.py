@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rulec.mtp import limits
-from rulec.mtp.caex import Caex, Element, read_caex, read_members
+from rulec.mtp.caex import Element, read_caex, read_members
 from rulec.mtp.manifest import Manifest
 from rulec.mtp.package import MtpRefused, Package
 from rulec.mtp.space import Space
@@ -16,10 +16,15 @@ def read_packages(path: Path) -> list[Package]:
     All files of a container share one space of ids: a manifest may leave services and pictures to
     other files.
     """
-    files: list[Caex] = []
-    for member in read_members(path):
-        files.append(read_caex(member, limits.MOST_ELEMENTS - sum(file.elements for file in files)))
-    space = Space([file.root for file in files], {k: v for f in files for k, v in f.bases.items()})
+    roots: list[Element] = []
+    bases: dict[str, str] = {}
+    left = limits.MOST_ELEMENTS
+    for label, data in read_members(path):
+        root, classes, count = read_caex(label, data, left)
+        roots.append(root)
+        bases |= classes
+        left -= count
+    space = Space(roots, bases)
     found = list({id(holder): holder for holder in _holders(space)}.values())
     if not found:
         raise MtpRefused(
