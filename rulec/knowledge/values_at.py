@@ -1,14 +1,9 @@
 """Values of the equations of a module type at one point."""
 
-import functools
-import re
 from collections.abc import Mapping
 
 from rulec.knowledge.module_type import ModuleType
-from rulec.language.expression import Expression, Rejected, constant, parse
-
-_ASKED = re.compile(r"\b(density|viscosity)\([^()]*\)")
-"""A fluid property in an equation; at one point it is a number like any other."""
+from rulec.language.expression import Expression, Rejected, constant
 
 
 def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
@@ -20,23 +15,18 @@ def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
     """
     known = {p.name: p.value for p in kind.parameters.values()} | dict(given)
     for definition in kind.definitions.values():
-        if (value := _value(definition.expression.text, known)) is not None:
+        if (value := _value(definition.expression, known)) is not None:
             known[definition.name] = value
     parts = {o.name: o.expression for o in kind.observers.values()}
     parts |= {r.name: r.expression for r in kind.readings.values()}
     parts |= {s.name: s.rate for s in kind.states.values()}
-    values = {name: _value(expression.text, known) for name, expression in parts.items()}
+    values = {name: _value(expression, known) for name, expression in parts.items()}
     found = {name: known[name] for name in kind.definitions if name in known} | values
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _value(text: str, known: Mapping[str, float]) -> float | None:
+def _value(expression: Expression, known: Mapping[str, float]) -> float | None:
     try:
-        return constant(_asking_nothing(text), known)
+        return constant(expression, known)
     except Rejected:  # not every equation has a value everywhere
         return None
-
-
-@functools.cache
-def _asking_nothing(text: str) -> Expression:
-    return parse(_ASKED.sub(r"\1", text))

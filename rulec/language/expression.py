@@ -301,7 +301,8 @@ def fold(
 def constant(expression: Expression, known: Mapping[str, float]) -> float | None:
     """Value of an expression of known names only, else None; raises `Rejected` if a part has none.
 
-    sympy would evaluate such a part exactly, which never ends for a power of powers.
+    A fluid property that is known by its name has that value, whatever its temperature. sympy would
+    evaluate such a part exactly, which never ends for a power of powers.
     """
 
     def leaf(node: ast.expr) -> float | None:
@@ -312,7 +313,9 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
     def operation(name: str, node: Any, parts: list[Any]) -> float | None:
         if name == "div" and parts[1] == 0:
             raise rejected_at(node.right, "KB041", "this divides by zero")
-        if None in parts or name in PROPERTIES:
+        if name in PROPERTIES:
+            return known.get(name)
+        if None in parts:
             return None
         return bounded(node, ARITHMETIC.get(name) or FUNCTIONS[name].value, *parts)
 
