@@ -10,6 +10,7 @@ from zoneinfo import available_timezones
 
 import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN
+from rulec_runtime.contract.ruleset import ColumnMap
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.check_knowledge import check_knowledge
@@ -19,7 +20,7 @@ from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.limits import ASYMMETRY, CORRELATION_RIDGE
 from rulec.knowledge.module_type import ModuleType, Parameter
-from rulec.knowledge.plant import Block, Column, Module, Plant
+from rulec.knowledge.plant import Block, Module, Plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.read_yaml import Document, Path_
@@ -226,7 +227,7 @@ class _PlantReader(Reader):
 
     def columns(
         self, modules: Mapping[str, Module], document: Document | None
-    ) -> tuple[tuple[Column, ...], str]:
+    ) -> tuple[tuple[ColumnMap, ...], str]:
         """Columns of a recording, and the name of the time column."""
         if document is None:
             return (), ""
@@ -248,7 +249,7 @@ class _PlantReader(Reader):
             _check_unit(reader, path, unit, signals[signal].unit, "KB086")
             factor = float(part.get("scale", 1)) * unit.factor
             offset = float(part.get("offset", 0)) * unit.factor + unit.offset
-            result.append(Column(key, part["from"], factor, offset))
+            result.append(ColumnMap(key, part["from"], factor, offset))
         return tuple(result), time_column
 
     def time_zone(self, document: Document | None) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec_runtime.contract.file_form import FileForm
+from rulec_runtime.contract.ruleset import ColumnMap
 
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.layers import Layer
@@ -40,16 +41,6 @@ class Module:
     fluid: Fluid | None = None
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of a foreign recording."""
-
-    signal: str
-    column: str
-    factor: float
-    offset: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class Plant:
     """Modules and directed connections, with the knowledge they use.
@@ -62,7 +53,7 @@ class Plant:
     title: str
     modules: Mapping[str, Module]
     connections: tuple[tuple[str, str], ...]
-    columns: tuple[Column, ...]
+    columns: tuple[ColumnMap, ...]
     time_column: str
     time_zone: str
     file: FileForm

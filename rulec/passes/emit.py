@@ -63,9 +63,7 @@ def emit(
             for module in plant.modules.values()
             for signal in module.type.signals.values()
         ),
-        columns=tuple(
-            contract.ColumnMap(c.signal, c.column, c.factor, c.offset) for c in plant.columns
-        ),
+        columns=plant.columns,
         time_column=plant.time_column,
         time_zone=plant.time_zone,
         file=plant.file,
