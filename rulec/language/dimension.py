@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from rulec.language.expression import ARITHMETIC, Expression, fold, rejected_at
-from rulec.language.functions import FUNCTIONS, Gives
+from rulec.language.functions import FUNCTIONS
 from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimension
 
 
@@ -42,16 +42,16 @@ def _of_operation(name: str, node: Any, parts: list[Dimension]) -> Dimension:
             raise rejected_at(node.args[0], "KB052", message, f"as in {name}(T)")
         return PROPERTIES[name]
     gives = FUNCTIONS[name].gives if name in FUNCTIONS else None
-    if name in ("add", "sub", "neg") or gives is Gives.SAME:
+    if name in ("add", "sub", "neg") or gives == "same":
         return functools.reduce(lambda a, b: _same(a, b, node), parts)
-    if gives is Gives.PLAIN_OF_PLAIN and not parts[0].fits(NONE):
+    if gives == "plain of plain" and not parts[0].fits(NONE):
         message = f"the argument of {name}() must be a plain number, but has {parts[0]}"
         raise rejected_at(node.args[0], "KB052", message, "divide by a reference")
     if gives is None:
         product: Dimension = ARITHMETIC[name](*parts)
         return product
     root: Dimension = parts[0] ** Fraction(1, 2)
-    return root if gives is Gives.ROOT else NONE
+    return root if gives == "root" else NONE
 
 
 def _same(left: Dimension, right: Dimension, node: ast.expr) -> Dimension:

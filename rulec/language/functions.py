@@ -11,7 +11,7 @@ derivatives.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import Enum, auto
+from typing import Literal
 
 import sympy
 
@@ -54,51 +54,38 @@ class Larger(sympy.Function):  # type: ignore[misc]
         return (1 + Signum(a - b)) / 2
 
 
-class Gives(Enum):
-    """Dimension of a function's value."""
-
-    PLAIN_OF_PLAIN = auto()
-    """A plain number, if the argument is one."""
-    PLAIN = auto()
-    """A plain number, whatever the argument."""
-    SAME = auto()
-    """The dimension of the arguments, which must agree."""
-    ROOT = auto()
-    """The square root of the argument's dimension."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Function:
     """A function of the language; its name is that of its operation in a plan.
 
     `value` calculates it from numbers, and raises ValueError or ArithmeticError where undefined;
     `symbolic` builds it in sympy; `inverse` is the sympy function that undoes it, if there is one.
+    `gives` is the dimension of its value: the ``same`` as that of its arguments, which must agree,
+    its ``root``, a ``plain`` number whatever the argument, or ``plain of plain``.
     With `needs_positive`, an estimate is valid only while the argument is above 0.
     """
 
     value: Callable[..., float]
     symbolic: Callable[..., sympy.Expr]
-    gives: Gives
+    gives: Literal["same", "root", "plain", "plain of plain"]
     arity: int = 1
     inverse: Callable[..., sympy.Expr] | None = None
     needs_positive: bool = False
 
 
 FUNCTIONS: Mapping[str, Function] = {
-    "sqrt": Function(value=math.sqrt, symbolic=sympy.sqrt, gives=Gives.ROOT, needs_positive=True),
-    "abs": Function(value=abs, symbolic=Absolute, gives=Gives.SAME),
-    "sign": Function(value=lambda v: (v > 0) - (v < 0), symbolic=Signum, gives=Gives.PLAIN),
-    "exp": Function(
-        value=math.exp, symbolic=sympy.exp, gives=Gives.PLAIN_OF_PLAIN, inverse=sympy.log
-    ),
+    "sqrt": Function(value=math.sqrt, symbolic=sympy.sqrt, gives="root", needs_positive=True),
+    "abs": Function(value=abs, symbolic=Absolute, gives="same"),
+    "sign": Function(value=lambda v: (v > 0) - (v < 0), symbolic=Signum, gives="plain"),
+    "exp": Function(value=math.exp, symbolic=sympy.exp, gives="plain of plain", inverse=sympy.log),
     "log": Function(
         value=math.log,
         symbolic=sympy.log,
-        gives=Gives.PLAIN_OF_PLAIN,
+        gives="plain of plain",
         inverse=sympy.exp,
         needs_positive=True,
     ),
-    "tanh": Function(value=math.tanh, symbolic=sympy.tanh, gives=Gives.PLAIN_OF_PLAIN),
-    "min": Function(value=min, symbolic=Smaller, gives=Gives.SAME, arity=2),
-    "max": Function(value=max, symbolic=Larger, gives=Gives.SAME, arity=2),
+    "tanh": Function(value=math.tanh, symbolic=sympy.tanh, gives="plain of plain"),
+    "min": Function(value=min, symbolic=Smaller, gives="same", arity=2),
+    "max": Function(value=max, symbolic=Larger, gives="same", arity=2),
 }
