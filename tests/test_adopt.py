@@ -170,6 +170,7 @@ def test_instances_that_differ_get_types_of_their_own(tmp_path: Path) -> None:
     assert modules["A"].type is modules["B"].type
     assert ("dosing-pcp", 2) == (modules["A"].type.name, modules["A"].type.version)
     assert [0.02, 0.03] == [modules[m].parameters["b"].value for m in "AB"]
+    assert 0.02 == modules["B"].type.parameters["b"].value  # what both share is as A has it
     assert 293.0 == pytest.approx(modules["A"].reference["T"])
 
 

@@ -102,7 +102,10 @@ def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
     types = held_back(network, {name: own.type for name, own in instances.items()})
     instances = {name: replace(own, type=types[name]) for name, own in instances.items()}
     named = _named(instances, network.plant)
-    changed = {a.type.name: a for a in named.values() if a.changed}
+    changed: dict[str, Adopted] = {}
+    for own in named.values():
+        if own.changed:
+            changed.setdefault(own.type.name, own)
     return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
 
 
