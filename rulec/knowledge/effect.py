@@ -123,6 +123,7 @@ class EffectParameter(Shape):
                 unit.dimension * self.unit.dimension,
                 unit.offset,
             ),
+            null=None if self.null is None else unit.to_si(self.null),
             lowest=unit.to_si(self.lowest),
             highest=unit.to_si(self.highest),
             starts=tuple(unit.to_si(start) for start in self.starts),

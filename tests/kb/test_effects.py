@@ -14,11 +14,12 @@ import pytest
 
 from rulec.effects.model_builder import open_builder
 from rulec.knowledge.check_knowledge import check_knowledge
-from rulec.knowledge.effect import Effect, Join
+from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, Join
 from rulec.knowledge.effect_trials import parameters, plain_laws, readings
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.read import read_files
 from rulec.language.expression import Rejected, constant
+from rulec.language.units import NONE, Unit
 from tests.conftest import ROOT, plain_yaml
 
 
@@ -122,3 +123,11 @@ def test_effects_join_real_plants_as_listed(plant: str) -> None:
         for module, places in MATCHES[plant].items()
     }
     assert expected == found
+
+
+def test_a_null_is_in_the_unit_of_the_signal_that_is_joined() -> None:
+    """As the range of the parameter is."""
+    unit, bar = Unit(PLAIN, 1.0, NONE), knowledge().units.parse("bar")
+    own = {"null": 2.0, "lowest": 0.0, "highest": 5.0, "of_place": True}
+    there = EffectParameter(name="a", title="", unit=unit, **own).at(bar, bar)
+    assert (there.null, there.lowest, there.highest) == (2e5, 0.0, 5e5)
