@@ -24,7 +24,7 @@ _TEXTS = {"Value", "DefaultValue", "Description", "Version", "WriterName", "Writ
 
 @dataclass(slots=True)
 class Element:
-    """An element; `texts` holds the text of children that contain only text."""
+    """An element with its own `content`; `texts` holds that of children that are only text."""
 
     tag: str
     attributes: dict[str, str]
@@ -32,6 +32,7 @@ class Element:
     parent: Element | None
     children: list[Element] = field(default_factory=list)
     texts: dict[str, str] = field(default_factory=dict)
+    content: str = ""
 
     def get(self, name: str) -> str:
         return self.attributes.get(name, "").strip()
@@ -133,9 +134,6 @@ class _Reader:
         self._label, self._most = label, most
         self._depth = 0
         self._here: Element | None = None
-        self._of = ""
-        self._parts: list[str] = []
-        self._length = 0
 
     def _refused(self, text: str) -> MtpRefused:
         return MtpRefused(f"{self._label}:{self.parser.CurrentLineNumber}: {text}")
@@ -153,40 +151,31 @@ class _Reader:
             raise self._refused(f"elements are nested deeper than {limits.DEEPEST}; is it an MTP?")
         if self.elements > self._most:
             raise self._refused(f"more than {limits.MOST_ELEMENTS} elements; is it an MTP?")
-        tag = name.rpartition(":")[2]
-        self._of, self._parts, self._length = tag if tag in _TEXTS else "", [], 0
-        if self._of:
-            return
         for key, value in attributes.items():
             if len(value) > limits.LONGEST_TEXT:
                 raise self._refused(f"'{key[:40]}' has {len(value)} characters; is it an MTP?")
         place = f"{self._label}:{self.parser.CurrentLineNumber}"
-        element = Element(tag, attributes, place, self._here)
+        element = Element(name.rpartition(":")[2], attributes, place, self._here)
         if self._here is None:
             self.root = element
         else:
             self._here.children.append(element)
         self._here = element
 
-    def _end(self, name: str) -> None:
+    def _end(self, _: str) -> None:
         self._depth -= 1
-        tag = name.rpartition(":")[2]
-        if tag in _TEXTS:
-            if self._here is not None and self._of == tag:
-                self._here.texts.setdefault(tag, "".join(self._parts).strip())
-            self._of = ""
-        elif self._here is not None:
-            self._here = self._here.parent
+        ended = self._here
+        self._here = None if ended is None else ended.parent
+        if ended is not None and ended.tag in _TEXTS and self._here is not None:
+            self._here.texts.setdefault(ended.tag, ended.content.strip())
+            self._here.children.pop()
 
     def _text(self, text: str) -> None:
-        if not self._of:
-            return
-        self._length += len(text)
-        if self._length > limits.LONGEST_TEXT:
-            raise self._refused(
-                f"a text has more than {limits.LONGEST_TEXT} characters; is it an MTP?"
-            )
-        self._parts.append(text)
+        if self._here is not None and self._here.tag in _TEXTS:
+            self._here.content += text
+            if len(self._here.content) > limits.LONGEST_TEXT:
+                most = f"more than {limits.LONGEST_TEXT} characters"
+                raise self._refused(f"a text has {most}; is it an MTP?")
 
 
 def read_members(path: Path) -> list[tuple[str, bytes]]:
