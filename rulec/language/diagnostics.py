@@ -8,11 +8,8 @@ from pathlib import Path
 from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.refusal import Refusal
 
-from rulec.language.limits import (
-    MAX_DIAGNOSTICS,
-    MAX_EXCERPT_BYTES,
-    MAX_MESSAGE_LENGTH,
-)
+from rulec.language.limits import MAX_DIAGNOSTICS, MAX_MESSAGE_LENGTH
+from rulec.limits import MAX_FILE_BYTES
 
 WIDTH = 96
 
@@ -135,7 +132,7 @@ def _excerpt(place: Place, hint: str) -> list[str]:
     """Quote the line of a place, if in a file of ours, with a caret under the offending part."""
     bare = [f"  {hint}"] if hint else []
     try:
-        whole = begin_of(place.file, MAX_EXCERPT_BYTES).decode("utf-8-sig", "replace")
+        whole = begin_of(place.file, MAX_FILE_BYTES).decode("utf-8-sig", "replace")
     except (OSError, ValueError):
         return bare
     text = split_lines(whole)

@@ -19,9 +19,6 @@ MAX_DIAGNOSTICS = 100
 MAX_MESSAGE_LENGTH = 300
 """Characters of a message or a hint; the rest is cut off. Origin: assumed."""
 
-MAX_EXCERPT_BYTES = 4_000_000
-"""Bytes of a file that are read again to quote a line. Origin: assumed."""
-
 MAX_UNKNOWN_KEYS = 30
 """Unknown keys of one part that are reported; more are some other file altogether. Origin:
 assumed."""
