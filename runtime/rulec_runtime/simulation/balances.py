@@ -77,37 +77,33 @@ class Balances:
         from rulec_runtime.simulation.integrator import integrate
 
         tape, _ = self._tape
-        store, store_slopes = self._filled(values, seeds)
-        n, count = len(time), len(self.outputs)
-        shown = np.empty((n, count))
-        slopes = np.empty((n, count, len(seeds)))
-        states = np.empty((n, len(self.states)))
+        outputs = np.empty((len(time), len(self.outputs), 1 + len(seeds)))
+        states = np.empty((len(time), len(self.states)))
         steps = integrate(
             tape,
             np.ascontiguousarray(held, dtype=np.bool_),
             np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(inputs, dtype=float),
-            store,
-            store_slopes,
-            shown,
-            slopes,
+            self._filled(values, seeds),
+            outputs,
             states,
         )
         if steps < 0:
             raise RanAway
-        return Course(shown, slopes, states, steps)
+        shown, slopes = outputs[:, :, 0], outputs[:, :, 1:]
+        return Course(shown.copy(), slopes.copy(), states, steps)
 
-    def _filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> tuple[Array, Array]:
-        """Values and slopes, with everything that is constant over a run filled in."""
+    def _filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> Array:
+        """Store of the integrator, with everything that is constant over a run filled in."""
         from rulec_runtime.simulation.integrator import evaluate
 
         (tape, size), plan = self._tape, self._plan
-        store, slopes = np.zeros(size), np.zeros((size, len(seeds)))
-        store[: len(plan.inputs)] = [values.get(name, 0.0) for name in plan.inputs]
-        store[len(plan.inputs) : tape.first] = plan.constants
-        for column, name in enumerate(seeds):
+        store = np.zeros((size, 1 + len(seeds) + len(self.states)))
+        store[: len(plan.inputs), 0] = [values.get(name, 0.0) for name in plan.inputs]
+        store[len(plan.inputs) : tape.first, 0] = plan.constants
+        for column, name in enumerate(seeds, 1):
             if name in plan.inputs:
-                slopes[plan.inputs.index(name), column] = 1.0
+                store[plan.inputs.index(name), column] = 1.0
         still = tape.codes[: tape.begin]
-        evaluate(tape.first, still, tape.left, tape.right, 0, store, slopes, len(seeds))
-        return store, slopes
+        evaluate(tape.first, still, tape.left, tape.right, 0, store, 1 + len(seeds))
+        return store

@@ -91,19 +91,19 @@ def evaluate(
     left: np.ndarray,
     right: np.ndarray,
     begin: int,
-    values: np.ndarray,
-    slopes: np.ndarray,
+    store: np.ndarray,
     width: int,
 ) -> None:
-    """Run the operations from number `begin` on, values and their slopes, in place.
+    """Run the operations from number `begin` on, in the first `width` columns of `store`.
 
-    `codes` are places in `contract.plan.OPERATIONS`. Undefined values (a root below zero, a
-    division by zero) are those at the edge of the domain.
+    `store` has a row per value of the plan: the value, then its slopes. `codes` are places in
+    `contract.plan.OPERATIONS`. Undefined values (a root below zero, a division by zero) are those
+    at the edge of the domain.
     """
     for i in range(begin, codes.shape[0]):
         code, a, b, out = codes[i], left[i], right[i], first + i
-        x = values[a]
-        y = values[b]
+        x = store[a, 0]
+        y = store[b, 0]
         da = 0.0
         db = 0.0
         if code == 0:
@@ -159,25 +159,26 @@ def evaluate(
             da = 1.0 - v * v
         else:
             v = math.nan  # an unknown operation has no value
-        values[out] = v
+        store[out, 0] = v
         if code < 7:
-            for k in range(width):
-                slopes[out, k] = da * slopes[a, k] + db * slopes[b, k]
+            for k in range(1, width):
+                store[out, k] = da * store[a, k] + db * store[b, k]
         else:
-            for k in range(width):
-                slopes[out, k] = da * slopes[a, k]
+            for k in range(1, width):
+                store[out, k] = da * store[a, k]
 
 
 class Machine(NamedTuple):
     """Balances at work: their operations and values.
 
-    `values`, shape (values,), and `slopes`, shape (values, columns), have a row per value of the
-    plan.
+    `store` has a row per value of the plan: in its first `width` columns the value and its slopes
+    by the seeds, then those by the states, which only the implicit method needs. All arrays of
+    states below have such columns as well, the last axis: the state, then its slopes by the seeds.
     """
 
     tape: Tape
-    values: np.ndarray
-    slopes: np.ndarray
+    store: np.ndarray
+    width: int
 
 
 class Given(NamedTuple):
@@ -190,10 +191,11 @@ class Given(NamedTuple):
 
 
 @compiled(inline="always")
-def _run(tape: Tape, end: int, values: np.ndarray, slopes: np.ndarray) -> None:
+def _run(machine: Machine, end: int, width: int) -> None:
     """Run the moving operations before number `end`."""
+    tape = machine.tape
     codes = tape.codes[:end]
-    evaluate(tape.first, codes, tape.left, tape.right, tape.begin, values, slopes, slopes.shape[1])
+    evaluate(tape.first, codes, tape.left, tape.right, tape.begin, machine.store, width)
 
 
 @compiled(inline="always")
@@ -254,17 +256,16 @@ def _given(given: Given, j: int, sample: int, share: float) -> float:
 
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def _follow(machine: Machine, history: Past, when: float, count: int) -> None:
+def _follow(machine: Machine, past: Past, when: float, count: int) -> None:
     """Set states with a dead time to what they followed that much earlier, linear between nodes.
 
     The first `count` nodes are known; outside these the past is constant.
     """
-    tape, values, slopes = machine
-    late, nodes, past, past_slopes = history[:4]
-    slots, after_slots = tape.states, tape.afters
+    tape, store, width = machine
+    late, nodes, followed = past[:3]
     for j in range(late.shape[0]):
-        slot, delay = slots[late[j]], after_slots[late[j]]
-        then = when - max(values[delay], 0.0)
+        slot, delay = tape.states[late[j]], tape.afters[late[j]]
+        then = when - max(store[delay, 0], 0.0)
         low, high = 0, count - 1
         while high - low > 1:
             middle = (low + high) // 2
@@ -276,81 +277,71 @@ def _follow(machine: Machine, history: Past, when: float, count: int) -> None:
         if high > low:
             share = (then - nodes[low]) / (nodes[high] - nodes[low])
             if 0.0 <= share <= 1.0:
-                steep = (past[high, j] - past[low, j]) / (nodes[high] - nodes[low])
+                steep = (followed[high, j, 0] - followed[low, j, 0]) / (nodes[high] - nodes[low])
             share = min(max(share, 0.0), 1.0)
-        values[slot] = past[low, j] + share * (past[high, j] - past[low, j])
-        for c in range(slopes.shape[1]):
-            moved = past_slopes[high, j, c] - past_slopes[low, j, c]
-            followed = past_slopes[low, j, c] + share * moved
-            slopes[slot, c] = followed - steep * slopes[delay, c]
+        for c in range(width):
+            moved = followed[high, j, c] - followed[low, j, c]
+            store[slot, c] = followed[low, j, c] + share * moved
+            if c > 0:
+                store[slot, c] -= steep * store[delay, c]
 
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def _aim(
-    machine: Machine,
-    late: np.ndarray,
-    weight: float,
-    past: np.ndarray,
-    past_slopes: np.ndarray,
-    node: int,
-) -> None:
+def _aim(machine: Machine, late: np.ndarray, weight: float, past: np.ndarray, node: int) -> None:
     """Add what states with a dead time follow now, as a lag would, to a node of the past."""
-    tape, values, slopes = machine
-    slots, rate_slots, after_slots = tape.states, tape.rates, tape.afters
+    tape, store, width = machine
     for j in range(late.shape[0]):
-        slot, rate, after = slots[late[j]], rate_slots[late[j]], after_slots[late[j]]
-        time_constant = max(values[after], TINY)
-        past[node, j] += weight * (values[slot] + time_constant * values[rate])
-        for c in range(slopes.shape[1]):
-            moved = slopes[slot, c] + time_constant * slopes[rate, c]
-            past_slopes[node, j, c] += weight * (moved + slopes[after, c] * values[rate])
+        slot, rate, after = tape.states[late[j]], tape.rates[late[j]], tape.afters[late[j]]
+        time_constant = max(store[after, 0], TINY)
+        for c in range(width):
+            aim = store[slot, c] + time_constant * store[rate, c]
+            if c > 0:
+                aim += store[after, c] * store[rate, 0]
+            past[node, j, c] += weight * aim
 
 
 @compiled(inline="always")
-def _place(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
-    slots, values, slopes = machine.tape.states, machine.values, machine.slopes
-    for i in range(slots.shape[0]):
-        values[slots[i]] = x[i]
-        for c in range(slopes.shape[1]):
-            slopes[slots[i], c] = dx[i, c]
+def _place(machine: Machine, x: np.ndarray) -> None:
+    tape, store, width = machine
+    for i in range(x.shape[0]):
+        for c in range(width):
+            store[tape.states[i], c] = x[i, c]
 
 
 @compiled(inline="always")
-def _confine(machine: Machine, end: int, x: np.ndarray, dx: np.ndarray) -> bool:
+def _confine(machine: Machine, end: int, x: np.ndarray) -> bool:
     """Keep states within their limits, if these have slots below `end`; whether one was moved."""
-    tape, values, slopes = machine
+    tape, store, width = machine
     moved = False
     for i in range(x.shape[0]):
         for side in range(2):
             slot = tape.lows[i] if side == 0 else tape.highs[i]
             if slot < 0 or slot >= end:
                 continue
-            limit = values[slot]
-            if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
-                x[i] = limit
+            limit = store[slot, 0]
+            if (side == 0 and x[i, 0] < limit) or (side == 1 and x[i, 0] > limit):
                 moved = True
-                for c in range(slopes.shape[1]):
-                    dx[i, c] = slopes[slot, c]
+                for c in range(width):
+                    x[i, c] = store[slot, c]
     return moved
 
 
 @compiled(inline="always")
-def _linearised(
-    jacobian: np.ndarray, rates: np.ndarray, afters: np.ndarray, step: float, matrix: np.ndarray
-) -> float:
+def _linearised(machine: Machine, step: float, matrix: np.ndarray) -> float:
     """Fill the matrix of the implicit method; the rate of the fastest mode, by row sums."""
+    tape, store, width = machine
     rate, count = 0.0, matrix.shape[0]
     for i in range(count):
         for c in range(count):
-            matrix[i, c] = -GAMMA * step * jacobian[rates[i], c]
+            matrix[i, c] = -GAMMA * step * store[tape.rates[i], width + c]
         matrix[i, i] += 1.0
-        if afters[i] >= 0:
+        if tape.afters[i] >= 0:
             for c in range(count):
                 matrix[i, c] = 1.0 if c == i else 0.0
             continue
         total = 0.0
         for c in range(count):
-            total += abs(jacobian[rates[i], c])
+            total += abs(store[tape.rates[i], width + c])
         rate = max(rate, total)
     return rate
 
@@ -366,15 +357,15 @@ def _seen_by_stages(
     """
     above, below, turn, bent = 0.0, 0.0, 0.0, 0.0
     for i in range(peak.shape[0]):
-        share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
+        k0, k1, k2, k3 = k[0, i, 0], k[1, i, 0], k[2, i, 0], k[3, i, 0]
+        share = peak[i] if peak[i] > 0.0 else abs(step * k0)
         if share > 0.0:
-            above += ((k[2, i] - k[1, i]) / share) ** 2
-            below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
-            turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
+            above += ((k2 - k1) / share) ** 2
+            below += (0.5 * step * (k1 - k0) / share) ** 2
+            turn += (k2 - k1) * (k1 - k0) / share**2
         # The last stage may be the first to show an edge within a step; a smooth mode bends there
         # as much as between the two in the middle.
-        bend = abs(k[0, i] - k[1, i] - k[2, i] + k[3, i])
-        bend = step / 3.0 * (bend - SMOOTH * abs(k[2, i] - k[1, i]))
+        bend = step / 3.0 * (abs(k0 - k1 - k2 + k3) - SMOOTH * abs(k2 - k1))
         bent = max(bent, bend / peak[i] if peak[i] > 0.0 else 0.0)
     # At rest, rounding would look like a fast mode.
     if below > AT_REST:
@@ -398,131 +389,104 @@ def _next_pieces(
 class Room(NamedTuple):
     """Work arrays of a run, the same for all its steps.
 
-    `x`, `dx` are the states and their slopes, `old`, `d_old` those at the last sample, `peak` the
-    largest values so far; `k`, `dk` the rates per stage. `matrix` to `jacobian` serve the implicit
-    method.
+    `x` are the states, `old` those at the last sample, `peak` the largest values so far, `k` the
+    rates per stage. `matrix` to `right_side` serve the implicit method.
     """
 
     x: np.ndarray
-    dx: np.ndarray
     old: np.ndarray
-    d_old: np.ndarray
     peak: np.ndarray
     k: np.ndarray
-    dk: np.ndarray
     matrix: np.ndarray
     shares: np.ndarray
     pivots: np.ndarray
     right_side: np.ndarray
-    jacobian: np.ndarray
 
 
 class Past(NamedTuple):
     """What states with a dead time followed.
 
-    `late` numbers these states. At `nodes` (times, s) they followed `values`, shape (nodes, late),
-    with `slopes`: first the start, then one mean per step, at its middle, where the mean of inputs
-    that are held lies. `mean` and `mean_slopes` are those of the current step.
+    `late` numbers these states. At `nodes` (times, s) they `followed`, shape (nodes, late, width):
+    first the start, then one mean per step, at its middle, where the mean of inputs that are held
+    lies. `mean`, shape (1, late, width), is that of the current step.
     """
 
     late: np.ndarray
     nodes: np.ndarray
-    values: np.ndarray
-    slopes: np.ndarray
+    followed: np.ndarray
     mean: np.ndarray
-    mean_slopes: np.ndarray
 
 
 @compiled(inline="always")
-def _room(tape: Tape, size: int, columns: int) -> Room:
-    count = tape.states.shape[0]
-    jacobian = np.zeros((size, count))
-    for i in range(count):
-        jacobian[tape.states[i], i] = 1.0
+def _room(count: int, width: int) -> Room:
     return Room(
+        np.zeros((count, width)),
+        np.zeros((count, width)),
         np.zeros(count),
-        np.zeros((count, columns)),
-        np.zeros(count),
-        np.zeros((count, columns)),
-        np.zeros(count),
-        np.zeros((4, count)),
-        np.zeros((4, count, columns)),
+        np.zeros((4, count, width)),
         np.zeros((count, count)),
         np.zeros((count, count)),
         np.zeros(count, np.int64),
-        np.zeros((count, 1 + columns)),
-        jacobian,
+        np.zeros((count, width)),
     )
 
 
 @compiled(inline="always")
-def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
-    late = np.flatnonzero(tape.afters >= 0)
-    lates, columns = late.shape[0], room.dx.shape[1]
+def _past(tape: Tape, time: np.ndarray, x: np.ndarray) -> Past:
+    late, width = np.flatnonzero(tape.afters >= 0), x.shape[1]
+    lates = late.shape[0]
     nodes = np.zeros(time.shape[0] + 1 if lates else 1)
-    values = np.zeros((nodes.shape[0], lates))
-    slopes = np.zeros((nodes.shape[0], lates, columns))
+    followed = np.zeros((nodes.shape[0], lates, width))
     nodes[0] = time[0]
     for j in range(lates):
-        values[0, j] = room.x[late[j]]
-        for c in range(columns):
-            slopes[0, j, c] = room.dx[late[j], c]
-    return Past(late, nodes, values, slopes, np.zeros((1, lates)), np.zeros((1, lates, columns)))
+        for c in range(width):
+            followed[0, j, c] = x[late[j], c]
+    return Past(late, nodes, followed, np.zeros((1, lates, width)))
 
 
 @compiled(inline="always")
-def _begin(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
+def _begin(machine: Machine, x: np.ndarray) -> None:
     """Set states to their start; one may depend on the start of another."""
-    tape, values, slopes = machine
+    tape, store, width = machine
     for _ in range(x.shape[0]):
-        _place(machine, x, dx)
-        _run(tape, tape.codes.shape[0], values, slopes)
+        _place(machine, x)
+        _run(machine, tape.codes.shape[0], width)
         for i in range(x.shape[0]):
-            x[i] = values[tape.starts[i]]
-            for c in range(dx.shape[1]):
-                dx[i, c] = slopes[tape.starts[i], c]
+            for c in range(width):
+                x[i, c] = store[tape.starts[i], c]
 
 
 @compiled(inline="always")
-def _put(
-    past: np.ndarray,
-    past_slopes: np.ndarray,
-    node: int,
-    known: bool,
-    mean: np.ndarray,
-    mean_slopes: np.ndarray,
-) -> None:
+def _put(past: np.ndarray, node: int, known: bool, mean: np.ndarray) -> None:
     """Put the mean of a step at a node of the past; zero if not `known` yet."""
     for j in range(mean.shape[1]):
-        past[node, j] = mean[0, j] if known else 0.0
-        for c in range(mean_slopes.shape[2]):
-            past_slopes[node, j, c] = mean_slopes[0, j, c] if known else 0.0
+        for c in range(mean.shape[2]):
+            past[node, j, c] = mean[0, j, c] if known else 0.0
 
 
 @compiled(inline="always")
 def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: int) -> bool:
     """All values at a sample, states within their limits; whether the rates are still valid."""
-    tape, values, slopes = machine
-    x, dx, slots, late = room.x, room.dx, tape.states, past.late
+    tape, store, width = machine
+    x, late = room.x, past.late
     n, lates, moved = time.shape[0], past.late.shape[0], False
     for _ in range(2):
-        _place(machine, x, dx)
-        _run(tape, tape.codes.shape[0], values, slopes)
+        _place(machine, x)
+        _run(machine, tape.codes.shape[0], width)
         moved = False
         if lates and s < n - 1:
             # Until the step is done, the present value replaces its mean.
             past.nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
-            _put(past.values, past.slopes, s + 1, False, past.mean, past.mean_slopes)
-            _aim(machine, late, 1.0, past.values, past.slopes, s + 1)
+            _put(past.followed, s + 1, False, past.mean)
+            _aim(machine, late, 1.0, past.followed, s + 1)
         if lates and s > 0:
             _follow(machine, past, time[s], min(s + 2, n))
             for j in range(lates):
-                slot = slots[late[j]]
-                moved = moved or abs(values[slot] - x[late[j]]) > 0.0
-                x[late[j]] = values[slot]
-                for c in range(dx.shape[1]):
-                    dx[late[j], c] = slopes[slot, c]
-        moved = _confine(machine, values.shape[0], x, dx) or moved
+                slot = tape.states[late[j]]
+                moved = moved or abs(store[slot, 0] - x[late[j], 0]) > 0.0
+                for c in range(width):
+                    x[late[j], c] = store[slot, c]
+        moved = _confine(machine, store.shape[0], x) or moved
         if not moved:
             break
     return not moved and lates == 0
@@ -535,20 +499,28 @@ def _is_end(p: int, pieces: int, stage: int, stages: int) -> bool:
 
 @compiled(inline="always")
 def _to_stage(
-    machine: Machine, room: Room, past: Past, move: tuple[int, float], when: tuple[float, int]
+    machine: Machine,
+    given: Given,
+    room: Room,
+    past: Past,
+    s: int,
+    at: float,
+    before: int,
+    by: float,
 ) -> None:
-    """Values at a stage; `move` is the stage whose rates lead there, and how far; `when` the time,
-    and the number of known nodes of the past."""
-    tape, values, slopes = machine
-    k, dk, slots = room.k, room.dk, tape.states
-    for i in range(slots.shape[0]):
-        values[slots[i]] = room.x[i] + move[1] * k[move[0], i]
-        for c in range(slopes.shape[1]):
-            slopes[slots[i], c] = room.dx[i, c] + move[1] * dk[move[0], i, c]
+    """Values at a stage, at the share `at` of the step from sample `s`: the rates of the stage
+    `before` lead there, `by` so much time."""
+    tape, store, width = machine
+    now = given.time[s] + at * (given.time[s + 1] - given.time[s])
+    for j in range(tape.inputs.shape[0]):
+        store[tape.inputs[j], 0] = _given(given, j, s, at)
+    for i in range(room.x.shape[0]):
+        for c in range(width):
+            store[tape.states[i], c] = room.x[i, c] + by * room.k[before, i, c]
     if tape.clock >= 0:
-        values[tape.clock] = when[0]
+        store[tape.clock, 0] = now
     if past.late.shape[0]:
-        _follow(machine, past, when[0], when[1])
+        _follow(machine, past, now, s + 2)
 
 
 @compiled(inline="always")
@@ -562,37 +534,25 @@ def _explicit(
     fresh: bool,
 ) -> None:
     """One piece by Runge and Kutta's method; if `fresh`, its first rates are known."""
-    tape, values, slopes = machine
-    time = given.time
-    x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
+    tape, store, width = machine
+    x, k, late = room.x, room.k, past.late
     p, pieces = piece
-    length = time[s + 1] - time[s]
-    step = length / pieces
+    step = (given.time[s + 1] - given.time[s]) / pieces
     for stage in range(STAGES[0]):
-        at = (p + NODES[0, stage]) / pieces
-        now = time[s] + at * length
         if stage > 0 or not fresh:
-            for j in range(tape.inputs.shape[0]):
-                values[tape.inputs[j]] = _given(given, j, s, at)
-            before = max(stage - 1, 0)
-            scale = NODES[0, stage] * step
-            _to_stage(machine, room, past, (before, scale), (now, s + 2))
-            _run(tape, tape.rated, values, slopes)
+            at, by = (p + NODES[0, stage]) / pieces, NODES[0, stage] * step
+            _to_stage(machine, given, room, past, s, at, max(stage - 1, 0), by)
+            _run(machine, tape.rated, width)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[0]):
-            _aim(machine, late, 0.5, past.mean, past.mean_slopes, 0)
+            _aim(machine, late, 0.5, past.mean, 0)
         for i in range(x.shape[0]):
-            k[stage, i] = values[rates[i]]
-            for c in range(dx.shape[1]):
-                dk[stage, i, c] = slopes[rates[i], c]
-        for j in range(late.shape[0]):
-            k[stage, late[j]] = 0.0
-            for c in range(dx.shape[1]):
-                dk[stage, late[j], c] = 0.0
+            still = tape.afters[i] >= 0
+            for c in range(width):
+                k[stage, i, c] = 0.0 if still else store[tape.rates[i], c]
     for i in range(x.shape[0]):
         for stage in range(STAGES[0]):
-            x[i] += step * WEIGHTS[stage] * k[stage, i]
-            for c in range(dx.shape[1]):
-                dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
+            for c in range(width):
+                x[i, c] += step * WEIGHTS[stage] * k[stage, i, c]
 
 
 @compiled(inline="always")
@@ -600,57 +560,40 @@ def _implicit(
     machine: Machine, given: Given, room: Room, past: Past, s: int, piece: tuple[int, int]
 ) -> tuple[float, float]:
     """One piece by the implicit method; the rate of the fastest mode, and the error."""
-    tape, values, slopes = machine
-    time = given.time
-    x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
-    right_side, count = room.right_side, room.x.shape[0]
+    tape, store, width = machine
+    x, k, late, right_side = room.x, room.k, past.late, room.right_side
     p, pieces = piece
-    length = time[s + 1] - time[s]
-    step = length / pieces
+    step = (given.time[s + 1] - given.time[s]) / pieces
     rate, error = 0.0, 0.0
     for stage in range(STAGES[1]):
-        at = (p + NODES[1, stage]) / pieces
-        now = time[s] + at * length
-        for j in range(tape.inputs.shape[0]):
-            values[tape.inputs[j]] = _given(given, j, s, at)
-        scale = NODES[1, stage] * step
-        _to_stage(machine, room, past, (0, scale), (now, s + 2))
+        at, by = (p + NODES[1, stage]) / pieces, NODES[1, stage] * step
+        _to_stage(machine, given, room, past, s, at, 0, by)
+        _run(machine, tape.rated, store.shape[1] if stage == 0 else width)
         if stage == 0:
-            _run(tape, tape.rated, values, room.jacobian)
-            rate = _linearised(room.jacobian, rates, tape.afters, step, room.matrix)
+            rate = _linearised(machine, step, room.matrix)
             _factor(room.matrix, room.shares, room.pivots)
-        # The Jacobian gives the values as well.
-        if stage > 0 or slopes.shape[1] > 0:
-            _run(tape, tape.rated, values, slopes)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
-            _aim(machine, late, 0.5, past.mean, past.mean_slopes, 0)
-        for i in range(count):
-            right_side[i, 0] = values[rates[i]] - 2.0 * stage * k[0, i]
-            for c in range(dx.shape[1]):
-                right_side[i, 1 + c] = slopes[rates[i], c] - 2.0 * stage * dk[0, i, c]
-        for j in range(late.shape[0]):
-            for c in range(right_side.shape[1]):
-                right_side[late[j], c] = 0.0
+            _aim(machine, late, 0.5, past.mean, 0)
+        for i in range(x.shape[0]):
+            still = tape.afters[i] >= 0
+            for c in range(width):
+                change = store[tape.rates[i], c] - 2.0 * stage * k[0, i, c]
+                right_side[i, c] = 0.0 if still else change
         _solve(room.matrix, room.shares, room.pivots, right_side)
-        for i in range(count):
-            k[stage, i] = right_side[i, 0]
-            for c in range(dx.shape[1]):
-                dk[stage, i, c] = right_side[i, 1 + c]
-    for i in range(count):
-        apart = abs(0.5 * step * (k[0, i] + k[1, i]))
+        _copy(right_side, k[stage])
+    for i in range(x.shape[0]):
+        apart = abs(0.5 * step * (k[0, i, 0] + k[1, i, 0]))
         error = max(error, apart / room.peak[i] if room.peak[i] > 0.0 else 0.0)
-        x[i] += step * (1.5 * k[0, i] + 0.5 * k[1, i])
-        for c in range(dx.shape[1]):
-            dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
+        for c in range(width):
+            x[i, c] += step * (1.5 * k[0, i, c] + 0.5 * k[1, i, c])
     return rate, error
 
 
 @compiled(inline="always")
-def _copy(x: np.ndarray, dx: np.ndarray, to: np.ndarray, d_to: np.ndarray) -> None:
+def _copy(x: np.ndarray, to: np.ndarray) -> None:
     for i in range(x.shape[0]):
-        to[i] = x[i]
-        for c in range(dx.shape[1]):
-            d_to[i, c] = dx[i, c]
+        for c in range(x.shape[1]):
+            to[i, c] = x[i, c]
 
 
 @compiled(inline="always")
@@ -673,16 +616,16 @@ def _step(
     x, k, peak, lates = room.x, room.k, room.peak, past.late.shape[0]
     length, taken, first = time[s + 1] - time[s], 0, 0
     for i in range(x.shape[0]):
-        peak[i] = max(peak[i], abs(x[i]))
+        peak[i] = max(peak[i], abs(x[i, 0]))
     # Places and sizes of pieces in the finest ones.
     at, size = 0, FINEST // pieces
     rate, error, bent, growing = 0.0, 0.0, 0.0, False
     while at < FINEST:
         # States with a dead time follow the mean of a whole step.
         if at == 0 or (stiff and lates == 0):
-            _copy(x, room.dx, room.old, room.d_old)
+            _copy(x, room.old)
         if lates and at == 0:
-            _put(past.mean, past.mean_slopes, 0, False, past.mean, past.mean_slopes)
+            _put(past.mean, 0, False, past.mean)
         pieces = FINEST // size
         step, again = length / pieces, False
         if stiff:
@@ -694,7 +637,7 @@ def _step(
         fresh = False
         taken += 1
         # Fixed limits hold within a step too; moving ones are checked at the next sample.
-        _confine(machine, tape.first + tape.begin, x, room.dx)
+        _confine(machine, tape.first + tape.begin, x)
         if stiff:
             again = error > ROUGH and size > 1
             longer = 2 * size if error < ROUGH / 8.0 and size < FINEST // PIECES else size
@@ -721,24 +664,22 @@ def _step(
                 at, size = 0, FINEST // pieces
                 rate, error, bent, growing = 0.0, 0.0, 0.0, False
         if again:
-            _copy(room.old, room.d_old, x, room.dx)
+            _copy(room.old, x)
     if stiff:
         stiff = rate * length > 0.5 * LIVELY * PIECES
         pieces = FINEST // first if stiff else PIECES
     elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
         pieces //= 2
     if lates:
-        _put(past.values, past.slopes, s + 1, True, past.mean, past.mean_slopes)
+        _put(past.followed, s + 1, True, past.mean)
     return taken, stiff, pieces
 
 
 @compiled(inline="always")
-def _ran_away(x: np.ndarray, dx: np.ndarray) -> bool:
+def _ran_away(x: np.ndarray) -> bool:
     for i in range(x.shape[0]):
-        if not abs(x[i]) < HUGE:
-            return True
-        for c in range(dx.shape[1]):
-            if not abs(dx[i, c]) < HUGE:
+        for c in range(x.shape[1]):
+            if not abs(x[i, c]) < HUGE:
                 return True
     return False
 
@@ -750,7 +691,6 @@ def _over_samples(
     machine: Machine,
     given: Given,
     outputs: np.ndarray,
-    output_slopes: np.ndarray,
     states: np.ndarray,
     room: Room,
     past: Past,
@@ -759,25 +699,24 @@ def _over_samples(
 
     Reference counting of arrays, at every line that passes one on, takes longer than a step.
     """
-    tape, values, slopes = machine
+    tape, store, width = machine
     n, taken, pieces, stiff = given.time.shape[0], 0, 1, False
     for s in range(n):
         for j in range(tape.inputs.shape[0]):
-            values[tape.inputs[j]] = given.inputs[s, j]
+            store[tape.inputs[j], 0] = given.inputs[s, j]
         if tape.clock >= 0:
-            values[tape.clock] = given.time[s]
+            store[tape.clock, 0] = given.time[s]
         fresh = _at_sample(machine, room, past, given.time, s)
         for i in range(room.x.shape[0]):
-            states[s, i] = room.x[i]
+            states[s, i] = room.x[i, 0]
         for j in range(tape.outputs.shape[0]):
-            outputs[s, j] = values[tape.outputs[j]]
-            for c in range(output_slopes.shape[2]):
-                output_slopes[s, j, c] = slopes[tape.outputs[j], c]
+            for c in range(width):
+                outputs[s, j, c] = store[tape.outputs[j], c]
         if s == n - 1:
             break
         steps, stiff, pieces = _step(machine, given, room, past, s, fresh, stiff, pieces)
         taken += steps
-        if _ran_away(room.x, room.dx):
+        if _ran_away(room.x):
             return -1
     return taken
 
@@ -788,10 +727,8 @@ def integrate(
     held: np.ndarray,
     time: np.ndarray,
     inputs: np.ndarray,
-    values: np.ndarray,
-    slopes: np.ndarray,
+    store: np.ndarray,
     outputs: np.ndarray,
-    output_slopes: np.ndarray,
     states: np.ndarray,
 ) -> int:
     """Integrate over all samples; the number of steps taken, or -1 where a number ran away.
@@ -800,16 +737,19 @@ def integrate(
     ----------
     held : per input, whether it keeps its value until the next sample; others are interpolated.
     inputs : shape (n, inputs).
-    values, slopes : one row per value of the plan, filled in for parameters, constants and what
-        follows from them alone (operations before `tape.begin`); (values,) and (values, width).
-    outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
+    store : shape (values of the plan, width + states), columns as in `Machine`; filled in for
+        parameters, constants and what follows from them alone (operations before `tape.begin`).
+    outputs, states : filled, shapes (n, outputs, width), and (n, states) without slopes.
     """
-    room = _room(tape, values.shape[0], slopes.shape[1])
+    width = outputs.shape[2]
+    room = _room(states.shape[1], width)
+    for i in range(states.shape[1]):
+        store[tape.states[i], width + i] = 1.0
     for j in range(tape.inputs.shape[0]):
-        values[tape.inputs[j]] = inputs[0, j]
+        store[tape.inputs[j], 0] = inputs[0, j]
     if tape.clock >= 0:
-        values[tape.clock] = time[0]
-    machine, given = Machine(tape, values, slopes), Given(held, time, inputs)
-    _begin(machine, room.x, room.dx)
-    past = _past(tape, time, room)
-    return int(_over_samples(machine, given, outputs, output_slopes, states, room, past))
+        store[tape.clock, 0] = time[0]
+    machine, given = Machine(tape, store, width), Given(held, time, inputs)
+    _begin(machine, room.x)
+    past = _past(tape, time, room.x)
+    return int(_over_samples(machine, given, outputs, states, room, past))
