@@ -17,7 +17,7 @@ def derivative(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     """
     if expression == symbol:
         return sympy.S.One
-    if symbol not in _symbols(expression):
+    if symbol not in symbols_in(expression):
         return sympy.S.Zero
     parts = expression.args
     inner = [derivative(part, symbol) for part in parts]
@@ -36,7 +36,8 @@ def derivative(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
 
 
 @lru_cache(maxsize=KEPT)
-def _symbols(expression: sympy.Basic) -> frozenset[sympy.Basic]:
+def symbols_in(expression: sympy.Basic) -> frozenset[sympy.Basic]:
+    """The symbols of an expression, as its `free_symbols`, looked up once."""
     if expression.is_Symbol:
         return frozenset((expression,))
-    return frozenset().union(*map(_symbols, expression.args))
+    return frozenset().union(*map(symbols_in, expression.args))

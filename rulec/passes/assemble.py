@@ -13,6 +13,7 @@ from functools import cached_property
 import sympy
 from rulec_runtime.contract.ruleset import MISFIT
 
+from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower, lower_all
 from rulec.knowledge.plant import Module
@@ -160,9 +161,10 @@ class _Instance:
     def lower(self, expression: sympy.Expr) -> Node:
         return lower(self.graph, expression, self.nodes)
 
-    def gradient(self, derivatives: Mapping[str, sympy.Expr]) -> dict[str, Node]:
-        """Derivatives by local variables to derivatives by independent inputs, times u."""
+    def gradient(self, expression: sympy.Expr) -> dict[str, Node]:
+        """Derivatives of an expression by independent inputs, times u."""
         graph, kind = self.graph, self.module.type
+        derivatives = gradient_of(expression, self.model.symbols)
         nodes = lower_all(graph, derivatives.values(), self.nodes)
         lowered = dict(zip(derivatives, nodes, strict=True))
         result: dict[str, Node] = {}
@@ -203,7 +205,7 @@ class _Instance:
         for name, expression in self.model.observers.items():
             key = self.id(name)
             observers[key] = self.lower(expression)
-            gradient = self.gradient(self.model.gradients[name])
+            gradient = self.gradient(expression)
             misfit = self.module.misfit.get(name, 0.0)
             if misfit:
                 node = self.graph.mul(self.graph.constant(misfit), self.graph.input(MODEL))
@@ -215,29 +217,28 @@ class _Instance:
         for name, target in self.model.targets.items():
             targets[self.id(name)] = TargetNodes(
                 value=self.lower(target.value),
-                gradient=self.gradient(target.gradient),
+                gradient=self.gradient(target.value),
                 slopes={self.id(o): self.lower(e) for o, e in target.slopes.items()},
-                slope_gradients={
-                    self.id(o): self.gradient(g) for o, g in target.slope_gradients.items()
-                },
+                slope_gradients={self.id(o): self.gradient(e) for o, e in target.slopes.items()},
                 curvatures={self.id(o): self.lower(e) for o, e in target.curvatures.items()},
                 inverse={self.id(o): (e, self.nodes) for o, e in target.inverse.items()},
                 whole=self.lower(target.whole),
-                whole_gradient=self.gradient(target.whole_gradient),
+                whole_gradient=self.gradient(target.whole),
                 reaction=self.graph.zero,
             )
 
     def margins(self) -> Iterable[tuple[str, tuple[Node, Node]]]:
         """The margin that must be positive in each regime, and its standard uncertainty."""
-        for name, (value, derivatives) in self.model.margins.items():
-            squares = [self.graph.square(node) for node in self.gradient(derivatives).values()]
+        for name, value in self.model.margins.items():
+            squares = [self.graph.square(node) for node in self.gradient(value).values()]
             u = self.graph.apply("sqrt", self.graph.sum(squares))
             yield self.id(name), (self.lower(value), u)
 
     def signals_of(self, target: str) -> tuple[str, ...]:
         """Signals in a target; none if its faults act on the flow."""
         found: list[str] = []
-        for name in self.model.targets[target].gradient if target in self.model.targets else ():
+        value = self.model.targets[target].value if target in self.model.targets else sympy.S.Zero
+        for name in gradient_of(value, self.model.symbols):
             if name in self.module.type.signals:
                 found.append(self.id(name))
             elif name.startswith(GATHERED):
@@ -304,9 +305,8 @@ class _Reader:
         """Slope by the downstream sum, its gradient and its curvature; the same for all signals."""
         variable, model = GATHERED + self.gathered, self.part.model
         expression = model.gradients[self.observer][variable]
-        derivatives = gradient_of(expression, model.symbols)
-        gradient = self.part.gradient(derivatives)
-        curvature = derivatives.get(variable, sympy.S.Zero)
+        gradient = self.part.gradient(expression)
+        curvature = derivative(expression, model.symbols[variable])
         return self.part.lower(expression), gradient, self.part.lower(curvature)
 
 

@@ -4,13 +4,15 @@ With the true degree of the true fault, all estimates agree again. This serves t
 and to fold known faults into the types.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import chain
 
 import sympy
 
+from rulec.algebra.derivative import derivative, symbols_in
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower
-from rulec.passes.differentiate import GATHERED, TypeModel, degree_symbol
+from rulec.passes.differentiate import GATHERED, TypeModel, degree_symbol, liquid_ids
 from rulec.passes.link import Network
 
 Types = Mapping[str, TypeModel]
@@ -33,10 +35,19 @@ def liquid_affects(network: Network, types: Types) -> dict[str, tuple[str, ...]]
     """
     found: dict[str, list[str]] = {}
     for name, module in network.plant.modules.items():
-        for observer, fault in types[module.type.key].undone.liquid_slopes:
-            found.setdefault(fault, []).append(f"{name}.{observer}")
+        for observer, expression in types[module.type.key].undone.in_liquid.items():
+            for fault in liquid_ids(network.plant.knowledge):
+                if degree_symbol(fault) in symbols_in(expression):
+                    found.setdefault(fault, []).append(f"{name}.{observer}")
     several = {i for i, o in found.items() if len({n.partition(".")[0] for n in o}) > 1}
     return {i: tuple(o) for i, o in found.items() if i in several}
+
+
+Slopes = Iterable[tuple[str, Node]]
+"""Slopes of a value by the degrees of faults, by full ids of these."""
+
+Ways = Iterable[tuple[sympy.Symbol, Slopes]]
+"""Variables of a module that depend on degrees, each with its slopes."""
 
 
 class _Undo:
@@ -50,18 +61,20 @@ class _Undo:
         self.liquid = liquid_affects(network, types)
         every = (*faults, *others, *self.liquid)
         self.graph = Graph([*plant.signals, *dict.fromkeys(f"x:{fault}" for fault in every)])
-        # Derivatives of readings by the degrees of their unlisted errors.
-        self.errors: dict[str, dict[tuple[str, str], Node]] = {}
-        self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
-        # Derivatives of readings by degrees, shared by all modules upstream.
-        self._inner: dict[tuple[str, str], dict[str, Node]] = {}
+        self.tables: dict[str, dict[sympy.Symbol, Node]] = {}
+        # Slopes of readings by the degrees of their unlisted errors.
+        self.errors: dict[str, dict[sympy.Symbol, Slopes]] = {}
+        # Slopes of readings with all faults undone, shared by all modules upstream.
+        self._inner: dict[tuple[str, str], Slopes] = {}
+        for name in plant.modules:
+            self._own_symbols(name)
         for name in plant.modules:
             self._gather(name)
         for name in plant.modules:
             self._observers(name)
 
-    def _symbol_nodes(self, name: str) -> dict[sympy.Symbol, Node]:
-        """Nodes of the own readings (with unlisted errors undone), parameters and degrees."""
+    def _own_symbols(self, name: str) -> None:
+        """Add parameters, degrees, and the own readings (with unlisted errors undone)."""
         module, model, graph = self.network.plant.modules[name], self.models[name], self.graph
         nodes = {model.symbols[s]: graph.input(f"{name}.{s}") for s in module.type.signals}
         for parameter in module.parameters.values():
@@ -69,10 +82,13 @@ class _Undo:
         for fault in (*model.faults, *model.unlisted):
             nodes[degree_symbol(fault.id)] = graph.input(f"x:{name}.{fault.id}")
         nodes |= {degree_symbol(i): graph.input(f"x:{i}") for i in self.liquid}
-        slopes = model.undone.reading_slopes
-        self.errors[name] = {key: lower(graph, slope, nodes) for key, slope in slopes.items()}
-        readings = model.undone.readings
-        return nodes | {model.symbols[s]: lower(graph, e, nodes) for s, e in readings.items()}
+        self.tables[name] = nodes
+        read = {model.symbols[s]: e for s, e in model.undone.readings.items()}
+        further = [f.id for f in model.unlisted]
+        self.errors[name] = {
+            s: [*self._slopes(name, e, self._degrees(f"{name}.", further))] for s, e in read.items()
+        }
+        self.tables[name] = nodes | {s: lower(graph, e, nodes) for s, e in read.items()}
 
     def _gather(self, name: str) -> None:
         """Add downstream sums of readings with faults undone."""
@@ -86,43 +102,51 @@ class _Undo:
 
     def _observers(self, name: str) -> None:
         """Add observers with faults undone, and their slopes by the degrees that affect them."""
-        graph, outputs = self.graph, self.graph.outputs
-        nodes, undone = self.tables[name], self.models[name].undone
+        graph, outputs, undone = self.graph, self.graph.outputs, self.models[name].undone
         for observer, expression in undone.observers.items():
-            outputs[f"q:{name}.{observer}"] = lower(graph, expression, nodes)
+            outputs[f"q:{name}.{observer}"] = lower(graph, expression, self.tables[name])
         if self.liquid:
+            changes = liquid_ids(self.network.plant.knowledge)
             for observer, expression in undone.in_liquid.items():
-                outputs[f"ql:{name}.{observer}"] = lower(graph, expression, nodes)
-            for (observer, fault), slope in undone.liquid_slopes.items():
-                outputs[f"dql:{name}.{observer}:{fault}"] = lower(graph, slope, nodes)
-        for (observer, fault), slope in undone.slopes.items():
-            outputs[f"dq:{name}.{observer}:{name}.{fault}"] = lower(graph, slope, nodes)
-        for (observer, signal), slope in undone.by_reading.items():
-            outer = lower(graph, slope, nodes)
-            for (reading, fault), inner in self.errors[name].items():
-                if reading == signal:
-                    key = f"dq:{name}.{observer}:{name}.{fault}"
-                    outputs[key] = graph.mul(outer, inner)
-        for (observer, gathered), slope in undone.gather_slopes.items():
-            outer = lower(graph, slope, nodes)
-            for m, s in self.network.gathers[name, gathered]:
-                for fault, inner in self._slopes_of(m, s).items():
-                    key = f"dq:{name}.{observer}:{m}.{fault}"
-                    node = graph.mul(outer, inner)
+                outputs[f"ql:{name}.{observer}"] = lower(graph, expression, self.tables[name])
+            for observer, expression in undone.in_liquid.items():
+                for fault, node in self._slopes(name, expression, self._degrees("", changes)):
+                    outputs[f"dql:{name}.{observer}:{fault}"] = node
+        for ways in (self._by_degrees, self._by_errors, self._by_gathered):
+            for observer, expression in undone.observers.items():
+                for fault, node in self._slopes(name, expression, ways(name)):
+                    key = f"dq:{name}.{observer}:{fault}"
                     outputs[key] = graph.add(outputs.get(key, graph.zero), node)
 
-    def _slopes_of(self, module: str, signal: str) -> dict[str, Node]:
-        """Slopes of a reading with all of its faults undone, by their degrees."""
+    def _slopes(self, name: str, expression: sympy.Expr, ways: Ways) -> Slopes:
+        """Slopes of an expression of a module by degrees, along the ways there (chain rule)."""
+        for variable, slopes in ways:
+            if variable in symbols_in(expression):
+                slope = derivative(expression, variable)
+                outer = lower(self.graph, slope, self.tables[name])
+                for fault, inner in slopes:
+                    yield fault, self.graph.mul(outer, inner)
+
+    def _degrees(self, module: str, faults: Iterable[str]) -> Ways:
+        """Degrees themselves, by ids of faults in a module; of the liquid, without one."""
+        for fault in faults:
+            yield degree_symbol(fault), [(f"{module}{fault}", self.graph.one)]
+
+    def _by_degrees(self, name: str) -> Ways:
+        return self._degrees(f"{name}.", (f.id for f in self.models[name].faults))
+
+    def _by_errors(self, name: str) -> Ways:
+        return self.errors[name].items()
+
+    def _by_gathered(self, name: str) -> Ways:
+        for gathered in self.models[name].type.gathers:
+            parts = (self._of_signal(m, s) for m, s in self.network.gathers[name, gathered])
+            yield self.models[name].symbols[GATHERED + gathered], chain.from_iterable(parts)
+
+    def _of_signal(self, module: str, signal: str) -> Slopes:
+        """Slopes of a reading with all of its faults undone."""
         if (module, signal) not in self._inner:
-            nodes, undone = self.tables[module], self.models[module].undone
-            found = {
-                fault: lower(self.graph, slope, nodes)
-                for (reading, fault), slope in undone.signal_slopes.items()
-                if reading == signal
-            }
-            for (reading, fault), inner in self.errors[module].items():
-                if reading == signal:
-                    outer = lower(self.graph, undone.signal_by_reading[signal], nodes)
-                    found[fault] = self.graph.mul(outer, inner)
-            self._inner[module, signal] = found
+            expression = self.models[module].undone.signals[signal]
+            ways = (*self._by_degrees(module), *self._by_errors(module))
+            self._inner[module, signal] = [*self._slopes(module, expression, ways)]
         return self._inner[module, signal]

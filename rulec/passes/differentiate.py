@@ -13,7 +13,7 @@ from functools import partial
 
 import sympy
 
-from rulec.algebra.derivative import derivative
+from rulec.algebra.derivative import derivative, symbols_in
 from rulec.knowledge.fluid import closed_forms
 from rulec.knowledge.knowledge import (
     FaultType,
@@ -24,6 +24,7 @@ from rulec.knowledge.knowledge import (
     has_no_zero,
     scales_from_zero,
 )
+from rulec.knowledge.liquid import Liquid
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
 from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
@@ -46,24 +47,20 @@ Moves = Mapping[tuple[str, str], Sequence[Callable[[sympy.Expr], sympy.Expr]]]
 class Target:
     """The signal or definition that faults scale.
 
-    `value` is its expression, `gradient` d(value)/d(local variable). `slopes` are
-    d(observer)/d(target), `slope_gradients` their derivatives by local variables, `curvatures`
-    those by the target itself; observers that do not use the target are absent. `inverse` gives the
-    target from an observer's flow (symbol `FLOW`), if it can be solved. `driver` is the own signal
-    through which the target moves. `whole` is the value without its constants: Eq. 16 of the seed
-    paper refers to the whole pressure difference, including the static part.
+    `value` is its expression. `slopes` are d(observer)/d(target), `curvatures` their derivatives by
+    the target itself; observers that do not use the target are absent. `inverse` gives the target
+    from an observer's flow (symbol `FLOW`), if it can be solved. `driver` is the own signal through
+    which the target moves. `whole` is the value without its constants: Eq. 16 of the seed paper
+    refers to the whole pressure difference, including the static part.
     """
 
     name: str
     value: sympy.Expr
-    gradient: Gradient
     slopes: Mapping[str, sympy.Expr]
-    slope_gradients: Mapping[str, Gradient]
     curvatures: Mapping[str, sympy.Expr]
     inverse: Mapping[str, sympy.Expr]
     driver: str | None
     whole: sympy.Expr
-    whole_gradient: Gradient
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ class TypeModel:
 
     `guards` are the values that must be positive for an observer to be defined, with their text.
     `unlisted` are errors of readings that only the sensor classes list. `margins` are those of the
-    conditions of its regimes, such as ``reverse-flow:0``, each with its gradient.
+    conditions of its regimes, such as ``reverse-flow:0``.
     """
 
     type: ModuleType
@@ -112,33 +109,23 @@ class TypeModel:
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
     undone: Undone
-    margins: Mapping[str, tuple[sympy.Expr, Gradient]]
+    margins: Mapping[str, sympy.Expr]
     unlisted: tuple[TypeFault, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Undone:
     """Observers and signals with all faults undone, as functions of degrees ``x.<fault id>``.
 
-    `slopes` is d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
-    d(observer)/d(gathered name); zeros are absent. `in_liquid` are the observers that a change of
-    the liquid moves, with that change undone too, and `liquid_slopes` their derivatives by its
-    degrees, which are named by full ids. `readings` are the signals with unlisted errors undone;
-    all of the above are functions of them. `reading_slopes` is d(reading)/d(degree), `by_reading`
-    d(observer)/d(reading), `signal_by_reading` d(signal)/d(its own reading).
+    `in_liquid` are the observers that a change of the liquid moves, with that change undone too;
+    its degrees are named by full ids. `readings` are the signals with unlisted errors undone; all
+    others are functions of them.
     """
 
     observers: Mapping[str, sympy.Expr]
     signals: Mapping[str, sympy.Expr]
-    slopes: Mapping[tuple[str, str], sympy.Expr]
-    signal_slopes: Mapping[tuple[str, str], sympy.Expr]
-    gather_slopes: Mapping[tuple[str, str], sympy.Expr]
     readings: Mapping[str, sympy.Expr]
-    reading_slopes: Mapping[tuple[str, str], sympy.Expr]
-    by_reading: Mapping[tuple[str, str], sympy.Expr]
-    signal_by_reading: Mapping[str, sympy.Expr]
     in_liquid: Mapping[str, sympy.Expr]
-    liquid_slopes: Mapping[tuple[str, str], sympy.Expr]
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
@@ -180,26 +167,32 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         },
         targets={name: _target(kind, name, symbols, opening) for name in targets},
         faults=faults,
-        undone=_undone(kind, faults, unlisted, symbols, liquids_of(knowledge)),
+        undone=_undone(kind, faults, unlisted, symbols, knowledge),
         margins=dict(_margins(kind, symbols)),
         unlisted=unlisted,
     )
 
 
-def liquids_of(knowledge: Knowledge) -> tuple[FaultType, ...]:
+def liquids_of(knowledge: Knowledge) -> Iterator[tuple[FaultType, Liquid]]:
     """Faults of the liquid."""
-    return tuple(fault for fault in knowledge.faults.values() if fault.liquid is not None)
+    for fault in knowledge.faults.values():
+        if fault.liquid is not None:
+            yield fault, fault.liquid
+
+
+def liquid_ids(knowledge: Knowledge) -> tuple[str, ...]:
+    """Ids of all variants of faults of the liquid."""
+    return tuple(liquid_id(q, v.name) for fault, q in liquids_of(knowledge) for v in fault.variants)
 
 
 def _margins(
     kind: ModuleType, symbols: Mapping[str, sympy.Symbol]
-) -> Iterator[tuple[str, tuple[sympy.Expr, Gradient]]]:
+) -> Iterator[tuple[str, sympy.Expr]]:
     table = written_out(kind, symbols, {}) if kind.regimes else {}
     for regime in kind.regimes.values():
         for i, condition in enumerate(regime.when):
             if not condition.signal:
-                value = _translated(kind, condition.margin, table, symbols)
-                yield f"{regime.name}:{i}", (value, gradient_of(value, symbols))
+                yield f"{regime.name}:{i}", _translated(kind, condition.margin, table, symbols)
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -244,8 +237,8 @@ def gradient_of(
     expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]
 ) -> dict[str, sympy.Expr]:
     """Non-zero derivatives by local variable."""
-    free = expression.free_symbols
-    return {n: derivative(expression, s) for n, s in symbols.items() if s in free}
+    used = symbols_in(expression)
+    return {n: derivative(expression, s) for n, s in symbols.items() if s in used}
 
 
 def _guards(
@@ -295,14 +288,11 @@ def _target(
     return Target(
         name=name,
         value=value,
-        gradient=gradient_of(value, symbols),
         slopes=slopes,
-        slope_gradients={o: gradient_of(slope, symbols) for o, slope in slopes.items()},
         curvatures=curvatures,
         inverse=inverse,
         driver=driver,
         whole=whole,
-        whole_gradient=gradient_of(whole, symbols),
     )
 
 
@@ -389,7 +379,7 @@ def _undone(
     faults: tuple[TypeFault, ...],
     unlisted: tuple[TypeFault, ...],
     symbols: Mapping[str, sympy.Symbol],
-    liquids: Sequence[FaultType],
+    knowledge: Knowledge,
 ) -> Undone:
     """At degree 0 these are the plain observers; at the true degree they agree."""
     signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
@@ -397,30 +387,17 @@ def _undone(
         if fault.fault.acts_on == "signal":
             signals[fault.target] = _undo(fault, signals[fault.target])
     base = {**symbols, **signals}
-    undone = _undone_over(kind, faults, base, symbols, {})
-    degrees = {f.id: degree_symbol(f.id) for f in faults}
-    gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
-    moves = _moves(kind, symbols, liquids)
-    ids = (liquid_id(f.liquid, v.name) for f in liquids if f.liquid for v in f.variants)
-    of_liquid = {i: degree_symbol(i) for i in ids}
-    in_liquid = _undone_over(kind, faults, base, symbols, moves) if moves else {}
-    in_liquid = {o: e for o, e in in_liquid.items() if e.free_symbols & {*of_liquid.values()}}
+    moves = _moves(kind, symbols, knowledge)
+    of_liquid = {degree_symbol(i) for i in liquid_ids(knowledge)}
+    moved = _undone_over(kind, faults, base, symbols, moves) if moves else {}
     readings: dict[str, sympy.Expr] = {}
     for fault in unlisted:
         readings[fault.target] = _undo(fault, readings.get(fault.target, symbols[fault.target]))
-    of_readings = {name: symbols[name] for name in readings}
     return Undone(
-        undone,
-        signals,
-        _slopes(undone, degrees),
-        _slopes(signals, degrees),
-        _slopes(undone, gathered),
-        readings,
-        _slopes(readings, {f.id: degree_symbol(f.id) for f in unlisted}),
-        _slopes(undone, of_readings),
-        {name: derivative(signals[name], symbol) for name, symbol in of_readings.items()},
-        in_liquid,
-        _slopes(in_liquid, of_liquid),
+        observers=_undone_over(kind, faults, base, symbols, {}),
+        signals=signals,
+        readings=readings,
+        in_liquid={o: e for o, e in moved.items() if of_liquid & symbols_in(e)},
     )
 
 
@@ -457,21 +434,18 @@ def _undone_over(
     return undone
 
 
-def _moves(
-    kind: ModuleType, symbols: Mapping[str, sympy.Symbol], liquids: Sequence[FaultType]
-) -> Moves:
+def _moves(kind: ModuleType, symbols: Mapping[str, sympy.Symbol], knowledge: Knowledge) -> Moves:
     table, observers = written_out(kind, symbols, {}), _observers(kind, symbols, {})
     values = {("definition", n): table[n] for n in kind.definitions}
     values |= {("observer", n): e for n, e in observers.items()}
+    opening = partial(opened, kind, symbols=symbols, observers=observers)
     found: dict[tuple[str, str], list[Callable[[sympy.Expr], sympy.Expr]]] = {}
-    for fault in liquids:
-        assert fault.liquid is not None, "checked when the fault was read"
+    for fault, liquid in liquids_of(knowledge):
         ratio = sympy.S.One
         for variant in fault.variants:
-            x = degree_symbol(liquid_id(fault.liquid, variant.name))
+            x = degree_symbol(liquid_id(liquid, variant.name))
             ratio *= law_of(variant, sympy.S.One, x)
-        opening = partial(opened, kind, symbols=symbols, observers=observers)
-        for part in moved_by(fault.liquid, kind, symbols, values, opening):
+        for part in moved_by(liquid, kind, symbols, values, opening):
             law = partial(part.law, symbols=symbols, ratio=ratio)
             found.setdefault(part.place, []).append(law)
     return found
@@ -480,17 +454,6 @@ def _moves(
 def degree_symbol(fault: str) -> sympy.Symbol:
     """Symbol of the degree of a fault, by its local id (a fault of the liquid: by its full id)."""
     return _symbol(f"x.{fault}")
-
-
-def _slopes(
-    expressions: Mapping[str, sympy.Expr], variables: Mapping[str, sympy.Symbol]
-) -> dict[tuple[str, str], sympy.Expr]:
-    return {
-        (name, variable): derivative(expression, symbol)
-        for name, expression in expressions.items()
-        for variable, symbol in variables.items()
-        if symbol in expression.free_symbols
-    }
 
 
 def _undo(fault: TypeFault, there: sympy.Expr) -> sympy.Expr:

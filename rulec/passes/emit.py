@@ -252,10 +252,9 @@ def _liquid(
         (f"{m.name}.{s.name}", s) for m in plant.modules.values() for s in m.type.signals.values()
     ]
     follows = {name for name, s in signals if not s.is_input}
-    for fault in liquids_of(plant.knowledge):
-        assert fault.liquid is not None, "checked when the fault was read"
+    for fault, change in liquids_of(plant.knowledge):
         for variant in fault.variants:
-            id_ = liquid_id(fault.liquid, variant.name)
+            id_ = liquid_id(change, variant.name)
             affects = assembly.liquid.get(id_, ())
             # All readings of its observers may leave the calibrated range.
             read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in follows)
@@ -264,8 +263,8 @@ def _liquid(
                     fault=_fault(fault, variant, id_, "", "", affects, tuple(read)),
                     cells=tuple(_liquid_cells(id_, residuals, signatures, slopes)),
                     sign=_sign_of(variant),
-                    per_kelvin=fault.liquid.per_kelvin,
-                    factor=fault.liquid.factor,
+                    per_kelvin=change.per_kelvin,
+                    factor=change.factor,
                     thermometers=tuple(n for n, s in signals if s.quantity == THERMOMETER),
                 )
 
