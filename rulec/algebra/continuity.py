@@ -15,20 +15,13 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import networkx as nx
+from rulec_runtime.contract.ruleset import Junction
 
 Terms = dict[str, int]
 """A signed sum of modules' flows."""
 
 SURROUNDINGS = -1
 """The node where all open ends meet. Its balance follows from the others."""
-
-
-@dataclass(frozen=True)
-class Balance:
-    """The flows of the `outlets` modules together equal those of the `inlets` modules."""
-
-    outlets: tuple[str, ...]
-    inlets: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -46,7 +39,7 @@ class FlowGraph:
     ends: Mapping[str, tuple[int, int]]
 
     @staticmethod
-    def of(balances: Sequence[Balance], modules: Iterable[str] = ()) -> FlowGraph:
+    def of(balances: Sequence[Junction], modules: Iterable[str] = ()) -> FlowGraph:
         """The graph of `modules` and of all modules at a junction."""
         inlet = {m: i for i, b in enumerate(balances) for m in b.inlets}
         outlet = {m: i for i, b in enumerate(balances) for m in b.outlets}
@@ -87,7 +80,7 @@ def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, Fix
     A sum of flows that enter upstream is preferred. Modules whose flow stays unknown, or is always
     zero, are left out.
 
-    >>> graph = FlowGraph.of([Balance(("A", "B"), ("C",))])
+    >>> graph = FlowGraph.of([Junction(("A", "B"), ("C",))])
     >>> flows_by_continuity(graph, ["A", "B"])
     {'C': FixedFlow(terms={'A': 1, 'B': 1}, upstream=True)}
     """

@@ -93,7 +93,7 @@ def _signatures(known: Compilation) -> Iterator[str]:
 
 def _rules(known: Compilation) -> Iterator[str]:
     for rule in known.rules:
-        yield f"{rule.signature.fault}: {rule.equation}   [{', '.join(rule.forms)}]"
+        yield f"{rule.fault}: {rule.equation}   [{', '.join(rule.forms)}]"
 
 
 def _isolability(known: Compilation) -> Iterator[str]:

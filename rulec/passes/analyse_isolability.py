@@ -8,43 +8,29 @@ degree of the other.
 """
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
+from rulec_runtime.contract.ruleset import AdvisedSensor, AmbiguousGroup
 
+from rulec.language.write_yaml import rounded
 from rulec.limits import SAME_DIRECTION
 from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.limits import SMALL_DEGREE
 from rulec.passes.link import Network, seen_through_states
-from rulec.passes.neighbourhood import Sensor
 from rulec.passes.sensor_advice import Adviser
-
-
-@dataclass(frozen=True)
-class Group:
-    """Faults that are hard or impossible to isolate from each other.
-
-    `kind` is ``coincide``, ``nested`` or ``close``. `degrees` are, per fault, the smallest that
-    isolate it from the others at one operating point (inf: none; empty: not examined). `sensors`
-    are the cheapest that would isolate them at small degrees, if nothing else does.
-    """
-
-    faults: tuple[str, ...]
-    kind: str
-    advice: str
-    degrees: tuple[float, ...]
-    sensors: tuple[Sensor, ...]
 
 
 @dataclass(frozen=True)
 class Isolability:
     """Ambiguous groups; `unobserved` modules and faults affect no residual."""
 
-    groups: tuple[Group, ...]
+    groups: tuple[AmbiguousGroup, ...]
     unobserved: tuple[str, ...]
 
 
@@ -119,25 +105,27 @@ def _nested(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, st
     return [(faults[i], faults[j]) for i, j in pairs]
 
 
-def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) -> Group:
+def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) -> AmbiguousGroup:
     """A group with the degrees that isolate its faults, and advice if these are not small."""
     degrees = adviser.degrees(names)
     far = not degrees or max(degrees) <= SMALL_DEGREE
     advice = None if far else adviser.advise(names)
     parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
-    sensors: tuple[Sensor, ...] = ()
+    sensors: tuple[AdvisedSensor, ...] = ()
     if any(np.isfinite(degrees)) and not (far and parts):
         each = " and ".join(_above(adviser, n, x) for n, x in zip(names, degrees, strict=True))
         parts.append(f"reliably{'' if parts else ' distinguishable'} {each}")
     if advice is not None:
-        sensors, degree = advice
-        more = " and ".join(s.title for s in sensors)
+        added, degree = advice
+        sensors = tuple(AdvisedSensor(s.module, s.signal, s.cost) for s in added)
+        more = " and ".join(s.title for s in added)
         does = "with" if parts else "distinguishable with"
         parts.append(f"{does} {more} above {adviser.sizes(names, degree)}")
     elif not far:
         parts.append("no further reading there would help; compare several operating points")
-    shown_degrees = tuple(adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
-    return Group(names, kind, "; ".join(parts), shown_degrees, sensors)
+    units = (adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
+    sizes = tuple(rounded(x, 4) if math.isfinite(x) else None for x in units)
+    return AmbiguousGroup(names, kind, "; ".join(parts), sizes, sensors)
 
 
 def _above(adviser: Adviser, fault: str, degree: float) -> str:

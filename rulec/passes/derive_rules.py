@@ -13,9 +13,9 @@ For leakage and power readings, the linear rule is already exact.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import sympy
+from rulec_runtime.contract.ruleset import Cell
 
 from rulec.algebra.graph import Node
 from rulec.algebra.recipe import lower
@@ -26,23 +26,13 @@ from rulec.passes.derive_signatures import Signature, Signatures, most_telling
 from rulec.passes.differentiate import EXCESS, FLOW, G
 from rulec.passes.limits import LONG_SUM, MANY_CORRELATED
 
-
-@dataclass(frozen=True)
-class Rule:
-    """The forms of a cell's rule in the plan, and the rule as readable text."""
-
-    signature: Signature
-    forms: tuple[str, ...]
-    equation: str
-
-
 Signed = list[tuple[int, Gradient]]
 """A signed sum of gradients."""
 
 
 def derive_rules(
     residuals: tuple[Residual, ...], assembly: Assembly, signatures: Signatures
-) -> tuple[Rule, ...]:
+) -> tuple[Cell, ...]:
     """Add observers, residuals, gradients, guards and all rules to the outputs of the graph.
 
     >>> from rulec.passes.pipeline import example
@@ -74,7 +64,7 @@ def _basic_outputs(assembly: Assembly) -> None:
         outputs[f"margin:{name}"], outputs[f"u_margin:{name}"] = margin, u
 
 
-def _rule(assembly: Assembly, hypothesis: Hypothesis, cell: Signature, terms: Terms) -> Rule:
+def _rule(assembly: Assembly, hypothesis: Hypothesis, cell: Signature, terms: Terms) -> Cell:
     graph, outputs, forms = assembly.graph, assembly.graph.outputs, list[str]()
     key, degree = f"{cell.fault}:{cell.residual}", hypothesis.fault.rule.degree
     R, target = assembly.residual_nodes[cell.residual], _target(assembly, hypothesis)
@@ -88,7 +78,7 @@ def _rule(assembly: Assembly, hypothesis: Hypothesis, cell: Signature, terms: Te
     if target is None:
         own = [(s, assembly.gradients[o]) for s, o in cell.faulty]
         add("linear", cell.slope, cell.scaled, own)
-        return Rule(cell, tuple(forms), _text(hypothesis, cell))
+        return cell.cell(tuple(forms), _text(hypothesis, cell))
     add("linear", cell.slope, cell.scaled, [(1, target.gradient)])
     if hypothesis.fault.fault.acts_on == "definition":
         count = graph.constant(sum(sign for sign, _ in cell.faulty))
@@ -103,7 +93,7 @@ def _rule(assembly: Assembly, hypothesis: Hypothesis, cell: Signature, terms: Te
         exact = graph.sub(cell.scaled, lower(graph, expression, {**nodes, flow: should}))
         outputs[f"x:exact:{key}"] = lower(graph, degree, {G: cell.scaled, EXCESS: exact})
         forms.append("exact")
-    return Rule(cell, tuple(forms), _text(hypothesis, cell))
+    return cell.cell(tuple(forms), _text(hypothesis, cell))
 
 
 def _target(assembly: Assembly, hypothesis: Hypothesis) -> TargetNodes | None:

@@ -7,15 +7,17 @@ residual by the fault's target, gives size and sign of every cell.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from rulec_runtime.contract.ruleset import Cell
 from rulec_runtime.contract.threshold import threshold_of
 
 from rulec.algebra.graph import Node
 from rulec.algebra.recipe import lower
+from rulec.language.write_yaml import rounded
 from rulec.limits import MOST_RULES
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import G
-from rulec.passes.limits import NEGLIGIBLE_EFFECT
+from rulec.passes.limits import DIGITS, NEGLIGIBLE_EFFECT
 from rulec.passes.link import Network
 from rulec.passes.reference import solve_reference
 
@@ -39,6 +41,19 @@ class Signature:
     scaled: Node
     slope: Node
     faulty: tuple[tuple[int, str], ...]
+
+    def cell(self, forms: tuple[str, ...] = (), equation: str = "") -> Cell:
+        """The cell of the ruleset, with the forms of its rule, if it has one."""
+        return Cell(
+            self.fault,
+            self.residual,
+            self.sign,
+            rounded(self.gain, DIGITS),
+            rounded(self.sensitivity, DIGITS),
+            rounded(self.detectable, DIGITS),
+            forms,
+            equation,
+        )
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
 import networkx as nx
+from rulec_runtime.contract.ruleset import Junction
 
-from rulec.algebra.continuity import SURROUNDINGS, Balance, FlowGraph
+from rulec.algebra.continuity import SURROUNDINGS, FlowGraph
 from rulec.knowledge.plant import Plant
 
 Gathered = tuple[tuple[str, str], ...]
@@ -30,7 +31,7 @@ class Undefined(Exception):
 class Downstream:
     """Sums of the signals that modules provide, along the ways of a plant."""
 
-    def __init__(self, plant: Plant, balances: tuple[Balance, ...], graph: FlowGraph) -> None:
+    def __init__(self, plant: Plant, balances: tuple[Junction, ...], graph: FlowGraph) -> None:
         self._provided: dict[str, dict[str, str]] = {}
         for module in plant.modules.values():
             for name, signal in module.type.provides.items():

@@ -16,11 +16,10 @@ from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Origin
 from rulec.language.write_yaml import filled, rounded
-from rulec.passes.analyse_isolability import Group, Isolability
+from rulec.passes.analyse_isolability import Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
-from rulec.passes.derive_rules import Rule
-from rulec.passes.derive_signatures import Signature, Signatures
+from rulec.passes.derive_signatures import Signatures
 from rulec.passes.differentiate import law_of, liquids_of
 from rulec.passes.limits import ABSURD_FAULT, DIGITS, LIQUID_SEEN
 from rulec.passes.link import Network, junctions
@@ -36,7 +35,7 @@ def emit(
     residuals: tuple[Residual, ...],
     assembly: Assembly,
     signatures: Signatures,
-    rules: tuple[Rule, ...],
+    rules: tuple[contract.Cell, ...],
     isolability: Isolability,
     simulation: contract.Simulation,
     balanced: Balanced,
@@ -72,7 +71,7 @@ def emit(
             for name, u in plant.knowledge.units.units.items()
         },
         observers=tuple(_observers(plant, assembly, signatures)),
-        junctions=tuple(contract.Junction(b.outlets, b.inlets) for b in network.balances),
+        junctions=network.balances,
         residuals=tuple(
             contract.ResidualSpec(
                 r.id,
@@ -87,8 +86,8 @@ def emit(
             *(_settled(h) for h in assembly.hypotheses),
             *(_of_store(f) for f in balanced.faults if not f.settled),
         ),
-        cells=tuple(_cell(rule.signature, rule.forms, rule.equation) for rule in rules),
-        ambiguous=tuple(_ambiguous(group) for group in isolability.groups),
+        cells=rules,
+        ambiguous=isolability.groups,
         unobserved=tuple(name for name in isolability.unobserved if name not in in_balances),
         parameters=_parameters(plant),
         simulation=simulation,
@@ -99,28 +98,11 @@ def emit(
             contract.KnowledgeSpec(name=layer.name, version=layer.version, digest=digest)
             for layer, digest in (plant.layers if len(plant.layers) > 1 else ())
         ),
-        unbalanced=tuple(
-            contract.Junction(b.outlets, b.inlets)
-            for b in junctions(plant)
-            if b not in network.balances
-        ),
+        unbalanced=tuple(b for b in junctions(plant) if b not in network.balances),
         unlisted=tuple(_settled(h, unlisted=True) for h in assembly.unlisted if h.id in detectable),
-        unlisted_cells=tuple(_cell(signature, (), "") for signature in signatures.unlisted),
+        unlisted_cells=tuple(signature.cell() for signature in signatures.unlisted),
         regimes=tuple(_regimes(plant, assembly)),
         liquid=tuple(_liquid(plant, assembly, residuals, signatures)),
-    )
-
-
-def _cell(cell: Signature, forms: tuple[str, ...], equation: str) -> contract.Cell:
-    return contract.Cell(
-        cell.fault,
-        cell.residual,
-        cell.sign,
-        rounded(cell.gain, DIGITS),
-        rounded(cell.sensitivity, DIGITS),
-        rounded(cell.detectable, DIGITS),
-        forms,
-        equation,
     )
 
 
@@ -312,16 +294,6 @@ def _sign_of(variant: Variant) -> int:
     x = sympy.Symbol("x", real=True)
     change = derivative(law_of(variant, sympy.S.One, x), x).subs(x, 0)
     return 1 if change > 0 else -1
-
-
-def _ambiguous(group: Group) -> contract.AmbiguousGroup:
-    return contract.AmbiguousGroup(
-        group.faults,
-        group.kind,
-        group.advice,
-        tuple(rounded(d, 4) if math.isfinite(d) else None for d in group.degrees),
-        tuple(contract.AdvisedSensor(s.module, s.signal, s.cost) for s in group.sensors),
-    )
 
 
 def _parameters(plant: Plant) -> tuple[contract.ParameterSpec, ...]:

@@ -86,11 +86,12 @@ def _signatures(known: Compilation) -> Iterator[str]:
 
 def _rules(known: Compilation) -> Iterator[str]:
     """The most telling cells of each fault have rules, whose forms are outputs."""
-    if [r.signature for r in known.rules] != list(most_telling(known.signatures.cells)):
+    telling = [(c.fault, c.residual) for c in most_telling(known.signatures.cells)]
+    if [(r.fault, r.residual) for r in known.rules] != telling:
         yield "rules are not those of the cells"
     outputs = known.assembly.graph.outputs
     for rule in known.rules:
-        key = f"{rule.signature.fault}:{rule.signature.residual}"
+        key = f"{rule.fault}:{rule.residual}"
         missing = [form for form in rule.forms if f"x:{form}:{key}" not in outputs]
         if missing:
             yield f"{key} lacks {', '.join(missing)}"

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import networkx as nx
+from rulec_runtime.contract.ruleset import Junction
 
 from rulec.algebra.continuity import (
     SURROUNDINGS,
-    Balance,
     FixedFlow,
     FlowGraph,
     flows_by_continuity,
@@ -37,7 +37,7 @@ class Network:
     """
 
     plant: Plant
-    balances: tuple[Balance, ...]
+    balances: tuple[Junction, ...]
     graph: FlowGraph
     gathers: Mapping[tuple[str, str], Gathered]
     sums: Mapping[tuple[str, str], FixedFlow]
@@ -88,7 +88,7 @@ def link(plant: Plant) -> Network:
     )
 
 
-def junctions(plant: Plant) -> tuple[Balance, ...]:
+def junctions(plant: Plant) -> tuple[Junction, ...]:
     """One balance per junction, which consists of all outlets and inlets that are connected."""
     pipes: nx.Graph = nx.Graph()
     for source, target in plant.connections:
@@ -98,12 +98,12 @@ def junctions(plant: Plant) -> tuple[Balance, ...]:
     for junction in nx.connected_components(pipes):
         outlets = sorted((m for m, end in junction if end == "outlet"), key=order.__getitem__)
         inlets = sorted((m for m, end in junction if end == "inlet"), key=order.__getitem__)
-        result.append(Balance(tuple(outlets), tuple(inlets)))
+        result.append(Junction(tuple(outlets), tuple(inlets)))
     return tuple(sorted(result, key=lambda b: order[b.inlets[0]]))
 
 
 def _gathers(
-    plant: Plant, balances: tuple[Balance, ...], graph: FlowGraph
+    plant: Plant, balances: tuple[Junction, ...], graph: FlowGraph
 ) -> dict[tuple[str, str], Gathered]:
     """Downstream sums; raises `Refused` (KB089) with all reasons why some are undefined."""
     ways = Downstream(plant, balances, graph)

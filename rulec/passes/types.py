@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rulec_runtime.contract.ruleset import Ruleset, Simulation
+from rulec_runtime.contract.ruleset import Cell, Ruleset, Simulation
 
 from rulec.knowledge.plant import Plant
 from rulec.knowledge.sources import Sources
 from rulec.passes.analyse_isolability import Isolability
 from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual
-from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.differentiate import TypeModel
 from rulec.passes.link import Network
@@ -34,7 +33,7 @@ class Compilation:
     types: Mapping[str, TypeModel] = _LATER
     assembly: Assembly = _LATER
     signatures: Signatures = _LATER
-    rules: tuple[Rule, ...] = _LATER
+    rules: tuple[Cell, ...] = _LATER
     isolability: Isolability = _LATER
     simulation: Simulation = _LATER
     balanced: Balanced = _LATER
