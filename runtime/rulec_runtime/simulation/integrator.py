@@ -199,44 +199,28 @@ def _run(machine: Machine, end: int, width: int) -> None:
 
 
 @compiled(inline="always")
-def _factor(matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray) -> None:
-    """Triangular form of a small matrix, in place (Gauss); fills multipliers and exchanged rows."""
-    n = matrix.shape[0]
+def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
+    """Solve a small system for all columns, in place (Gauss); the matrix is used up."""
+    n, width = right_side.shape
     for i in range(n):
         pivot = i
         for j in range(i + 1, n):
             if abs(matrix[j, i]) > abs(matrix[pivot, i]):
                 pivot = j
-        pivots[i] = pivot
         if pivot != i:
             for c in range(n):
                 matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
-        if matrix[i, i] == 0.0:
-            matrix[i, i] = TINY
-        for j in range(i + 1, n):
-            share = matrix[j, i] / matrix[i, i]
-            shares[j, i] = share
-            if share != 0.0:
-                for c in range(i + 1, n):
-                    matrix[j, c] -= share * matrix[i, c]
-
-
-@compiled(inline="always")
-def _solve(
-    matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray, right_side: np.ndarray
-) -> None:
-    """Solve for all columns, in place, with the triangular form of `_factor`."""
-    n, width = right_side.shape
-    for i in range(n):
-        pivot = pivots[i]
-        if pivot != i:
             for c in range(width):
                 swapped = right_side[i, c]
                 right_side[i, c] = right_side[pivot, c]
                 right_side[pivot, c] = swapped
+        if matrix[i, i] == 0.0:
+            matrix[i, i] = TINY
         for j in range(i + 1, n):
-            share = shares[j, i]
+            share = matrix[j, i] / matrix[i, i]
             if share != 0.0:
+                for c in range(i + 1, n):
+                    matrix[j, c] -= share * matrix[i, c]
                 for c in range(width):
                     right_side[j, c] -= share * right_side[i, c]
     for i in range(n - 1, -1, -1):
@@ -390,7 +374,7 @@ class Room(NamedTuple):
     """Work arrays of a run, the same for all its steps.
 
     `x` are the states, `old` those at the last sample, `peak` the largest values so far, `k` the
-    rates per stage. `matrix` to `right_side` serve the implicit method.
+    rates per stage, `matrix` that of the implicit method.
     """
 
     x: np.ndarray
@@ -398,9 +382,6 @@ class Room(NamedTuple):
     peak: np.ndarray
     k: np.ndarray
     matrix: np.ndarray
-    shares: np.ndarray
-    pivots: np.ndarray
-    right_side: np.ndarray
 
 
 class Past(NamedTuple):
@@ -425,9 +406,6 @@ def _room(count: int, width: int) -> Room:
         np.zeros(count),
         np.zeros((4, count, width)),
         np.zeros((count, count)),
-        np.zeros((count, count)),
-        np.zeros(count, np.int64),
-        np.zeros((count, width)),
     )
 
 
@@ -561,7 +539,7 @@ def _implicit(
 ) -> tuple[float, float]:
     """One piece by the implicit method; the rate of the fastest mode, and the error."""
     tape, store, width = machine
-    x, k, late, right_side = room.x, room.k, past.late, room.right_side
+    x, k, late = room.x, room.k, past.late
     p, pieces = piece
     step = (given.time[s + 1] - given.time[s]) / pieces
     rate, error = 0.0, 0.0
@@ -569,18 +547,16 @@ def _implicit(
         at, by = (p + NODES[1, stage]) / pieces, NODES[1, stage] * step
         _to_stage(machine, given, room, past, s, at, 0, by)
         _run(machine, tape.rated, store.shape[1] if stage == 0 else width)
-        if stage == 0:
-            rate = _linearised(machine, step, room.matrix)
-            _factor(room.matrix, room.shares, room.pivots)
+        # The second stage leaves the slopes by the states as they are, so the matrix is the same.
+        rate = _linearised(machine, step, room.matrix)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
             _aim(machine, late, 0.5, past.mean, 0)
         for i in range(x.shape[0]):
             still = tape.afters[i] >= 0
             for c in range(width):
-                change = store[tape.rates[i], c] - 2.0 * stage * k[0, i, c]
-                right_side[i, c] = 0.0 if still else change
-        _solve(room.matrix, room.shares, room.pivots, right_side)
-        _copy(right_side, k[stage])
+                before = 2.0 * stage * k[0, i, c]
+                k[stage, i, c] = 0.0 if still else store[tape.rates[i], c] - before
+        _solve(room.matrix, k[stage])
     for i in range(x.shape[0]):
         apart = abs(0.5 * step * (k[0, i, 0] + k[1, i, 0]))
         error = max(error, apart / room.peak[i] if room.peak[i] > 0.0 else 0.0)
