@@ -502,66 +502,48 @@ def _to_stage(
 
 
 @compiled(inline="always")
-def _explicit(
+def _piece(
     machine: Machine,
     given: Given,
     room: Room,
     past: Past,
     s: int,
     piece: tuple[int, int],
+    stiff: bool,
     fresh: bool,
-) -> None:
-    """One piece by Runge and Kutta's method; if `fresh`, its first rates are known."""
-    tape, store, width = machine
-    x, k, late = room.x, room.k, past.late
-    p, pieces = piece
-    step = (given.time[s + 1] - given.time[s]) / pieces
-    for stage in range(STAGES[0]):
-        if stage > 0 or not fresh:
-            at, by = (p + NODES[0, stage]) / pieces, NODES[0, stage] * step
-            _to_stage(machine, given, room, past, s, at, max(stage - 1, 0), by)
-            _run(machine, tape.rated, width)
-        if late.shape[0] and _is_end(p, pieces, stage, STAGES[0]):
-            _aim(machine, late, 0.5, past.mean, 0)
-        for i in range(x.shape[0]):
-            still = tape.afters[i] >= 0
-            for c in range(width):
-                k[stage, i, c] = 0.0 if still else store[tape.rates[i], c]
-    for i in range(x.shape[0]):
-        for stage in range(STAGES[0]):
-            for c in range(width):
-                x[i, c] += step * WEIGHTS[stage] * k[stage, i, c]
-
-
-@compiled(inline="always")
-def _implicit(
-    machine: Machine, given: Given, room: Room, past: Past, s: int, piece: tuple[int, int]
 ) -> tuple[float, float]:
-    """One piece by the implicit method; the rate of the fastest mode, and the error."""
+    """One piece by Runge and Kutta's method (if `fresh`, its first rates are known), or if `stiff`
+    by the implicit one, which gives the rate of the fastest mode and the error."""
     tape, store, width = machine
     x, k, late = room.x, room.k, past.late
     p, pieces = piece
     step = (given.time[s + 1] - given.time[s]) / pieces
-    rate, error = 0.0, 0.0
-    for stage in range(STAGES[1]):
-        at, by = (p + NODES[1, stage]) / pieces, NODES[1, stage] * step
-        _to_stage(machine, given, room, past, s, at, 0, by)
-        _run(machine, tape.rated, store.shape[1] if stage == 0 else width)
-        # The second stage leaves the slopes by the states as they are, so the matrix is the same.
-        rate = _linearised(machine, step, room.matrix)
-        if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
+    method, rate, error = (1 if stiff else 0), 0.0, 0.0
+    for stage in range(STAGES[method]):
+        at, by = (p + NODES[method, stage]) / pieces, NODES[method, stage] * step
+        if stage > 0 or stiff or not fresh:
+            _to_stage(machine, given, room, past, s, at, max(stage - 1, 0), by)
+            _run(machine, tape.rated, store.shape[1] if stiff and stage == 0 else width)
+        if late.shape[0] and _is_end(p, pieces, stage, STAGES[method]):
             _aim(machine, late, 0.5, past.mean, 0)
         for i in range(x.shape[0]):
-            still = tape.afters[i] >= 0
             for c in range(width):
-                before = 2.0 * stage * k[0, i, c]
-                k[stage, i, c] = 0.0 if still else store[tape.rates[i], c] - before
-        _solve(room.matrix, k[stage])
+                before = 2.0 * stage * k[0, i, c] if stiff else 0.0
+                k[stage, i, c] = 0.0 if tape.afters[i] >= 0 else store[tape.rates[i], c] - before
+        if stiff:
+            # The second stage leaves the slopes by the states as they are: the matrix is the same.
+            rate = _linearised(machine, step, room.matrix)
+            _solve(room.matrix, k[stage])
     for i in range(x.shape[0]):
-        apart = abs(0.5 * step * (k[0, i, 0] + k[1, i, 0]))
-        error = max(error, apart / room.peak[i] if room.peak[i] > 0.0 else 0.0)
+        if stiff:
+            apart = abs(0.5 * step * (k[0, i, 0] + k[1, i, 0]))
+            error = max(error, apart / room.peak[i] if room.peak[i] > 0.0 else 0.0)
         for c in range(width):
-            x[i, c] += step * (1.5 * k[0, i, c] + 0.5 * k[1, i, c])
+            if stiff:
+                x[i, c] += step * (1.5 * k[0, i, c] + 0.5 * k[1, i, c])
+            else:
+                for stage in range(STAGES[0]):
+                    x[i, c] += step * WEIGHTS[stage] * k[stage, i, c]
     return rate, error
 
 
@@ -604,10 +586,9 @@ def _step(
             _put(past.mean, 0, False, past.mean)
         pieces = FINEST // size
         step, again = length / pieces, False
-        if stiff:
-            fastest, error = _implicit(machine, given, room, past, s, (at // size, pieces))
-        else:
-            _explicit(machine, given, room, past, s, (at // size, pieces), fresh)
+        piece = (at // size, pieces)
+        fastest, apart = _piece(machine, given, room, past, s, piece, stiff, fresh)
+        if not stiff:
             fastest, there, turn, bend = _seen_by_stages(k, peak, step)
         rate = max(rate, fastest)
         fresh = False
@@ -615,6 +596,7 @@ def _step(
         # Fixed limits hold within a step too; moving ones are checked at the next sample.
         _confine(machine, tape.first + tape.begin, x)
         if stiff:
+            error = apart
             again = error > ROUGH and size > 1
             longer = 2 * size if error < ROUGH / 8.0 and size < FINEST // PIECES else size
             if again:
