@@ -297,7 +297,7 @@ def samples_of(
     if not whole:
         why = f"the recording lacks {', '.join(lacking[0])}" if found else "no observer uses it"
         raise CalibrationRefused(f"{module.name}.{definition}: {why}")
-    table = written_out(kind, model.symbols, {})
+    table = written_out(kind, model.symbols)
     graph = Graph((*model.symbols, CURVE))
     nodes = {s: graph.input(n) for n, s in model.symbols.items()} | {symbol: graph.input(CURVE)}
     outputs = {"Q": whole[0], DRIVER: table[over], BEFORE: table[definition]}

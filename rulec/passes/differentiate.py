@@ -39,8 +39,12 @@ EXCESS = sympy.Symbol("D", real=True)
 
 Gradient = Mapping[str, sympy.Expr]
 
-Moves = Mapping[tuple[str, str], Sequence[Callable[[sympy.Expr], sympy.Expr]]]
-"""Per place the functions from its plain value to its value in a changed liquid."""
+Changes = Mapping[tuple[str, str], Sequence[Callable[[sympy.Expr], sympy.Expr]]]
+"""Per place, (kind, name), the functions that lead one after the other to its changed value. Kinds
+are ``signal``, ``parameter``, ``definition`` and ``observer``."""
+
+PLAIN: Changes = {}
+"""No place is changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +155,7 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
     """All symbolic work on one module type; `any_error` includes errors that it does not list."""
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
-    observers = _observers(kind, symbols, {})
+    observers = _observers(kind, symbols)
     opening = partial(opened, kind, symbols=symbols, observers=observers)
     faults = tuple(_faults(kind, knowledge, opening))
     further = tuple(unlisted_uses(kind, knowledge)) if any_error else ()
@@ -188,11 +192,11 @@ def liquid_ids(knowledge: Knowledge) -> tuple[str, ...]:
 def _margins(
     kind: ModuleType, symbols: Mapping[str, sympy.Symbol]
 ) -> Iterator[tuple[str, sympy.Expr]]:
-    table = written_out(kind, symbols, {}) if kind.regimes else {}
+    table = written_out(kind, symbols) if kind.regimes else {}
     for regime in kind.regimes.values():
         for i, condition in enumerate(regime.when):
             if not condition.signal:
-                yield f"{regime.name}:{i}", _translated(kind, condition.margin, table, symbols)
+                yield f"{regime.name}:{i}", _translated(kind, condition.margin, table)
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -200,37 +204,40 @@ def _symbol(name: str) -> sympy.Symbol:
 
 
 def _observers(
-    kind: ModuleType, symbols: Mapping[str, sympy.Expr], replaced: Mapping[str, sympy.Expr]
+    kind: ModuleType, symbols: Mapping[str, sympy.Expr], changes: Changes = PLAIN
 ) -> dict[str, sympy.Expr]:
-    """Observers over the local symbols; `replaced` gives some definitions."""
-    table = written_out(kind, symbols, replaced)
-    return {
-        o.name: _translated(kind, o.expression, table, symbols) for o in kind.observers.values()
-    }
+    """Observers over the local symbols, with changes."""
+    table = written_out(kind, symbols, changes)
+    plain = {o.name: _translated(kind, o.expression, table) for o in kind.observers.values()}
+    return {name: _changed(changes, ("observer", name), e) for name, e in plain.items()}
 
 
 def written_out(
-    kind: ModuleType, symbols: Mapping[str, sympy.Expr], replaced: Mapping[str, sympy.Expr]
+    kind: ModuleType, symbols: Mapping[str, sympy.Expr], changes: Changes = PLAIN
 ) -> dict[str, sympy.Expr]:
-    """Expressions by name, with definitions written out; `replaced` gives some of these."""
-    table = dict(symbols)
+    """Expressions by name, with changes, and with definitions written out."""
+    table = {
+        name: _changed(changes, ("signal" if name in kind.signals else "parameter", name), e)
+        for name, e in symbols.items()
+    }
     for name, definition in kind.definitions.items():  # in order of use
-        if name in replaced:
-            table[name] = replaced[name]
-        else:
-            table[name] = _translated(kind, definition.expression, table, symbols)
+        plain = _translated(kind, definition.expression, table)
+        table[name] = _changed(changes, ("definition", name), plain)
     return table
 
 
+def _changed(changes: Changes, place: tuple[str, str], value: sympy.Expr) -> sympy.Expr:
+    for change in changes.get(place, ()):
+        value = change(value)
+    return value
+
+
 def _translated(
-    kind: ModuleType,
-    expression: Expression,
-    table: Mapping[str, sympy.Expr],
-    symbols: Mapping[str, sympy.Expr],
+    kind: ModuleType, expression: Expression, table: Mapping[str, sympy.Expr]
 ) -> sympy.Expr:
     """An equation of a module type in sympy, with its downstream sums and fluid properties."""
-    gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
-    return to_sympy(expression, table, gathered, closed_forms(kind.fluid, symbols))
+    gathered = {name: table[GATHERED + name] for name in kind.gathers}
+    return to_sympy(expression, table, gathered, closed_forms(kind.fluid, table))
 
 
 def gradient_of(
@@ -245,11 +252,11 @@ def _guards(
     kind: ModuleType, expression: Expression, symbols: Mapping[str, sympy.Symbol]
 ) -> Iterator[tuple[str, sympy.Expr]]:
     """Arguments of roots and logarithms in an equation and its definitions, with original text."""
-    table = written_out(kind, symbols, {})
+    table = written_out(kind, symbols)
     for part in kind.with_definitions(expression):
         for inner in part.guarded():
             text = ast.unparse(inner)
-            yield text, _translated(kind, Expression(text, inner), table, symbols)
+            yield text, _translated(kind, Expression(text, inner), table)
 
 
 def opened(
@@ -262,37 +269,27 @@ def opened(
     if target in kind.signals:
         return symbols[target], observers
     own = _symbol(f"target.{target}")
-    return own, _observers(kind, symbols, {target: own})
+    return own, _observers(kind, symbols, {("definition", target): (lambda _: own,)})
 
 
 def _target(
     kind: ModuleType, name: str, symbols: Mapping[str, sympy.Symbol], opening: Opened
 ) -> Target:
     own, over = opening(name)
-    value = written_out(kind, symbols, {})[name]
+    value = written_out(kind, symbols)[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
-    back = {own: value}
     measured = {s for n, s in symbols.items() if n not in kind.parameters}
-    whole = sympy.Add(*(t for t in sympy.Add.make_args(value) if t.free_symbols & measured))
-    slopes, curvatures, inverse = {}, {}, {}
-    flow = _symbol(FLOW)
-    for observer, expression in over.items():
-        if own not in expression.free_symbols:
-            continue
-        slope = derivative(expression, own)
-        slopes[observer] = slope.xreplace(back)
-        curvatures[observer] = derivative(slope, own).xreplace(back)
-        solved = invert(expression, own, flow)
-        if solved is not None:
-            inverse[observer] = solved
+    uses = {o: e for o, e in over.items() if own in symbols_in(e)}
+    slopes = {o: derivative(e, own) for o, e in uses.items()}
+    solved = {o: invert(e, own, _symbol(FLOW)) for o, e in uses.items()}
     return Target(
         name=name,
         value=value,
-        slopes=slopes,
-        curvatures=curvatures,
-        inverse=inverse,
+        slopes={o: e.xreplace({own: value}) for o, e in slopes.items()},
+        curvatures={o: derivative(e, own).xreplace({own: value}) for o, e in slopes.items()},
+        inverse={o: e for o, e in solved.items() if e is not None},
         driver=driver,
-        whole=whole,
+        whole=sympy.Add(*(t for t in sympy.Add.make_args(value) if t.free_symbols & measured)),
     )
 
 
@@ -382,60 +379,32 @@ def _undone(
     knowledge: Knowledge,
 ) -> Undone:
     """At degree 0 these are the plain observers; at the true degree they agree."""
-    signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
+    laws: dict[tuple[str, str], list[Callable[[sympy.Expr], sympy.Expr]]] = {}
     for fault in faults:
-        if fault.fault.acts_on == "signal":
-            signals[fault.target] = _undo(fault, signals[fault.target])
-    base = {**symbols, **signals}
+        acts_on = fault.fault.acts_on
+        # A flow fault takes effect after the observers that it affects.
+        of_flow = [("observer", o) for o in fault.affects]
+        for place in of_flow if acts_on == "flow" else [(acts_on, fault.target)]:
+            laws.setdefault(place, []).append(partial(_undo, fault))
     moves = _moves(kind, symbols, knowledge)
+    both = {at: (*moves.get(at, ()), *laws.get(at, ())) for at in (*moves, *laws)}
     of_liquid = {degree_symbol(i) for i in liquid_ids(knowledge)}
-    moved = _undone_over(kind, faults, base, symbols, moves) if moves else {}
+    moved = _observers(kind, symbols, both) if moves else {}
     readings: dict[str, sympy.Expr] = {}
     for fault in unlisted:
         readings[fault.target] = _undo(fault, readings.get(fault.target, symbols[fault.target]))
+    table = written_out(kind, symbols, laws)
     return Undone(
-        observers=_undone_over(kind, faults, base, symbols, {}),
-        signals=signals,
+        observers=_observers(kind, symbols, laws),
+        signals={name: table[name] for name in kind.signals},
         readings=readings,
         in_liquid={o: e for o, e in moved.items() if of_liquid & symbols_in(e)},
     )
 
 
-def _undone_over(
-    kind: ModuleType,
-    faults: tuple[TypeFault, ...],
-    base: Mapping[str, sympy.Expr],
-    symbols: Mapping[str, sympy.Symbol],
-    moves: Moves,
-) -> dict[str, sympy.Expr]:
-    """Observers over `base` with faults undone, and with the places moved by the liquid."""
-
-    def moved(place: str, name: str, plain: sympy.Expr) -> sympy.Expr:
-        for move in moves.get((place, name), ()):
-            plain = move(plain)
-        return plain
-
-    known = {n: moved("parameter", n, e) for n, e in base.items()}
-    replaced: dict[str, sympy.Expr] = {}
-    for name in kind.definitions:
-        if ("definition", name) in moves:
-            plain = written_out(kind, known, replaced)[name]
-            replaced[name] = moved("definition", name, plain)
-        for fault in faults:
-            if fault.fault.acts_on == "definition" and fault.target == name:
-                replaced[name] = _undo(fault, written_out(kind, known, replaced)[name])
-    undone = _observers(kind, known, replaced)
-    undone = {o: moved("observer", o, e) for o, e in undone.items()}
-    for fault in faults:
-        if fault.fault.acts_on == "flow":
-            x = degree_symbol(fault.id)
-            for observer in fault.affects:
-                undone[observer] = law_of(fault.variant, undone[observer], x)
-    return undone
-
-
-def _moves(kind: ModuleType, symbols: Mapping[str, sympy.Symbol], knowledge: Knowledge) -> Moves:
-    table, observers = written_out(kind, symbols, {}), _observers(kind, symbols, {})
+def _moves(kind: ModuleType, symbols: Mapping[str, sympy.Symbol], knowledge: Knowledge) -> Changes:
+    """What a change of the liquid does to the places that it moves."""
+    table, observers = written_out(kind, symbols), _observers(kind, symbols)
     values = {("definition", n): table[n] for n in kind.definitions}
     values |= {("observer", n): e for n, e in observers.items()}
     opening = partial(opened, kind, symbols=symbols, observers=observers)
@@ -458,8 +427,18 @@ def degree_symbol(fault: str) -> sympy.Symbol:
 
 def _undo(fault: TypeFault, there: sympy.Expr) -> sympy.Expr:
     """The healthy value from the faulty one and the degree."""
-    g, x = _symbol("g"), degree_symbol(fault.id)
-    value = _symbol("value")
-    solved = invert(law_of(fault.variant, g, x), g, value)
+    return healthy(fault.variant, fault.fault.acts_on, there, degree_symbol(fault.id))
+
+
+def healthy(variant: Variant, acts_on: str, there: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+    """The healthy value over the faulty one and the degree.
+
+    A flow fault takes effect after the observer, whose flow is the healthy value: there it is the
+    faulty value over the healthy one.
+    """
+    if acts_on == "flow":
+        return law_of(variant, there, x)
+    g, value = _symbol("g"), _symbol("value")
+    solved = invert(law_of(variant, g, x), g, value)
     assert solved is not None, "checked when the fault was read"
     return solved.xreplace({value: there})

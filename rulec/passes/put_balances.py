@@ -17,10 +17,9 @@ from rulec.knowledge.module_type import ENDS, OUTFLOW, FaultUse, ModuleType, Par
 from rulec.knowledge.plant import Module
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.expression import Expression, Rejected, parse
-from rulec.language.symbolic import invert
 from rulec.language.units import NONE, Unit
 from rulec.passes.amend import Amended, Change, amend
-from rulec.passes.differentiate import fault_names, law_of
+from rulec.passes.differentiate import fault_names, healthy, law_of
 from rulec.passes.link import Network
 from rulec.passes.lower import Lowering, lower_states, parameter_id
 
@@ -187,20 +186,14 @@ def _acting(
 
 @functools.lru_cache(maxsize=100)
 def undoing(variant: Variant, acts_on: str) -> Expression:
-    """The healthy value, over ``law`` (the faulty value) and the degree ``x``.
-
-    A flow fault takes effect after the observer, whose flow is the healthy value.
-    """
-    if acts_on == "flow":
-        return doing(variant)
-    g, x, law = (sympy.Symbol(name, real=True) for name in ("g", "x", "law"))
-    solved = invert(law_of(variant, g, x), g, law)
-    assert solved is not None, "checked when the fault was read"
-    return parse(sympy.sstr(solved))
+    """The healthy value, over ``law`` (the faulty value) and the degree ``x``; see `healthy`."""
+    return parse(sympy.sstr(healthy(variant, acts_on, _LAW, _DEGREE)))
 
 
 @functools.lru_cache(maxsize=100)
 def doing(variant: Variant) -> Expression:
     """The faulty value, over ``law`` (the healthy value) and the degree ``x``."""
-    x, law = (sympy.Symbol(name, real=True) for name in ("x", "law"))
-    return parse(sympy.sstr(law_of(variant, law, x)))
+    return parse(sympy.sstr(law_of(variant, _LAW, _DEGREE)))
+
+
+_LAW, _DEGREE = (sympy.Symbol(name, real=True) for name in ("law", "x"))
