@@ -84,12 +84,13 @@ def test_neighbourhood_promises_no_more_than_the_plant(plant: str) -> None:
         assert (g.kind == "coincide") == bool(np.isinf(whole[0, 1]))
         both = zip(g.degrees, (whole[0, 1], whole[1, 0]), strict=False)
         # Degrees beyond the range of a fault are none.
-        told = [(x, own) for x, own in both if np.isfinite(x)]
+        told = [(x, own) for x, own in both if x is not None]
         assert not told or g.kind != "coincide"
         ratios += [x / own for x, own in told]
-    assert min(ratios) > 1 - 1e-6
+    # Four digits are told.
+    assert min(ratios) > 1 - 5e-4
     assert np.median(ratios) < 1.1
-    assert plant != "abc-centrifugal" or max(ratios) < 1 + 1e-6
+    assert plant != "abc-centrifugal" or max(ratios) < 1 + 5e-4
 
 
 METER = "  Q: {quantity: volume flow, unit: l/h, sensor: turbine-flow}"
