@@ -414,9 +414,8 @@ def _moves(kind: ModuleType, symbols: Mapping[str, sympy.Symbol], knowledge: Kno
         for variant in fault.variants:
             x = degree_symbol(liquid_id(liquid, variant.name))
             ratio *= law_of(variant, sympy.S.One, x)
-        for part in moved_by(liquid, kind, symbols, values, opening):
-            law = partial(part.law, symbols=symbols, ratio=ratio)
-            found.setdefault(part.place, []).append(law)
+        for place, law in moved_by(liquid, kind, symbols, values, opening, ratio):
+            found.setdefault(place, []).append(law)
     return found
 
 

@@ -3,7 +3,7 @@ laws that do not use it, which are identified by their form, never by name."""
 
 import math
 from collections.abc import Callable, Container, Iterator, Mapping
-from dataclasses import dataclass
+from functools import partial
 
 import sympy
 
@@ -20,6 +20,9 @@ Symbols = Mapping[str, sympy.Symbol]
 Opened = Callable[[str], tuple[sympy.Symbol, Mapping[str, sympy.Expr]]]
 """The symbol of a definition, and the observers as functions of it."""
 
+Place = tuple[str, str]
+"""A place of a module type, (kind, name)."""
+
 STEEP = 0.5
 """Relative change of a law over that of its reading, above which the law is steep."""
 
@@ -33,42 +36,23 @@ def liquid_id(liquid: Liquid, variant: str) -> str:
     return ".".join(part for part in ("liquid", liquid.property, variant) if part)
 
 
-@dataclass(frozen=True)
-class Moved:
-    """A place, (kind, name), and the `move` of its law by readings of the signal `by`.
-
-    A place of the kind ``parameter`` is the factor of a property that equations use, with no move.
-    """
-
-    place: tuple[str, str]
-    move: Move | None
-    by: str
-
-    def law(self, plain: sympy.Expr, symbols: Symbols, ratio: sympy.Expr) -> sympy.Expr:
-        """Value of the place if the property is `ratio` times that of its law."""
-        if self.move is None:
-            return plain * ratio
-        law, table = self.move.law, {PLAIN: plain, RATIO: ratio}
-        for name, replaced in law.substitutes.items():
-            value = to_sympy(replaced[BY], {RATIO: ratio})
-            table[name] = plain.xreplace({symbols[self.by]: value})
-        return to_sympy(law.expression, table)
-
-
 def moved_by(
     liquid: Liquid,
     kind: ModuleType,
     symbols: Symbols,
-    values: Mapping[tuple[str, str], sympy.Expr],
+    values: Mapping[Place, sympy.Expr],
     opened: Opened,
-) -> Iterator[Moved]:
+    ratio: sympy.Expr,
+) -> Iterator[tuple[Place, Callable[[sympy.Expr], sympy.Expr]]]:
     """Places of a module type that a change of the liquid moves, in order of use.
 
-    `values` holds definitions and observers, by (kind, name), over the local `symbols`.
+    With each comes the function from its plain value to that where the property is `ratio` times
+    the one of its law. A place of the kind ``parameter`` is the factor of a property that equations
+    use. `values` holds definitions and observers over the local `symbols`.
     """
     factor = factor_name(kind.fluid, liquid.property) if kind.fluid else ""
     if factor in symbols:
-        yield Moved(("parameter", factor), None, "")
+        yield ("parameter", factor), lambda plain: plain * ratio
     for move in liquid.moves:
         found = list(_fitting(move, kind, symbols, opened))
         inner = {part.name for part in found if isinstance(part, Definition)}
@@ -79,7 +63,15 @@ def moved_by(
             known = factor in symbols and symbols[factor] in value.free_symbols
             by = "" if uses & inner or known else _by(move, kind, symbols, value, uses)
             if by:
-                yield Moved(place, move, by)
+                yield place, partial(_law, move, symbols[by], ratio)
+
+
+def _law(move: Move, by: sympy.Symbol, ratio: sympy.Expr, plain: sympy.Expr) -> sympy.Expr:
+    """Value of a place that falls or rises with the reading `by` as the move states."""
+    law, table = move.law, {PLAIN: plain, RATIO: ratio}
+    for name, replaced in law.substitutes.items():
+        table[name] = plain.xreplace({by: to_sympy(replaced[BY], {RATIO: ratio})})
+    return to_sympy(law.expression, table)
 
 
 def _fitting(
