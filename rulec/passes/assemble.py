@@ -19,7 +19,7 @@ from rulec.algebra.recipe import lower, lower_all
 from rulec.knowledge.plant import Module
 from rulec.passes.corrected_observers import liquid_affects, undo_graph
 from rulec.passes.derive_residuals import Residual
-from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel, gradient_of
+from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
 from rulec.passes.link import Network
 
 Gradient = Mapping[str, Node]
@@ -164,7 +164,7 @@ class _Instance:
     def gradient(self, expression: sympy.Expr) -> dict[str, Node]:
         """Derivatives of an expression by independent inputs, times u."""
         graph, kind = self.graph, self.module.type
-        derivatives = gradient_of(expression, self.model.symbols)
+        derivatives = self.model.gradient(expression)
         nodes = lower_all(graph, derivatives.values(), self.nodes)
         lowered = dict(zip(derivatives, nodes, strict=True))
         result: dict[str, Node] = {}
@@ -238,7 +238,7 @@ class _Instance:
         """Signals in a target; none if its faults act on the flow."""
         found: list[str] = []
         value = self.model.targets[target].value if target in self.model.targets else sympy.S.Zero
-        for name in gradient_of(value, self.model.symbols):
+        for name in self.model.gradient(value):
             if name in self.module.type.signals:
                 found.append(self.id(name))
             elif name.startswith(GATHERED):

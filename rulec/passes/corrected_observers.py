@@ -120,8 +120,9 @@ class _Undo:
 
     def _slopes(self, name: str, expression: sympy.Expr, ways: Ways) -> Slopes:
         """Slopes of an expression of a module by degrees, along the ways there (chain rule)."""
+        used = symbols_in(expression)
         for variable, slopes in ways:
-            if variable in symbols_in(expression):
+            if variable in used:
                 slope = derivative(expression, variable)
                 outer = lower(self.graph, slope, self.tables[name])
                 for fault, inner in slopes:

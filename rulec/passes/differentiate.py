@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, cached_property, partial
 
 import sympy
 
@@ -115,6 +115,16 @@ class TypeModel:
     undone: Undone
     margins: Mapping[str, sympy.Expr]
     unlisted: tuple[TypeFault, ...] = ()
+
+    def gradient(self, expression: sympy.Expr) -> Gradient:
+        """Non-zero derivatives by local variable, worked out once for all modules of the type."""
+        if expression not in self._kept:
+            self._kept[expression] = gradient_of(expression, self.symbols)
+        return self._kept[expression]
+
+    @cached_property
+    def _kept(self) -> dict[sympy.Expr, Gradient]:
+        return {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -419,6 +429,7 @@ def _moves(kind: ModuleType, symbols: Mapping[str, sympy.Symbol], knowledge: Kno
     return found
 
 
+@cache
 def degree_symbol(fault: str) -> sympy.Symbol:
     """Symbol of the degree of a fault, by its local id (a fault of the liquid: by its full id)."""
     return _symbol(f"x.{fault}")
