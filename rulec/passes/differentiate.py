@@ -108,7 +108,6 @@ class TypeModel:
     type: ModuleType
     symbols: Mapping[str, sympy.Symbol]
     observers: Mapping[str, sympy.Expr]
-    gradients: Mapping[str, Gradient]
     guards: Mapping[str, tuple[tuple[str, sympy.Expr], ...]]
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
@@ -119,8 +118,14 @@ class TypeModel:
     def gradient(self, expression: sympy.Expr) -> Gradient:
         """Non-zero derivatives by local variable, worked out once for all modules of the type."""
         if expression not in self._kept:
-            self._kept[expression] = gradient_of(expression, self.symbols)
+            used, by = symbols_in(expression), self.symbols.items()
+            self._kept[expression] = {n: derivative(expression, s) for n, s in by if s in used}
         return self._kept[expression]
+
+    @cached_property
+    def gradients(self) -> Mapping[str, Gradient]:
+        """Gradients of the observers."""
+        return {name: self.gradient(e) for name, e in self.observers.items()}
 
     @cached_property
     def _kept(self) -> dict[sympy.Expr, Gradient]:
@@ -175,7 +180,6 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         type=kind,
         symbols=symbols,
         observers=observers,
-        gradients={name: gradient_of(e, symbols) for name, e in observers.items()},
         guards={
             o.name: tuple(_guards(kind, o.expression, symbols)) for o in kind.observers.values()
         },
@@ -248,14 +252,6 @@ def _translated(
     """An equation of a module type in sympy, with its downstream sums and fluid properties."""
     gathered = {name: table[GATHERED + name] for name in kind.gathers}
     return to_sympy(expression, table, gathered, closed_forms(kind.fluid, table))
-
-
-def gradient_of(
-    expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]
-) -> dict[str, sympy.Expr]:
-    """Non-zero derivatives by local variable."""
-    used = symbols_in(expression)
-    return {n: derivative(expression, s) for n, s in symbols.items() if s in used}
 
 
 def _guards(
