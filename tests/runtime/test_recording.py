@@ -172,6 +172,7 @@ def test_what_cannot_be_a_recording_is_refused(
     assert message in str(caught.value)
 
 
+DATED = SHEET.mapped("time", lambda k, _: f"2025-03-30 10:{k // 60:02d}:{k % 60:02d}")
 NOTED: list[tuple[str, Sheet]] = [
     ("1 column names no unit; assumed is bar for 'A.dp'", SHEET.renamed("A.dp", "A.dp")),
     ("(the first, in data row 8: 'Störung')", SHEET.filled("A.dp", "Störung", 7, 9)),
@@ -180,6 +181,7 @@ NOTED: list[tuple[str, Sheet]] = [
     ("A.dp has not one reading", SHEET.filled("A.dp", "")),
     ("30 rows repeat the time", SHEET.mapped("time", lambda k, _: str(k // 2))),
     ("2 rows have no usable time", SHEET.filled("time", "Bad", 4, 6)),
+    ("2 rows have no usable time", DATED.filled("time", "0", 4, 6)),
     ("not in order of time; they are now", Sheet(SHEET.header, SHEET.rows[::-1])),
     ("matches no signal of this plant; is this a rec", SHEET.renamed("A.Q", "A.flow [l/h]")),
     ("belong to no signal of this plant: 'A_dp [bar]'", SHEET.renamed("A.dp", "A_dp [bar]")),

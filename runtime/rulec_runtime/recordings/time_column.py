@@ -119,9 +119,9 @@ def _which(path: Path, title: str, low: float, one: Counting) -> Unclear:
 class TimeReader:
     """Times of a column, all at once or block by block, as numbers or dates.
 
-    The first cells with a usable time decide how all are written: whether as dates (`dated`, None
-    before), in which `order` of day, month and year, or as numbers, `counting` from a date or not.
-    Remarks on that go to `notes`. `factor` gives the unit that title or file name, s, or 0.
+    The first cells with a usable time decide how all are written: as dates (`dated`, None before),
+    in which `order` of day, month and year, or as numbers, if most are, `counting` from a date or
+    not. Remarks on that go to `notes`. `factor` gives the unit that title or file name, s, or 0.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class TimeReader:
             return cells
         if not self.dated or self.counting is not None:
             numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
-            if self.dated is None and np.isfinite(numbers).any():
+            if self.dated is None and _most(numbers, cells):
                 self.counting = counting_of(
                     self._path, numbers, self._title, self._factor(), self._form, self._notes
                 )
@@ -159,6 +159,13 @@ class TimeReader:
         dates = Dates(*dates_of(texts, self.order))
         self.dated = self.dated or bool(np.isfinite(dates.seconds).any()) or None
         return dates
+
+
+def _most(numbers: Array, cells: Cells) -> bool:
+    """Whether most cells that hold anything hold a number: a 0 or 1899 among dates decides
+    nothing."""
+    known = int(np.isfinite(numbers).sum())
+    return known > 0 and (known == len(numbers) or 2 * known > sum(map(bool, texts_of(cells))))
 
 
 def read_times(
