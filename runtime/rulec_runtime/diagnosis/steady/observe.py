@@ -172,14 +172,16 @@ Gradients = dict[str, dict[int, Array]]
 
 def trusted(ruleset: Ruleset, observed: Observed) -> Observed:
     """Estimates, usable only where their parameters are known well enough to judge by them."""
-    known = observed.vague <= limits.TOO_VAGUE * _usual(ruleset, observed)
+    known = ~too_vague(ruleset, observed, slice(None))
     return replace(observed, valid=observed.valid & known)
 
 
-def _usual(ruleset: Ruleset, observed: Observed) -> Array:
-    """Flows, or those at the reference point where they are larger, m3/s, shape (observers, n)."""
+def too_vague(ruleset: Ruleset, observed: Observed, points: slice) -> np.ndarray:
+    """Positive estimates whose parameters are not known well enough to judge by them, relative to
+    the flow or, where that is larger, to that at the reference point; shape (observers, points)."""
+    flows, vague = observed.flows[:, points], observed.vague[:, points]
     reference = np.array([[abs(o.reference)] for o in ruleset.observers])
-    return np.asarray(np.maximum(np.nan_to_num(np.abs(observed.flows)), reference))
+    return np.asarray((flows > 0) & ~(vague <= limits.TOO_VAGUE * np.maximum(flows, reference)))
 
 
 def _errors_of(
@@ -310,11 +312,6 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
             return f"{name} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
     if spec.guards and not np.isfinite(observed.flows[observer, point]):
         return f"{spec.id}: {spec.guards[0].text} is not positive"
-    if (
-        observed.vague[observer, point]
-        > limits.TOO_VAGUE * _usual(ruleset, observed)[observer, point]
-    ):
-        return f"{spec.id}: its parameters are not known well enough; calibrate the plant"
     if observed.flows[observer, point] > 0:
         return f"{spec.id}: readings change too fast"
     return f"{spec.id} gives no positive flow"

@@ -7,7 +7,7 @@ import numpy as np
 
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
-from rulec_runtime.diagnosis.steady.observe import NOT_RECORDED, reason
+from rulec_runtime.diagnosis.steady.observe import NOT_RECORDED, reason, too_vague
 
 Off = tuple[str, float, float]
 """A residual with its size and its threshold, as shares of a flow."""
@@ -62,11 +62,15 @@ def verdict_at(evaluated: EvaluatedPoints, point: int) -> Verdict:
 
 def why_blind(evaluated: EvaluatedPoints, point: int) -> str:
     """Why estimates of a part are unusable at a point; empty if all are usable."""
+    ruleset, observed = evaluated.part.ruleset, evaluated.observed
+    vague = too_vague(ruleset, observed, slice(point, point + 1))[:, 0]
     reasons = [
-        reason(evaluated.part.ruleset, evaluated.observed, int(i), point)
-        for i in np.flatnonzero(~evaluated.observed.valid[:, point])
+        f"{ruleset.observers[i].id}: its parameters are not known well enough; calibrate the plant"
+        if vague[i]
+        else reason(ruleset, observed, i, point)
+        for i in np.flatnonzero(~observed.valid[:, point]).tolist()
     ]
-    points = evaluated.observed.points
+    points = observed.points
     taken_out = (name for name, flags in points.stood_in.items() if flags[point])
     reasons += [f"{name}: {points.why[name]}" for name in taken_out]
     lost = dict.fromkeys(one for one in reasons if one.endswith(NOT_RECORDED))
