@@ -54,7 +54,17 @@ from tests.runtime import (
     test_regimes,
     test_sensor_health,
 )
-from tests.runtime.mismatches import ALL, FAULT, NAMED, NAN, broken, curves, made_by_hand, spoken
+from tests.runtime.mismatches import (
+    ALL,
+    FAULT,
+    NAMED,
+    NAN,
+    WARM,
+    broken,
+    curves,
+    made_by_hand,
+    spoken,
+)
 from tests.runtime.reports import (
     EXAMPLES,
     MADE,
@@ -209,6 +219,13 @@ def test_hostile_texts_stay_text() -> None:
     page = tree(mismatch_page(spoken(HOSTILE)))
     assert [] == [*page.iter("script"), *page.iter("img")]
     assert "<script src='//x'>\"&\ufffd\ufffd</script>" == page.findtext(".//h1")
+
+
+def test_alternatives_beyond_three_are_counted() -> None:
+    (first, *_), (finding, *rest) = WARM.alternatives, NAMED.findings
+    many = replace(finding, alternatives=tuple(replace(first, title=f"slip {k}") for k in range(5)))
+    words = " ".join(told(tell, replace(NAMED, findings=(many, *rest)), 400).split())
+    assert re.search(r"slip 2 \(\d+ %\) and 2 other explanations \(--json has all\)", words)
 
 
 def test_a_mismatch_is_located_by_readings_or_else_in_time() -> None:

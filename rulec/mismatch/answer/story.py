@@ -78,12 +78,12 @@ def _facts(facts: Iterable[Fact], style: str = "facts") -> list[Content]:
     return [Facts(rows, style)] if rows else []
 
 
-def _some(lines: Sequence[str], brief: bool, noun: str) -> list[str]:
-    """The first lines, and the number of those left out."""
+def _some(lines: Sequence[str], brief: bool, noun: str, joined: str = "and ") -> list[str]:
+    """The first lines, and the number of those left out; `joined` comes before it."""
     left = len(lines) - MOST if brief else 0
     if left <= 0:
         return list(lines)
-    return [*lines[:MOST], f"and {counted(left, f'other {noun}')} (--json has all)"]
+    return [*lines[:MOST], f"{joined}{counted(left, f'other {noun}')} (--json has all)"]
 
 
 def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
@@ -123,7 +123,7 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
         # First, as it is the reason why the finding is uncertain.
         others.insert(0, f"inaccuracy of the laws and sensors ({share(finding.inexact)})")
     if others:
-        yield "could also be", [listed(_some(others, brief, "explanation"))]
+        yield "could also be", [listed(_some(others, brief, "explanation", joined=""))]
     if finding.periods:
         yield "when", list(degree_words(finding.periods))
     if finding.action:
