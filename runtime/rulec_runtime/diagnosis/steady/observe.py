@@ -205,7 +205,7 @@ def _errors_of(
                 lasting.setdefault(error, {})
                 continue
             systematic: Array | float = 1.0
-            if error not in points.values:
+            if error not in ruleset.signal_by_id:
                 vague[row[observer]] += slopes[name] ** 2
             if error in points.u:
                 systematic = points.systematic[error]
