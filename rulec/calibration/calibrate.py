@@ -207,7 +207,7 @@ def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
     """Notes on operating states that no law was fitted to, on parameters without a stated
     uncertainty that are of another order of magnitude than stated, and on readings that were not
     varied."""
-    for one in fit.set_aside:
+    for one in fit.states_set_aside:
         unit = module.type.signals[one.signal].unit
         low, high = (f"{unit.from_si(end):.4g}" for end in (one.low, one.high))
         yield (
@@ -228,7 +228,7 @@ def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
                 f"the data sheet {unit.from_si(stated.value):.4g} {unit.text}; check the units of "
                 "the columns and the equation of the flow meter before this file is used"
             )
-    when = "in all points that were kept" if fit.set_aside else "all the time"
+    when = "in all points that were kept" if fit.states_set_aside else "all the time"
     for name, found in fit.valid.items():
         if found.unvaried:
             unit = module.type.signals[name].unit

@@ -82,7 +82,7 @@ class ModuleFit:
     untold: tuple[str, ...]
     observers: tuple[ObserverFit, ...]
     valid: Mapping[str, CalibratedRange]
-    set_aside: tuple[StateSetAside, ...]
+    states_set_aside: tuple[StateSetAside, ...]
 
 
 def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFit:
@@ -119,7 +119,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
         valid=_range(model, readings, kept_all),
-        set_aside=tuple(part.apart for part in parts if part.apart is not None),
+        states_set_aside=tuple(p.state_set_aside for p in parts if p.state_set_aside),
     )
 
 
@@ -135,7 +135,7 @@ class _Part:
     errors: Sequence[Array]
     untold: tuple[str, ...]
     summary: ObserverFit
-    apart: StateSetAside | None
+    state_set_aside: StateSetAside | None
 
 
 def _fit_observer(
@@ -195,11 +195,11 @@ def _fit_observer(
             points=len(kept),
             set_aside=len(rows) - len(kept),
         ),
-        apart=_set_aside(model, observer, readings, rows, kept),
+        state_set_aside=_state_set_aside(model, observer, readings, rows, kept),
     )
 
 
-def _set_aside(
+def _state_set_aside(
     model: TypeModel, observer: str, readings: Readings, rows: np.ndarray, kept: np.ndarray
 ) -> StateSetAside | None:
     """Where most of the `rows` that are not `kept` lie beyond all that are, in one input."""

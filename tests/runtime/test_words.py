@@ -221,6 +221,15 @@ def test_hostile_texts_stay_text() -> None:
     assert "<script src='//x'>\"&\ufffd\ufffd</script>" == page.findtext(".//h1")
 
 
+def test_an_error_without_a_rule_leaves_no_empty_line() -> None:
+    found = DIAGNOSES["growing"]()
+    assert "rules and sources" in told(explain, found)
+    cells = tuple(replace(cell, equation="") for cell in found.ruleset.cells)
+    lines = told(explain, replace(found, ruleset=replace(found.ruleset, cells=cells))).splitlines()
+    assert any(line.endswith("─ source") for line in map(str.rstrip, lines))
+    assert not [line for line in lines if line.rstrip().endswith("─")]
+
+
 def test_alternatives_beyond_three_are_counted() -> None:
     (first, *_), (finding, *rest) = WARM.alternatives, NAMED.findings
     many = replace(finding, alternatives=tuple(replace(first, title=f"slip {k}") for k in range(5)))

@@ -319,7 +319,7 @@ class Evidence(ABC):
         if self._errors is None:
             self._errors = self._usual_errors(point)
         found = []
-        for term in self.terms_at(point):
+        for term in self.terms_of_any_size(point):
             place = f"{term.changed.module}.{term.changed.place}"
             usual, factor = self._errors.get(place, (np.inf, 1.0))
             found.append(replace(term, usual=usual, factor=factor))
@@ -341,8 +341,8 @@ class Evidence(ABC):
         return found
 
     @abstractmethod
-    def terms_at(self, point: Point) -> list[Term]:
-        """`terms` at any size."""
+    def terms_of_any_size(self, point: Point) -> list[Term]:
+        """`terms` without the usual sizes of errors of readings."""
 
     @abstractmethod
     def starting_points(

@@ -46,6 +46,10 @@ RARE_PATTERN = 0.01
 LEAST_NOISE = 1e-6
 """Least noise of an output, as a share of its size: nothing is exact. Origin: numerical."""
 
+LEAST_ERROR = 1e-12
+"""Least error of a reading, SI, in plants that store: a model may predict one that never moves
+without any. Origin: numerical."""
+
 NO_SLOPE = 1e100
 """Slopes beyond this count as none. Origin: numerical."""
 

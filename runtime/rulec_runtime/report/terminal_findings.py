@@ -143,10 +143,11 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     for text in context(ruleset, finding):
         why.add(text)
     _doubt(diagnosis, finding, tree)
-    rules = tree.add("rules and sources" if ruleset.cells_of_fault[finding.fault.id] else "source")
-    for cell in ruleset.cells_of_fault[finding.fault.id][:SHOWN]:
-        rules.add(styled("[dim]{}[/]", cell.equation))
-    rules.add(styled("[dim]{}[/]", finding.fault.origin))
+    # An unlisted error of a reading has no rule.
+    equations = [c.equation for c in ruleset.cells_of_fault[finding.fault.id] if c.equation]
+    rules = tree.add("rules and sources" if equations else "source")
+    for text in (*equations[:SHOWN], finding.fault.origin):
+        rules.add(styled("[dim]{}[/]", text))
     if finding.fault.frequency_origin:
         often = f"{finding.fault.frequency}: {finding.fault.frequency_origin}"
         rules.add(styled("[dim]{}[/]", often))

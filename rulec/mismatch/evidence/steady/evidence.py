@@ -38,7 +38,7 @@ from rulec.mismatch.evidence.steady.screen import (
     with_open_references,
 )
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.evidence.steady.terms import terms_at as all_terms
+from rulec.mismatch.evidence.steady.terms import terms_at
 from rulec.mismatch.evidence.term import Term, bends
 
 # Errors of form: no law, whether of the plant or of an effect, obeys its formula exactly.
@@ -271,8 +271,8 @@ class SteadyEvidence(Evidence):
                     own = replace(course, unknown=name)
                     yield replace(column, course=own, values={f"{name}#0": null}, rows=rows)
 
-    def terms_at(self, point: Point) -> list[Term]:
-        return all_terms(fit_of(point), self.seen)
+    def terms_of_any_size(self, point: Point) -> list[Term]:
+        return terms_at(fit_of(point), self.seen)
 
     def starting_points(
         self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]

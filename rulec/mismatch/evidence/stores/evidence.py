@@ -285,7 +285,7 @@ class StoresEvidence(Evidence):
                 ]
         return found
 
-    def terms_at(self, point: Point) -> list[Term]:
+    def terms_of_any_size(self, point: Point) -> list[Term]:
         bench, found = self.bench, list[Term]()
         for driver in bench.drivers:
             course = self.course(point.setting, driver)[bench.record.open]

@@ -46,8 +46,7 @@ def noise_of(error: Array, known: Flags, least: float) -> Noise:
     """
     own = error[known]
     spread = float(np.sqrt(np.mean(own**2))) if len(own) else least
-    # A reading that never moves may be predicted without any error.
-    return Noise(max(spread, least, 1e-12), memory_of(error, known))
+    return Noise(max(spread, least, limits.LEAST_ERROR), memory_of(error, known))
 
 
 def score_covariance(columns: Array, error: Array, known: Flags) -> Array:

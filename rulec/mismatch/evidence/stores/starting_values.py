@@ -32,15 +32,19 @@ def from_afar(
     fitter = Fitter(bench, setting.joined, setting.fixed)
     at = fitter.vector(setting.values)
     measured = bench.record.measured
-    noise = {n: limits.ERROR_FROM_AFAR * float(np.nanstd(v)) + 1e-12 for n, v in measured.items()}
+    noise = {
+        n: limits.ERROR_FROM_AFAR * float(np.nanstd(v)) + limits.LEAST_ERROR
+        for n, v in measured.items()
+    }
     for _ in range(fits):
         judged = independent(bench, {n: Noise(spread, 1.0) for n, spread in noise.items()})
         at = fitter.descend(at, judged, evaluations)
         with contextlib.suppress(RanAway):
             errors, _ = fitter.errors(at, judged)
-            # A model may predict a reading that never moves without any error.
             left = {n: e[bench.known[n]] for n, e in errors.items()}
-            noise = {n: max(float(np.sqrt(np.mean(e**2))), 1e-12) for n, e in left.items()}
+            noise = {
+                n: max(float(np.sqrt(np.mean(e**2))), limits.LEAST_ERROR) for n, e in left.items()
+            }
     values = fitter.values(at)
     return replace(setting, values={n: values[n] for n in fitter.free})
 
