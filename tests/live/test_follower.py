@@ -162,6 +162,17 @@ def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> Non
     assert not memory.episodes
 
 
+def test_a_stuck_reading_is_told_once_while_it_lasts() -> None:
+    recording = long_recording(0)
+    held = recording.values["A.dp"].copy()
+    held[200:] = held[200]
+    stuck = replace(recording, values={**recording.values, "A.dp": held})
+    told = followed(compiled("abc"), stuck, range(100, 700, 100))
+    (event,) = events_of(told, "sensor")
+    assert (event.what, event.episode.subject) == ("began", "A.dp.stuck")
+    assert event.episode.id in {one.id for one in active(told[-1].memory)}
+
+
 TANK = ("lower.y.low", 0.2, 0.5)
 """A level that reads 20 % too low from the middle of a recording on."""
 
