@@ -54,9 +54,9 @@ def explain(
         return NotComparable(
             why=why, next="Record again with what is missing.", samples=None, evidence=evidence
         )
-    bench = SimulationProblem(ruleset, builder, record)
+    problem = SimulationProblem(ruleset, builder, record)
     try:
-        found = search(bench, tell)
+        found = search(problem, tell)
     except (np.linalg.LinAlgError, RanAway):
         return NotComparable(
             why="the plant as it is stated runs away with these readings",
@@ -93,7 +93,7 @@ def explanation(
     """The result of a search; unrecorded drivers are not sought, but reported as places."""
     ruleset, noise = model.ruleset, model.fitted.noise
     correlated = ", ".join(
-        f"{n} over {counted(round(own.memory), 'sample')}" for n, own in noise.items()
+        f"{n} over {counted(round(own.correlation_time), 'sample')}" for n, own in noise.items()
     )
     return Explanation(
         recording=recording,
@@ -129,8 +129,8 @@ class Explanation(Explained[Fitted]):
     dropped: tuple[str, ...]
 
     @property
-    def _bench(self) -> SimulationProblem:
-        return self.model.bench
+    def _problem(self) -> SimulationProblem:
+        return self.model.problem
 
     @cached_property
     def allowed(self) -> dict[str, float]:
@@ -150,24 +150,24 @@ class Explanation(Explained[Fitted]):
         Slow errors of inputs and floating zeros do not belong to the plant that is simulated later,
         so neither is in the fit.
         """
-        bench, plain, best = self._bench, self.found.plain, self.model.fitted
-        before = bench.record.time < until_of(bench, best, [c for c, _ in left_out])
-        known = {n: flags & before for n, flags in bench.known.items()}
-        judged = replace(independent(bench, best.noise), known=known)
-        first = repaired = _refitted(bench, (), [plain.values, {}], judged)
+        problem, plain, best = self._problem, self.found.plain, self.model.fitted
+        before = problem.record.time < until_of(problem, best, [c for c, _ in left_out])
+        known = {n: flags & before for n, flags in problem.known.items()}
+        judged = replace(independent(problem, best.noise), known=known)
+        first = repaired = _refitted(problem, (), [plain.values, {}], judged)
         if taken:
             values = dict(best.values)
             values |= {u.id: u.factor for c in taken if c.sort == "curve" for u in c.unknowns}
             own = {u.id: values[u.id] for c in taken for u in c.unknowns}
             starts = [values, {**first.values, **own}]
-            repaired = _refitted(bench, tuple(taken), starts, judged)
+            repaired = _refitted(problem, tuple(taken), starts, judged)
         curves = tuple(curve for curve in self.curves if curve.id in {c.id for c in taken})
         return Refits(
             plain=first,
             repaired=repaired,
             repairs=(_repair_of(first), replace(_repair_of(repaired), curves=curves)),
             left_out=tuple((c.id, why) for c, why in left_out),
-            judged=np.ones(len(bench.time), dtype=bool),
+            judged=np.ones(len(problem.time), dtype=bool),
         )
 
     def readings(
@@ -175,13 +175,13 @@ class Explanation(Explained[Fitted]):
     ) -> list[Reading]:
         """Errors over all rows, as a fault may be false; those of the analysis without
         simulation."""
-        bench, record, recording = self._bench, self._bench.record, self.recording
+        problem, record, recording = self._problem, self._problem.record, self.recording
         held = inside_of(recording.time, heldout_spans(record.time, ~record.open))
         factor, found = record.thinning, []
         for proof in (p for p in proofs if plants and p.fit.signal in plants.signals):
             assert plants is not None
             name = proof.fit.signal
-            signal = bench.ruleset.signal_by_id[name]
+            signal = problem.ruleset.signal_by_id[name]
             measured = without_odd(signal, recording.values[name])
             tables = [t[name] for t in (plants.shipped, plants.recalibrated, plants.last)]
             noise = noise_floor(measured[np.isfinite(measured)])
@@ -197,7 +197,7 @@ class Explanation(Explained[Fitted]):
         ]
 
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
-        return stored_evidence(self.recording, self._bench.record)
+        return stored_evidence(self.recording, self._problem.record)
 
     def notes(
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
@@ -209,7 +209,7 @@ class Explanation(Explained[Fitted]):
         ] * bool(self.dropped)
         behind = [
             f"{count} single readings of {name} are left out: neither neighbour supports them"
-            for name, count in self._bench.record.glitches.items()
+            for name, count in self._problem.record.glitches.items()
             if count
         ]
         if not any(fit.simulated for fit in fits):
@@ -217,7 +217,7 @@ class Explanation(Explained[Fitted]):
                 "errors are those of the analysis: rulec simulate cannot predict this plant"
             )
         left = [c for c in self.model.joined if c.id in dict(refits.left_out)]
-        until = until_of(self._bench, self.model.fitted, left)
+        until = until_of(self._problem, self.model.fitted, left)
         if np.isfinite(until):
             behind.append(
                 f"a fault begins at {until:.4g} s; values to adopt are fitted to what lies "
@@ -232,21 +232,21 @@ def prove(plain: Fitted, best: Fitted) -> list[Proof]:
     Slow errors of inputs, within the class of their sensors, are removed from all three models
     alike.
     """
-    bench, fitter = plain.bench, Fitter(plain.bench, (), {})
+    problem, fitter = plain.problem, Fitter(plain.problem, (), {})
     try:
         shipped: Mapping[str, Array] = fitter.errors(fitter.vector({}), plain.judged)[0]
     except RanAway:
-        shipped = {n: np.full(len(v), np.nan) for n, v in bench.record.measured.items()}
+        shipped = {n: np.full(len(v), np.nan) for n, v in problem.record.measured.items()}
     errors = [shipped, plain.errors, best.errors]
-    return [_proof(bench, name, [e[name] for e in errors]) for name in bench.signals]
+    return [_proof(problem, name, [e[name] for e in errors]) for name in problem.signals]
 
 
-def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
-    record, measured = bench.record, bench.record.measured[name]
+def _proof(problem: SimulationProblem, name: str, errors: list[Array]) -> Proof:
+    record, measured = problem.record, problem.record.measured[name]
     known = np.isfinite(measured) & np.all([np.isfinite(e) for e in errors], axis=0)
     noise = noise_floor(measured[known])
     parts = (known & record.open, known & ~record.open)
-    fit = fit_of(bench.ruleset.signal_by_id[name], errors, (noise, noise), parts)
+    fit = fit_of(problem.ruleset.signal_by_id[name], errors, (noise, noise), parts)
     return Proof(fit, Predicted(*(e + measured for e in errors)), known)
 
 
@@ -260,10 +260,10 @@ def _gained(best: Fitted, proofs: Sequence[Proof]) -> float:
     """Gain of named explanations in log likelihood on blocks that were not used to find them;
     infinite if no reading has a value there, which rejects nothing."""
     # A reading without one must not hide what the others say.
-    found = [(best.noise[p.fit.signal].memory, p.fit.heldout) for p in proofs]
+    found = [(best.noise[p.fit.signal].correlation_time, p.fit.heldout) for p in proofs]
     falls = [
-        e.points / memory * float(np.log(e.recalibrated / max(e.repaired, 1e-300)))
-        for memory, e in found
+        e.points / time * float(np.log(e.recalibrated / max(e.repaired, 1e-300)))
+        for time, e in found
         if e.points
     ]
     return sum(falls) if falls else np.inf
@@ -278,9 +278,9 @@ def _least(proofs: Sequence[Proof]) -> float:
     return -limits.PROVEN if learnt and not heldout else limits.PROVEN
 
 
-def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) -> float:
+def until_of(problem: SimulationProblem, best: Fitted, left: Sequence[Candidate]) -> float:
     """When the first effect begins that no model holds, s; infinite if too early."""
-    record = bench.record
+    record = problem.record
     onsets = [best.values[c.onset.id] for c in left if c.onset is not None]
     until = float(record.time[0]) + min(onsets, default=np.inf)
     enough = (record.open & (record.time < until)).sum() >= limits.KEPT * record.open.sum()
@@ -288,13 +288,13 @@ def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) 
 
 
 def _refitted(
-    bench: SimulationProblem,
+    problem: SimulationProblem,
     joined: tuple[Candidate, ...],
     starts: Sequence[Mapping[str, float]],
     judged: Judged,
 ) -> Fitted:
     """The best fit from several starts."""
-    fitter, found = Fitter(bench, joined, starts[0]), list[Fitted]()
+    fitter, found = Fitter(problem, joined, starts[0]), list[Fitted]()
     for start in starts:
         with contextlib.suppress(RanAway):
             at = fitter.vector(start)

@@ -30,7 +30,7 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
     The axis of a state with a recorded reading is that reading: the scale of a level is often
     hardly known, but its reading is.
     """
-    place, count, open_ = drawn.place, len(drawn.amounts), drawn.fitted.bench.record.open
+    place, count, open_ = drawn.place, len(drawn.amounts), drawn.fitted.problem.record.open
     # The range of the driver in the final model, as far as the curve has knots there.
     final = basis_over(drawn.fitted.course(drawn.place.driver)[open_], drawn.form.basis.length)
     low, high = max(place.low, final.low), min(place.high, final.high)
@@ -51,11 +51,11 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
 def axis_of(drawn: FittedCurve) -> tuple[str, Array, Array]:
     """The axis of a curve: its name, and values of the driver, shape (k,), with what the axis shows
     there, SI: the reading of a state, the time of the recording, or the driver itself."""
-    driver, bench = drawn.place.driver, drawn.fitted.bench
+    driver, problem = drawn.place.driver, drawn.fitted.problem
     at, order = np.unique(drawn.fitted.course(driver), return_index=True)
     if driver == TIME:
-        return driver, at, at + float(bench.record.time[0])
-    for name in () if driver in bench.record.inputs else bench.signals:
+        return driver, at, at + float(problem.record.time[0])
+    for name in () if driver in problem.record.inputs else problem.signals:
         shown = drawn.fitted.course(name)[order]
         if (np.diff(shown) > 0.0).all():
             return name, at, shown
@@ -75,22 +75,22 @@ def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
         columns[flags] = table[first : first + int(flags.sum())]
         first += int(flags.sum())
         per_variance = score_covariance(columns, errors[name], flags)
-        middle += per_variance / judged.noise[name].memory
+        middle += per_variance / judged.noise[name].correlation_time
     return np.asarray(inverse @ middle @ inverse)
 
 
 def _branches(drawn: FittedCurve) -> Branches | None:
     """The gap between both branches, with the curve and everything else refitted beside it; None
     without a clock or with too few visits on either branch."""
-    driver, bench = drawn.place.driver, drawn.fitted.bench
-    if driver == TIME or not bench.record.timed:
+    driver, problem = drawn.place.driver, drawn.fitted.problem
+    if driver == TIME or not problem.record.timed:
         return None
     course = drawn.fitted.course(drawn.place.driver)
-    given = bench.record.inputs.get(driver)
+    given = problem.record.inputs.get(driver)
     # A simulated state has no noise.
     noise = 0.0 if given is None else white_noise(np.diff(given, 3), 3)
     side, visit = ways_there(course, noise)
-    there = bench.record.open & np.isfinite(course) & (side != 0)
+    there = problem.record.open & np.isfinite(course) & (side != 0)
     if not there.any():
         return None
     counts = counted_visits(*means_of_visits(visit, there, np.ones(len(course)), course, side))
@@ -102,7 +102,7 @@ def _branches(drawn: FittedCurve) -> Branches | None:
     inputs = ({**fitted.inputs, spot.unknown: error * side} for error in (step, 0.0))
     try:
         moved, plain = (
-            bench.simulate(fitted.ids, fitted.values, inputs=own, spots=(spot.id,)).stacked
+            problem.simulate(fitted.ids, fitted.values, inputs=own, spots=(spot.id,)).stacked
             for own in inputs
         )
     except RanAway:

@@ -25,9 +25,9 @@ from rulec.mismatch.search.posterior import Posterior, accepted_of, reported_nam
 from rulec.mismatch.search.refit import refitted
 
 
-def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
+def explain(problem: SimulationProblem, progress: Progress) -> Posterior:
     """Search for the sets of explanations of a recording."""
-    search = begun(bench)
+    search = begun(problem)
     grown(search, progress, (grow_terms, grow, prune), apart=True)
     progress("refitting the likeliest sets, with errors as they are about the best one")
     # A model that is far off has other errors of form and of sensors.
@@ -42,10 +42,10 @@ def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
     return again.posterior()
 
 
-def begun(bench: SimulationProblem) -> Search:
+def begun(problem: SimulationProblem) -> Search:
     """A search that has refitted the plain model, with errors linearised at that."""
-    first = StoresEvidence(bench)
-    near = refitted(first, from_afar(bench, Configuration()))
+    first = StoresEvidence(problem)
+    near = refitted(first, from_afar(problem, Configuration()))
     search = Search(first.about(near.setting))
     search.keep(frozenset(), search.refit(near.setting, near))
     return search
@@ -76,11 +76,11 @@ class Found:
         return {name: gain - odds[frozenset()] for name, gain in own.items()}
 
 
-def search(bench: SimulationProblem, progress: Progress) -> Found:
+def search(problem: SimulationProblem, progress: Progress) -> Found:
     """Find the sets of explanations that fit a recording, and fit the most probable one."""
-    posterior = explain(bench, progress)
+    posterior = explain(problem, progress)
     progress("fitting the most probable explanation to the end")
-    plain = plain_end(bench, posterior.models[frozenset()].setting.values)
+    plain = plain_end(problem, posterior.models[frozenset()].setting.values)
     setting, best = reported_setting(posterior), plain
     if setting.joined:
         values = {**setting.values, **setting.fixed}
@@ -142,7 +142,7 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
 
 def _squares(fitted: Fitted) -> Array:
     """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
-    total, measured = np.zeros(len(fitted.bench.time)), fitted.bench.record.measured
+    total, measured = np.zeros(len(fitted.problem.time)), fitted.problem.record.measured
     for name, known in fitted.judged.known.items():
         spread = float(np.nanstd(measured[name])) or 1.0
         total += np.where(known, fitted.errors[name] / spread, 0.0) ** 2

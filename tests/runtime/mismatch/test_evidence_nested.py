@@ -201,7 +201,7 @@ def stores(begin: Values, built: Values) -> Integral:
         candidate = bench.candidate(name)
         setting = setting.joining(candidate, values, evidence.references(setting, candidate))
     if begin:
-        plain = refitted(evidence, from_afar(evidence.bench, setting), plain)
+        plain = refitted(evidence, from_afar(evidence.problem, setting), plain)
     return Integral(evidence, plain)
 
 

@@ -23,7 +23,7 @@ SPOTS = {RATE: "balance:", SHOWN: "reading:"}
 
 
 def changes(
-    bench: SimulationProblem,
+    problem: SimulationProblem,
     ids: tuple[str, ...],
     values: Mapping[str, float],
     inputs: Mapping[str, Array],
@@ -31,9 +31,9 @@ def changes(
 ) -> dict[str, tuple[Array, Array]]:
     """Rates and readings along the course of a model, and their change by a candidate, both of
     shape (n,), SI, by output."""
-    balances = bench.balances(ids)
-    course = bench.simulate(ids, values, inputs=inputs).course
-    every = {**bench.plain_values, **values, TIME: bench.time}
+    balances = problem.balances(ids)
+    course = problem.simulate(ids, values, inputs=inputs).course
+    every = {**problem.plain_values, **values, TIME: problem.time}
     known = {n: np.asarray(every[n]) for n in balances.plan.inputs if n in every}
     known |= {n: inputs[n] for n in balances.inputs}
     states = enumerate(balances.states)
@@ -47,26 +47,26 @@ def changes(
         with np.errstate(all="ignore"):
             change = here[name] - there[name]
         change = np.where(np.isfinite(change), change, 0.0)
-        shape = bench.time.shape
+        shape = problem.time.shape
         found[name] = np.broadcast_to(here[name], shape), np.broadcast_to(change, shape)
     return found
 
 
 def forms_of_effects(
-    bench: SimulationProblem, joined: tuple[Candidate, ...], values: Mapping[str, float]
+    problem: SimulationProblem, joined: tuple[Candidate, ...], values: Mapping[str, float]
 ) -> Iterator[Array]:
     """Change of readings if the own term of each effect is larger by smooth functions of its
     drivers: stacked, shape (signals * samples,), SI."""
-    ids, inputs = tuple(c.id for c in joined), bench.record.inputs
-    places, zero = bench.builder.places, np.zeros(len(bench.time))
+    ids, inputs = tuple(c.id for c in joined), problem.record.inputs
+    places, zero = problem.builder.places, np.zeros(len(problem.time))
     for candidate in joined:
         drivers = dict.fromkeys(d for d in candidate.drivers.values() if d != TIME)
-        courses = [bench.trajectory(ids, values, driver, inputs) for driver in drivers]
+        courses = [problem.trajectory(ids, values, driver, inputs) for driver in drivers]
         shapes = [shape for course in courses for shape in bends(course)]
         if not shapes:
             continue
         errors = {}
-        for name, (_, change) in changes(bench, ids, values, inputs, candidate).items():
+        for name, (_, change) in changes(problem, ids, values, inputs, candidate).items():
             kind = next(k for k in SPOTS if name.startswith(k))
             spot = places.get(SPOTS[kind] + name.removeprefix(kind))
             if spot is not None and change.any():
@@ -75,7 +75,7 @@ def forms_of_effects(
         try:
             for shape in (zero, *shapes):
                 more = {unknown: change * shape for (_, unknown), change in errors.items()}
-                shown = bench.simulate(ids, values, inputs={**inputs, **more}, spots=spots).stacked
+                shown = problem.simulate(ids, values, (), {**inputs, **more}, spots).stacked
                 if shape is zero:
                     plain = shown
                 else:
@@ -90,36 +90,36 @@ def forms_of_effects(
 
 def allowed(fitted: Fitted) -> dict[str, float]:
     """Largest error of each measured signal in 19 of 20 recordings, SI."""
-    bench, fitter, judged = fitted.bench, fitted.fitter, fitted.judged
+    problem, fitter, judged = fitted.problem, fitted.fitter, fitted.judged
     _, slopes = fitter.residual(fitted.at, judged)
     flags = judged.flags
     squares: Array = np.sum(judged.drift.moved**2, axis=1)
-    for _, moved in errors_of_form(bench, fitted.ids, fitted.values):
+    for _, moved in errors_of_form(problem, fitted.ids, fitted.values):
         rows = fitter.as_rows(moved, judged)
         left = rows - slopes @ np.linalg.lstsq(slopes, rows, rcond=None)[0]
         own = left[: int(flags.sum())] * judged.weights[flags, None]
         squares[flags] += np.sum(own**2, axis=1)
-    parts = np.split(np.where(flags, squares, np.nan), len(bench.signals))
+    parts = np.split(np.where(flags, squares, np.nan), len(problem.signals))
     means = (float(np.nanmean(square)) for square in parts)
     sizes = (common.NORMAL_95 * float(np.sqrt(mean)) for mean in means)
-    return dict(zip(bench.signals, sizes, strict=True))
+    return dict(zip(problem.signals, sizes, strict=True))
 
 
 def errors_of_form(
-    bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
+    problem: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
 ) -> Iterator[tuple[DisturbanceLocation, Array]]:
     """Effects of errors of form of each law on readings, stacked, shape (signals * samples,
     errors), SI; each error covers a part of the range of the law.
 
     Errors with which the plant runs away are omitted.
     """
-    zero = np.zeros(len(bench.time))
-    for spot in (s for s in bench.builder.laws if s.accuracy):
-        plain = _with_error(bench, ids, values, spot, zero)
+    zero = np.zeros(len(problem.time))
+    for spot in (s for s in problem.builder.laws if s.accuracy):
+        plain = _with_error(problem, ids, values, spot, zero)
         step = 1e-3 * spot.factor
-        there = _with_error(bench, ids, values, spot, np.full(len(bench.time), step))
+        there = _with_error(problem, ids, values, spot, np.full(len(problem.time), step))
         moved_first = (there.course.shown[0] - plain.course.shown[0]) / step
-        names = bench.builder.balances(ids, (spot.id,)).outputs
+        names = problem.builder.balances(ids, (spot.id,)).outputs
         # The value of the law is the flow that at first moves as the error does.
         flows = (i for i, n in enumerate(names) if not n.startswith(SHOWN))
         own = next((i for i in flows if abs(moved_first[i] - 1.0) < 1e-3), None)
@@ -127,10 +127,10 @@ def errors_of_form(
             continue
         value = np.ascontiguousarray(plain.course.shown[:, own])
         share = common.FORM_U * spot.accuracy
-        moved = [np.zeros(len(bench.signals) * len(zero))]
+        moved = [np.zeros(len(problem.signals) * len(zero))]
         for shape in hats(value, 1 + round(1.0 / common.FORM_LENGTH)):
             try:
-                there = _with_error(bench, ids, values, spot, share * value * shape)
+                there = _with_error(problem, ids, values, spot, share * value * shape)
             except RanAway:
                 continue
             moved.append(there.stacked - plain.stacked)
@@ -138,11 +138,11 @@ def errors_of_form(
 
 
 def _with_error(
-    bench: SimulationProblem,
+    problem: SimulationProblem,
     ids: tuple[str, ...],
     values: Mapping[str, float],
     spot: DisturbanceLocation,
     error: Array,
 ) -> Simulated:
-    inputs = {**bench.record.inputs, spot.unknown: error}
-    return bench.simulate(ids, values, inputs=inputs, spots=(spot.id,))
+    inputs = {**problem.record.inputs, spot.unknown: error}
+    return problem.simulate(ids, values, inputs=inputs, spots=(spot.id,))

@@ -63,21 +63,21 @@ class StoresEvidence(Evidence):
     # A term is linearised at the model without it: the residual may be its own curvature.
     beside_terms = False
 
-    def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
+    def __init__(self, problem: SimulationProblem, near: Configuration | None = None) -> None:
         super().__init__()
-        self.bench, self.candidates = bench, bench.candidates
-        self.places = len(bench.places) * len(bench.drivers)
-        self.readings = frozenset(s.id for s in bench.ruleset.signals)
+        self.problem, self.candidates = problem, problem.candidates
+        self.places = len(problem.places) * len(problem.drivers)
+        self.readings = frozenset(s.id for s in problem.ruleset.signals)
         self.count = int(sum(known.sum() for known in self._known.values()))
         near = near or Configuration()
-        ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
+        ids, values = near.ids, {**problem.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
-        for spot, moved in errors_of_form(bench, ids, values):
+        for spot, moved in errors_of_form(problem, ids, values):
             own = fewest(self._table(moved), common.FORM_KNOWN, limits.FORM_RANK)
             forms.append(own)
             law += [spot.id] * own.shape[1]
         self.forms, self.law = np.concatenate(forms, axis=1), tuple(law)
-        self.held = self._table(errors_of_sensors(bench, ids, values))
+        self.held = self._table(errors_of_sensors(problem, ids, values))
         self.of_class = (self.held,)
         self.noises = tuple(self._noises())
         self.usual_noise = tuple(axis[len(axis) // 2] for axis in self.noises)
@@ -85,7 +85,7 @@ class StoresEvidence(Evidence):
 
     def about(self, near: Configuration) -> StoresEvidence:
         """The same, linearised at another model."""
-        there = StoresEvidence(self.bench, near)
+        there = StoresEvidence(self.problem, near)
         # Sizes follow from the plain model.
         there._sizes = self._sizes
         return there
@@ -101,13 +101,13 @@ class StoresEvidence(Evidence):
     @cached_property
     def _known(self) -> dict[str, NDArray[np.bool_]]:
         """Samples that count; short gaps are closed, as a lasting error is the same after them."""
-        record = self.bench.record
+        record = self.problem.record
         return {n: _bridged(np.isfinite(v)) & record.open for n, v in record.measured.items()}
 
     @cached_property
     def _measured(self) -> dict[str, Array]:
-        time, found = self.bench.time, {}
-        for name, values in self.bench.record.measured.items():
+        time, found = self.problem.time, {}
+        for name, values in self.problem.record.measured.items():
             known = np.isfinite(values)
             found[name] = np.interp(time, time[known], values[known])
         return found
@@ -115,7 +115,7 @@ class StoresEvidence(Evidence):
     @cached_property
     def white(self) -> dict[str, float]:
         """Standard deviation of the noise of each reading, SI."""
-        return {name: max(floor, 1e-12) for name, floor in self.bench.floors.items()}
+        return {name: max(floor, 1e-12) for name, floor in self.problem.floors.items()}
 
     @cached_property
     def _runs(self) -> list[list[slice]]:
@@ -136,7 +136,7 @@ class StoresEvidence(Evidence):
             span = float(np.std(self._measured[name][known])) / self.white[name]
             steps = int(np.ceil(np.log2(12.0 * max(span, 1.0))))
             yield limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()
-            longest = int(np.log2(len(self.bench.time) / 2.0))
+            longest = int(np.log2(len(self.problem.time) / 2.0))
             yield tuple((2.0 ** np.arange(longest + 1)).tolist())
             yield limits.SMOOTHNESS
 
@@ -218,7 +218,7 @@ class StoresEvidence(Evidence):
         return -0.5 * float(residual @ residual) - logs
 
     def plain_prior(self, setting: Configuration) -> Prior:
-        return self.bench.prior(setting)
+        return self.problem.prior(setting)
 
     def driven_by(self, driver: str) -> Array:
         return self.course(Configuration(), driver)
@@ -229,13 +229,13 @@ class StoresEvidence(Evidence):
         plain = unknown.null or 0.0
         null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
         for shape in self.starts(Configuration(), candidate):
-            values = {**self.bench.plain_values, **fixed, **null, **shape}
+            values = {**self.problem.plain_values, **fixed, **null, **shape}
             values[unknown.id] = plain + 1e-3 * (usual(unknown) - plain)
             try:
-                course = self.bench.simulate((candidate.id,), values, [unknown.id]).course
+                course = self.problem.simulate((candidate.id,), values, [unknown.id]).course
             except RanAway:
                 continue
-            names = self.bench.balances((candidate.id,)).outputs
+            names = self.problem.balances((candidate.id,)).outputs
             sizes = np.sqrt(np.mean(course.shown**2, axis=0))
             slopes = np.sqrt(np.mean(course.slopes[:, :, 0] ** 2, axis=0))
             moved = slopes / np.maximum(sizes, 1e-300)
@@ -286,17 +286,17 @@ class StoresEvidence(Evidence):
         return found
 
     def terms_of_any_size(self, point: Point) -> list[Term]:
-        bench, found = self.bench, list[Term]()
-        for driver in bench.drivers:
-            course = self.course(point.setting, driver)[bench.record.open]
-            for spot in bench.places:
+        problem, found = self.problem, list[Term]()
+        for driver in problem.drivers:
+            course = self.course(point.setting, driver)[problem.record.open]
+            for spot in problem.places:
                 place = place_over(spot, driver, course)
                 if place is not None:
                     found += self._terms_over(point.setting, place)
         return found
 
     def _terms_over(self, setting: Configuration, place: Place) -> Iterator[Term]:
-        parts, knots = place.parts(self.bench.builder)
+        parts, knots = place.parts(self.problem.builder)
         for part in parts:
             own = {u.id: knots[u.id] for u in part.unknowns if u.fixed}
             nothing = {u.id: 0.0 for u in part.unknowns if not u.fixed}
@@ -329,7 +329,7 @@ class StoresEvidence(Evidence):
         tried = []
         for names, found in groups.items():
             kinds = ways_to_join(setting, found, self.references, self.starts)
-            best = [way for kind in kinds if (way := nearest(self.bench, kind)) is not None]
+            best = [way for kind in kinds if (way := nearest(self.problem, kind)) is not None]
             # Kinds often agree on the best one.
             ways = {tuple(way.values.items()): way for way in best}.values()
             near = [self._tried(names, way, limits.EVALUATIONS_OF_EACH, 1) for way in ways]
@@ -351,7 +351,7 @@ class StoresEvidence(Evidence):
     ) -> tuple[float, Names, Configuration]:
         """Least squares from a setting: how promising its end is, and the end."""
         try:
-            there = from_afar(self.bench, way, evaluations, fits)
+            there = from_afar(self.problem, way, evaluations, fits)
         except np.linalg.LinAlgError:
             return -np.inf, names, way
         return self.promise(there), names, there
@@ -362,7 +362,7 @@ class StoresEvidence(Evidence):
         values = {**setting.fixed, **setting.values}
         try:
             with np.errstate(all="ignore"):
-                model = self.bench.simulate(setting.ids, values, names)
+                model = self.problem.simulate(setting.ids, values, names)
         except RanAway:
             return np.full(self.count, np.inf), np.zeros((self.count, len(names)))
         residual, slopes = [], []
@@ -376,14 +376,14 @@ class StoresEvidence(Evidence):
         return np.concatenate(residual), whole
 
     def effect_forms(self, now: Point) -> Array:
-        values = {**self.bench.plain_values, **now.setting.values, **now.setting.fixed}
-        moved = list(forms_of_effects(self.bench, now.setting.joined, values))
+        values = {**self.problem.plain_values, **now.setting.values, **now.setting.fixed}
+        moved = list(forms_of_effects(self.problem, now.setting.joined, values))
         return self._table(np.stack(moved, axis=1)) if moved else np.zeros((self.count, 0))
 
     def course(self, setting: Configuration, name: str) -> Array:
         """Course of a driver, shape (n,), SI."""
-        values = {**self.bench.plain_values, **setting.values, **setting.fixed}
-        return self.bench.trajectory(setting.ids, values, name, self.bench.record.inputs)
+        values = {**self.problem.plain_values, **setting.values, **setting.fixed}
+        return self.problem.trajectory(setting.ids, values, name, self.problem.record.inputs)
 
     def references(self, setting: Configuration, candidate: Candidate) -> dict[str, float]:
         """Reference readings of parameters that stay fixed."""

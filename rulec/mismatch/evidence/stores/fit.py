@@ -78,9 +78,9 @@ class Judged:
         return np.asarray(basis)
 
 
-def independent(bench: SimulationProblem, noise: Mapping[str, Noise]) -> Judged:
+def independent(problem: SimulationProblem, noise: Mapping[str, Noise]) -> Judged:
     """All open samples, with the given noise and without errors of sensors."""
-    return Judged(bench.known, noise, no_drift(bench), np.zeros(0))
+    return Judged(problem.known, noise, no_drift(problem), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Fitted:
     that of sensor errors.
     """
 
-    bench: SimulationProblem
+    problem: SimulationProblem
     joined: tuple[Candidate, ...]
     values: Mapping[str, float]
     errors: Mapping[str, Array]
@@ -112,16 +112,16 @@ class Fitted:
     @cached_property
     def inputs(self) -> Mapping[str, Array]:
         """Inputs corrected for slow errors, shape (n,), SI."""
-        return self.judged.drift.put_right(self.bench.record.inputs, self.judged.slow)
+        return self.judged.drift.put_right(self.problem.record.inputs, self.judged.slow)
 
     def course(self, name: str) -> Array:
         """Course of an input, of time, or of a simulated state, flow or reading, shape (n,), SI."""
-        return self.bench.trajectory(self.ids, self.values, name, self.inputs)
+        return self.problem.trajectory(self.ids, self.values, name, self.inputs)
 
     @cached_property
     def fitter(self) -> Fitter:
         """What fits this model."""
-        return Fitter(self.bench, self.joined, self.values)
+        return Fitter(self.problem, self.joined, self.values)
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -158,11 +158,11 @@ class Fitted:
         samples, noise = self.judged.samples, self.noise
         found = sum(gain(before.noise[n], noise[n], samples[n]) for n in noise)
         found += before.negative_log_prior - self.negative_log_prior
-        news = sum(samples[n] / own.memory for n, own in noise.items())
+        effective_size = sum(samples[n] / own.correlation_time for n, own in noise.items())
         if values is None:
             more = [sum(not u.fixed for c in f.joined for u in c.unknowns) for f in (self, before)]
             values = more[0] - more[1]
-        return found - 0.5 * float(np.log(max(news, 2.0))) * values
+        return found - 0.5 * float(np.log(max(effective_size, 2.0))) * values
 
 
 class Fitter:
@@ -174,17 +174,17 @@ class Fitter:
     """
 
     def __init__(
-        self, bench: SimulationProblem, joined: tuple[Candidate, ...], values: Mapping[str, float]
+        self, problem: SimulationProblem, joined: tuple[Candidate, ...], values: Mapping[str, float]
     ) -> None:
-        self.bench, self.joined = bench, joined
+        self.problem, self.joined = problem, joined
         self.ids = tuple(c.id for c in joined)
         unknowns = unknowns_of(joined)
         self.fixed = {n: values[n] for n, unknown in unknowns.items() if unknown.fixed}
         nowhere = Configuration(joined=joined, values=dict.fromkeys(unknowns, 0.0))
-        self.prior = prior = bench.prior(nowhere)
+        self.prior = prior = problem.prior(nowhere)
         self.free, self._count = prior.names, len(prior.belief.names)
         own = [unknowns[n] for n in self.free[self._count :]]
-        edge = limits.EDGE * float(bench.time[-1])
+        edge = limits.EDGE * float(problem.time[-1])
         steps = [edge if one.driver == TIME else step_of(one) for one in own]
         self.scale = np.concatenate([prior.size[: self._count], steps])
         self._times = [i for i, one in enumerate(own, self._count) if one.driver == TIME]
@@ -204,9 +204,9 @@ class Fitter:
     def _simulate(self, at: Array, judged: Judged, *, slopes: bool) -> tuple[Array, Simulated]:
         """Simulated less measured readings, stacked, SI, NaN where nothing was measured; and the
         simulation."""
-        seeds, record = self.free if slopes else (), self.bench.record
+        seeds, record = self.free if slopes else (), self.problem.record
         inputs = judged.drift.put_right(record.inputs, judged.slow)
-        model = self.bench.simulate(self.ids, self.values(at), seeds, inputs)
+        model = self.problem.simulate(self.ids, self.values(at), seeds, inputs)
         return np.concatenate([model.shown[n] - v for n, v in record.measured.items()]), model
 
     def residual(self, at: Array, judged: Judged) -> tuple[Array, Array]:
@@ -214,7 +214,7 @@ class Fitter:
         errors, model = self._simulate(at, judged, slopes=True)
         flags, weights, count = judged.flags, judged.weights, self._count
         step = self.scale * self.prior.coordinates.slopes(at)
-        slopes = [model.slopes[n] * step for n in self.bench.signals]
+        slopes = [model.slopes[n] * step for n in self.problem.signals]
         columns = np.column_stack([errors, np.concatenate(slopes)])
         columns = _projected((columns / weights[:, None])[flags], judged.basis, judged.slow)
         strains, by_coordinates = self.prior.belief.strains(at[:count])
@@ -312,18 +312,18 @@ class Fitter:
             normal = moved[flags].T @ moved[flags] + np.eye(len(slow))
             found = np.linalg.solve(normal, moved[flags].T @ left + slow)
             whole, slow = whole - judged.drift.moved @ found, slow - found
-        signals = self.bench.signals
+        signals = self.problem.signals
         return dict(zip(signals, np.split(whole, len(signals)), strict=True)), slow
 
     def fitted_at(self, at: Array, judged: Judged) -> Fitted:
         """The model at a point, with the noise and the slow errors of inputs as they are there."""
         errors, slow = self.errors(at, judged)
-        least = self.bench.record.resolution
+        least = self.problem.record.resolution
         noise = {n: noise_of(e, judged.known[n], least[n]) for n, e in errors.items()}
         negative_log_prior = 0.5 * (self._strain(at) + float(np.sum(slow**2)))
         judged = replace(judged, noise=noise, slow=judged.drift.given(slow))
         values = self.values(at)
-        return Fitted(self.bench, self.joined, values, errors, negative_log_prior, judged)
+        return Fitted(self.problem, self.joined, values, errors, negative_log_prior, judged)
 
     def finish(self, at: Array, judged: Judged, evaluations: int, rounds: int) -> Fitted:
         """Fit and estimate the noise in turn.
@@ -363,24 +363,24 @@ def _projected(columns: Array, basis: Array, slow: Array) -> Array:
     return np.asarray(padded - basis @ (basis.T @ padded))
 
 
-# Fits of plants that store to convergence, with sensor errors linearised again and the memory of
-# errors taken into account.
+# Fits of plants that store to convergence, with sensor errors linearised again and the correlation
+# of errors taken into account.
 
 
-def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> Fitted:
+def plain_end(problem: SimulationProblem, values: Mapping[str, float]) -> Fitted:
     """Fit the plain model from some values."""
-    measured = bench.record.measured
+    measured = problem.record.measured
     noise = {n: Noise(0.3 * float(np.nanstd(v)) + 1e-12, 10.0) for n, v in measured.items()}
-    fitter = Fitter(bench, (), {})
-    first = fitter.finish(fitter.vector(values), independent(bench, noise), common.THOROUGH, 2)
-    drift = drift_of(bench, first.values)
-    judged = Judged(bench.known, first.noise, drift, np.zeros(drift.count))
+    fitter = Fitter(problem, (), {})
+    first = fitter.finish(fitter.vector(values), independent(problem, noise), common.THOROUGH, 2)
+    drift = drift_of(problem, first.values)
+    judged = Judged(problem.known, first.noise, drift, np.zeros(drift.count))
     return polished(replace(first, judged=judged))
 
 
 def refit(near: Fitted, joined: Sequence[Candidate], values: Mapping[str, float]) -> Fitted:
     """Fit a model from some values, SI by id, and from the noise of a similar model."""
-    fitter = Fitter(near.bench, tuple(joined), values)
+    fitter = Fitter(near.problem, tuple(joined), values)
     there = fitter.values(fitter.vector(values))
     return polished(replace(near, joined=tuple(joined), values=there))
 
@@ -391,7 +391,7 @@ def polished(fitted: Fitted) -> Fitted:
         judged = fitted.judged
         with contextlib.suppress(RanAway):
             drift = moved_again(
-                judged.drift, fitted.bench, fitted.ids, fitted.values, fitted.inputs
+                judged.drift, fitted.problem, fitted.ids, fitted.values, fitted.inputs
             )
             judged = replace(judged, drift=drift)
         try:
@@ -408,7 +408,7 @@ def sharpened(fitted: Fitted) -> Fitted:
     noise within one sample, that smooth rise is an error, and would bias degrees.
     """
     # The rise of an entry with an onset is a share of its fixed time.
-    share = min(limits.SUDDEN / len(fitted.bench.time), 1.0)
+    share = min(limits.SUDDEN / len(fitted.problem.time), 1.0)
     begun = [u for c in fitted.joined if c.onset is not None for u in c.unknowns]
     lengths = {u.id: fitted.values[u.id] * share for u in begun if u.fixed and u.driver == TIME}
     if not lengths:

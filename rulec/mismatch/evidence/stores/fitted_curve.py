@@ -121,7 +121,7 @@ def fitted_curve(bare: Fitted, spot: DisturbanceLocation, driver: str) -> Fitted
         for _ in range(limits.REDRAWN):
             last = found[-1] if found else None
             course = (last.fitted if last else bare).course(driver)
-            place = place_over(spot, driver, course[bare.bench.record.open])
+            place = place_over(spot, driver, course[bare.problem.record.open])
             if place is None or (last is not None and _same_range(place, last.place)):
                 break
             found.append(_fitted_over(bare, place, last))
@@ -135,17 +135,17 @@ def _same_range(place: Place, other: Place) -> bool:
 
 def _fitted_over(bare: Fitted, place: Place, before: FittedCurve | None) -> FittedCurve:
     """Fit a curve with fixed knots, starting from zero or from a curve with other knots."""
-    parts, knots = place.parts(bare.bench.builder)
-    fitter = Fitter(bare.bench, (*bare.joined, *parts), {**bare.values, **knots})
+    parts, knots = place.parts(bare.problem.builder)
+    fitter = Fitter(bare.problem, (*bare.joined, *parts), {**bare.values, **knots})
     near = bare if before is None else before.fitted
     values = np.zeros(len(place.knots)) if before is None else before.value(place.knots)
     at, judged, count = fitter.vector(near.values), near.judged, len(fitter.free) - len(place.bends)
     at[count:] = place.bends @ values
     for _ in range(limits.CURVE_ROUNDS):
         noise = judged.noise
-        news = sum(judged.samples[n] / own.memory for n, own in noise.items())
-        form, share = _likeliest(linear_at(fitter, at, place, judged), place, news)
-        less = {n: Noise(share * own.spread, own.memory) for n, own in noise.items()}
+        effective_size = sum(judged.samples[n] / own.correlation_time for n, own in noise.items())
+        form, share = _likeliest(linear_at(fitter, at, place, judged), place, effective_size)
+        less = {n: Noise(share * own.spread, own.correlation_time) for n, own in noise.items()}
         judged = replace(judged, noise=less)
         amounts = np.asarray(np.linalg.lstsq(form.table, values, rcond=None)[0])
         at[count:] = place.bends @ form.table @ amounts
@@ -200,11 +200,11 @@ def inverse_of(table: Array, known: Array) -> Array:
     return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))
 
 
-def _likeliest(system: Linear, place: Place, news: float) -> tuple[Form, float]:
+def _likeliest(system: Linear, place: Place, effective_size: float) -> tuple[Form, float]:
     """The likeliest size and smoothness of a curve, and the noise as a share of that without it.
 
-    `news` is the effective number of independent samples. The noise is estimated with the curve, as
-    the residual without it says little about the residual with it.
+    `effective_size` counts independent samples. The noise is estimated with the curve, as the
+    residual without it says little about the residual with it.
     """
     q, _ = np.linalg.qr(system.plain)
     left = system.left - q @ (q.T @ system.left)
@@ -220,7 +220,7 @@ def _likeliest(system: Linear, place: Place, news: float) -> tuple[Form, float]:
         for size in common.TERM_SIZES:
             for noise in limits.NOISE_FALLS:
                 rest = whole - float(np.sum(square * size**2 / (noise**2 + own * size**2)))
-                gained = 0.5 * (whole - rest / noise**2) - news * float(np.log(noise))
+                gained = 0.5 * (whole - rest / noise**2) - effective_size * float(np.log(noise))
                 gained -= 0.5 * float(np.sum(np.log1p(own * (size / noise) ** 2)))
                 if best is None or gained > best[0]:
                     best = gained, Form(basis, size / norm, table * (size / norm)), noise

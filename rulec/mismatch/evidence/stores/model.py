@@ -22,9 +22,9 @@ class StoresModel(Model):
     fitted: Fitted
 
     @property
-    def bench(self) -> SimulationProblem:
+    def problem(self) -> SimulationProblem:
         """The plant and its recording."""
-        return self.fitted.bench
+        return self.fitted.problem
 
     def line(self, name: str) -> Line:
         """All other values refitted, from their current values and from their linear response."""
@@ -45,7 +45,7 @@ class StoresModel(Model):
         self, candidate: Candidate, estimates: Mapping[str, Estimate]
     ) -> tuple[Period, ...]:
         """A fault that begins lasts to the end."""
-        return period_of(self.bench, candidate, estimates)
+        return period_of(self.problem, candidate, estimates)
 
     def term(self, candidate: Candidate) -> Array:
         """Squared change of balances and readings by a candidate along the repaired course, each
@@ -54,8 +54,8 @@ class StoresModel(Model):
         Zero where the candidate itself stores something and cannot be switched off at one moment.
         """
         own = self.fitted
-        found = changes(self.bench, own.ids, own.values, own.inputs, candidate)
-        total = np.zeros(len(self.bench.time))
+        found = changes(self.problem, own.ids, own.values, own.inputs, candidate)
+        total = np.zeros(len(self.problem.time))
         for here, change in found.values():
             scatter, size = float(np.nanstd(here)), float(np.nanmax(np.abs(here)))
             if scatter > 1e-12 * size:
@@ -66,7 +66,7 @@ class StoresModel(Model):
     def _courses(self) -> dict[str, Variable]:
         signals, dynamics = self.ruleset.signal_by_id, self.ruleset.dynamics
         assert dynamics is not None
-        inputs = self.bench.record.inputs.items()
+        inputs = self.problem.record.inputs.items()
         states = {s.id: Variable.of(self.fitted.course(s.id), s) for s in dynamics.states}
         return {**states, **{name: Variable.of(own, signals[name]) for name, own in inputs}}
 
@@ -78,7 +78,7 @@ class StoresModel(Model):
 
     def variable(self, name: str) -> Variable | None:
         """A state, an input or a measured reading."""
-        measured = self.bench.record.measured.get(name)
+        measured = self.problem.record.measured.get(name)
         if measured is None:
             return self._courses.get(name)
         return Variable.of(measured, self.ruleset.signal_by_id[name])
@@ -86,11 +86,11 @@ class StoresModel(Model):
 
 def model_of(fitted: Fitted) -> StoresModel:
     """The model of a fit."""
-    bench = fitted.bench
+    problem = fitted.problem
     return StoresModel(
-        ruleset=bench.ruleset,
-        builder=bench.builder,
-        samples=bench.record,
+        ruleset=problem.ruleset,
+        builder=problem.builder,
+        samples=problem.record,
         joined=fitted.joined,
         free=fitted.free,
         covariance=fitted.covariance,
@@ -99,14 +99,14 @@ def model_of(fitted: Fitted) -> StoresModel:
 
 
 def period_of(
-    bench: SimulationProblem, candidate: Candidate, estimates: Mapping[str, Estimate]
+    problem: SimulationProblem, candidate: Candidate, estimates: Mapping[str, Estimate]
 ) -> tuple[Period, ...]:
     """The period of a fault that begins, and its degree."""
     onset = candidate.onset
     degree = next((u for u in candidate.unknowns if u.null is not None), None)
     if onset is None or degree is None:
         return ()
-    first, last = (float(t) for t in bench.record.time[[0, -1]])
+    first, last = (float(t) for t in problem.record.time[[0, -1]])
     found = estimates[degree.name]
     since = first + estimates[onset.name].value
     value, u = found.value * degree.factor, found.u * degree.factor

@@ -14,11 +14,10 @@ from scipy.linalg.lapack import dtbtrs
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
-# The noise of a simulation error: its size and its memory.
+# The noise of a simulation error: its size and its correlation time.
 #
 # A plain model is off for long stretches. If every sample counted as independent, every candidate
-# that bends the course would seem certain. So squares of errors count once per memory of the
-# error.
+# that bends the course would seem certain. So squares of errors count once per correlation time.
 #
 # Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
 
@@ -28,12 +27,12 @@ class Noise:
     """Standard deviation of an error, SI, and the number of samples per independent one."""
 
     spread: float
-    memory: float
+    correlation_time: float
 
     @property
     def weight(self) -> float:
         """Divisor of an error that makes half its square a loss of log likelihood, nats."""
-        return float(self.spread * np.sqrt(self.memory))
+        return float(self.spread * np.sqrt(self.correlation_time))
 
 
 def noise_of(error: Array, known: Flags, least: float) -> Noise:
@@ -78,7 +77,7 @@ def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
 
 def gain(before: Noise, after: Noise, samples: int) -> float:
     """Rise of the log likelihood, with the size of the noise unknown."""
-    count = samples / max(after.memory, 1.0)
+    count = samples / max(after.correlation_time, 1.0)
     return float(count * np.log(before.spread / after.spread))
 
 
@@ -152,8 +151,8 @@ def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
         step, known = np.array([[np.exp(-rate)]]), np.array([[size**2]])
     shown = np.eye(1, len(step))
     first = np.linalg.inv(np.linalg.cholesky(toeplitz(alike) + np.eye(len(gap))))
-    news = known - step @ known @ step.T
-    ahead = solve_discrete_are(step.T, shown.T, 0.5 * (news + news.T), np.ones((1, 1)))
+    innovation = known - step @ known @ step.T
+    ahead = solve_discrete_are(step.T, shown.T, 0.5 * (innovation + innovation.T), np.ones((1, 1)))
     whole = float(ahead[0, 0]) + 1.0
     gain = step @ ahead[:, :1] / whole @ shown
     above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - gain))
@@ -197,57 +196,57 @@ class Drift:
         return np.where(np.arange(self.count) < len(self.shapes), errors, 0.0)
 
 
-def no_drift(bench: SimulationProblem) -> Drift:
+def no_drift(problem: SimulationProblem) -> Drift:
     """No sensor errors."""
-    return Drift(np.zeros((len(bench.signals) * len(bench.time), 0)), ())
+    return Drift(np.zeros((len(problem.signals) * len(problem.time), 0)), ())
 
 
-def drift_of(bench: SimulationProblem, values: Mapping[str, float]) -> Drift:
+def drift_of(problem: SimulationProblem, values: Mapping[str, float]) -> Drift:
     """All notable sensor errors, linearised at the plain model."""
-    record, shapes = bench.record, list[tuple[str, Array]]()
-    plain = bench.simulate((), values).stacked
-    spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(bench.time))
-    for name, u in _classes(bench, ()):
+    record, shapes = problem.record, list[tuple[str, Array]]()
+    plain = problem.simulate((), values).stacked
+    spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(problem.time))
+    for name, u in _classes(problem, ()):
         changed = {**record.inputs, name: record.inputs[name] + u}
-        moved = bench.simulate((), values, inputs=changed).stacked
+        moved = problem.simulate((), values, inputs=changed).stacked
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
         if size > limits.LARGE_DRIFT:
-            shapes += [(name, u * shape) for shape in hats(bench.time, limits.DRIFT_KNOTS)]
+            shapes += [(name, u * shape) for shape in hats(problem.time, limits.DRIFT_KNOTS)]
         elif size >= limits.NOTABLE_DRIFT:
             shapes.append((name, u))
-    return Drift(_moved(bench, shapes, (), values, record.inputs), tuple(shapes))
+    return Drift(_moved(problem, shapes, (), values, record.inputs), tuple(shapes))
 
 
 def moved_again(
     drift: Drift,
-    bench: SimulationProblem,
+    problem: SimulationProblem,
     joined: tuple[str, ...],
     values: Mapping[str, float],
     inputs: Mapping[str, Array],
 ) -> Drift:
     """The same errors, linearised at another model, where other volumes may run over a rim.
     `inputs` have shape (n,), SI."""
-    return replace(drift, moved=_moved(bench, drift.shapes, joined, values, inputs))
+    return replace(drift, moved=_moved(problem, drift.shapes, joined, values, inputs))
 
 
 def errors_of_sensors(
-    bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
+    problem: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
 ) -> Array:
     """Effects of constant sensor errors within their class on readings, stacked, shape (signals *
     samples, errors), SI. Errors that move belong to the wandering error of a model."""
-    return _moved(bench, list(_classes(bench, ids)), ids, values, bench.record.inputs)
+    return _moved(problem, list(_classes(problem, ids)), ids, values, problem.record.inputs)
 
 
-def _classes(bench: SimulationProblem, ids: tuple[str, ...]) -> Iterator[tuple[str, Array]]:
+def _classes(problem: SimulationProblem, ids: tuple[str, ...]) -> Iterator[tuple[str, Array]]:
     """Each input of a model, with the standard uncertainty by its class, shape (n,), SI."""
-    for name, course in bench.record.inputs.items():
-        if name in bench.balances(ids).inputs:
-            u = systematic_u(bench.ruleset.signal_by_id[name], course)
+    for name, course in problem.record.inputs.items():
+        if name in problem.balances(ids).inputs:
+            u = systematic_u(problem.ruleset.signal_by_id[name], course)
             yield name, np.broadcast_to(u, course.shape)
 
 
 def _moved(
-    bench: SimulationProblem,
+    problem: SimulationProblem,
     shapes: Sequence[tuple[str, Array]],
     ids: tuple[str, ...],
     values: Mapping[str, float],
@@ -255,13 +254,13 @@ def _moved(
 ) -> Array:
     """Effects of errors of inputs, and of the zero error of each predicted reading, on readings,
     stacked, shape (signals * samples, errors), SI."""
-    plain, columns = bench.simulate(ids, values, inputs=inputs).stacked, list[Array]()
+    plain, columns = problem.simulate(ids, values, inputs=inputs).stacked, list[Array]()
     for name, error in shapes:
         changed = {**inputs, name: inputs[name] + error}
-        columns.append(bench.simulate(ids, values, inputs=changed).stacked - plain)
-    for i, (name, course) in enumerate(bench.record.measured.items()):
-        own = np.zeros((len(bench.signals), len(course)))
-        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
+        columns.append(problem.simulate(ids, values, inputs=changed).stacked - plain)
+    for i, (name, course) in enumerate(problem.record.measured.items()):
+        own = np.zeros((len(problem.signals), len(course)))
+        own[i] = np.nan_to_num(systematic_u(problem.ruleset.signal_by_id[name], course))
         columns.append(own.ravel())
     return np.column_stack(columns)
 

@@ -23,25 +23,25 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 
 def from_afar(
-    bench: SimulationProblem,
+    problem: SimulationProblem,
     setting: Configuration,
     evaluations: int = limits.EVALUATIONS,
     fits: int = limits.FITS_FROM_AFAR,
 ) -> Configuration:
     """Values of least simulation errors near a setting, as far as the evaluations lead."""
-    fitter = Fitter(bench, setting.joined, setting.fixed)
+    fitter = Fitter(problem, setting.joined, setting.fixed)
     at = fitter.vector(setting.values)
-    measured = bench.record.measured
+    measured = problem.record.measured
     noise = {
         n: limits.ERROR_FROM_AFAR * float(np.nanstd(v)) + limits.LEAST_ERROR
         for n, v in measured.items()
     }
     for _ in range(fits):
-        judged = independent(bench, {n: Noise(spread, 1.0) for n, spread in noise.items()})
+        judged = independent(problem, {n: Noise(spread, 1.0) for n, spread in noise.items()})
         at = fitter.descend(at, judged, evaluations)
         with contextlib.suppress(RanAway):
             errors, _ = fitter.errors(at, judged)
-            left = {n: e[bench.known[n]] for n, e in errors.items()}
+            left = {n: e[problem.known[n]] for n, e in errors.items()}
             noise = {
                 n: max(float(np.sqrt(np.mean(e**2))), limits.LEAST_ERROR) for n, e in left.items()
             }
@@ -49,19 +49,19 @@ def from_afar(
     return replace(setting, values={n: values[n] for n in fitter.free})
 
 
-def nearest(bench: SimulationProblem, every: Sequence[Configuration]) -> Configuration | None:
+def nearest(problem: SimulationProblem, every: Sequence[Configuration]) -> Configuration | None:
     """The setting with the smallest residuals, by the sum of their logarithms over readings, of
     those that do not run away."""
     found = list[tuple[float, Configuration]]()
-    judged = independent(bench, dict.fromkeys(bench.signals, Noise(1.0, 1.0)))
+    judged = independent(problem, dict.fromkeys(problem.signals, Noise(1.0, 1.0)))
     for setting in every:
-        fitter = Fitter(bench, setting.joined, setting.fixed)
+        fitter = Fitter(problem, setting.joined, setting.fixed)
         at = fitter.vector(setting.values)
         values = fitter.values(at)
         there = replace(setting, values={n: values[n] for n in fitter.free})
         with contextlib.suppress(RanAway), np.errstate(all="ignore"):
             errors, _ = fitter.errors(at, judged)
-            left = [errors[n][known] for n, known in bench.known.items()]
+            left = [errors[n][known] for n, known in problem.known.items()]
             size = sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in left)
             found.append((size, there))
     return min(found, key=lambda one: one[0])[1] if found else None

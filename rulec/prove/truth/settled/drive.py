@@ -121,11 +121,11 @@ def density(random: np.random.Generator, samples: int) -> Array:
     return _followed(LIGHT + (HEAVY - LIGHT) * held(random, samples, 40, 120), 4.0)
 
 
-def _followed(values: Array, memory: float) -> Array:
+def _followed(values: Array, samples: float) -> Array:
     """What follows a course within `memory` samples, settled at the first one."""
     last, result = float(values[0]), np.empty(values.size)
     for k, now in enumerate(values.tolist()):
-        last += (now - last) / memory
+        last += (now - last) / samples
         result[k] = last
     return result
 

@@ -108,7 +108,7 @@ def searched(place: SimulationProblem, *names: str) -> Found:
 
 def as_found(plain: Fitted, best: Fitted) -> Found:
     """Models as if a search had found them, which has tried nothing else."""
-    return Found(plain, best, (), begun(plain.bench).posterior())
+    return Found(plain, best, (), begun(plain.problem).posterior())
 
 
 def explained(recording: Recording, plain: Fitted, best: Fitted) -> Explanation:

@@ -155,7 +155,7 @@ def test_a_sound_plant_is_recalibrated_to_its_noise() -> None:
     assert not found.best.joined
     assert frozenset() == found.posterior.best
     assert noise.spread == pytest.approx(NOISE, rel=0.1)
-    assert noise.memory < 1.3
+    assert noise.correlation_time < 1.3
 
 
 def test_a_law_is_found_although_its_special_case_fits() -> None:
