@@ -143,7 +143,7 @@ def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
     builder = opened(PLANTS / "rse-boiler")
     stated = {law.place: law.accuracy for law in builder.laws}
     assert {"head": 0.05, "opening": 0.1, "resistance": 0.08} == stated
-    assert "head" not in {spot.place for spot in builder.spots}
+    assert "head" not in {spot.place for spot in builder.locations}
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.5, []), (-0.5, ["KB125"])])

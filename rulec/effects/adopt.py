@@ -67,13 +67,13 @@ def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
     """The new types of all modules; raises `AdoptRefused` if the plant has changed since."""
     network = builder.network
     for curve in repair.curves:
-        spot = builder.places.get(curve.place)
-        if spot is None or not spot.may_follow(curve.driver):
+        location = builder.location_by_id.get(curve.place)
+        if location is None or not location.may_follow(curve.driver):
             message = f"a curve at '{curve.place}' does not fit {network.plant.name}"
             raise AdoptRefused(f"{message}; run rulec mismatch again")
     curves = map(builder.curve_term, repair.curves)
     by_id = {c.id: c for c in (*builder.candidates, *curves)}
-    free = {s.id for s in builder.spots}
+    free = {s.id for s in builder.locations}
     _refuse_unknown(builder, repair)
     readings = Gathering(network)
     taken: list[Candidate] = []
@@ -110,7 +110,7 @@ def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
 
 
 def _refuse_unknown(builder: ModelBuilder, repair: Repair) -> None:
-    known = {*builder.parameters.ids, *(s.id for s in builder.spots)}
+    known = {*builder.parameters.ids, *(s.id for s in builder.locations)}
     known |= {u.id for c in builder.candidates for u in c.unknowns}
     for parameter in repair.parameters:
         if parameter.id.partition("#")[0] not in known:

@@ -21,15 +21,15 @@ _GIVEN = (NONE, TEMPERATURE, _RATE)
 """Dimensions of ratios, temperatures and speeds, which are given and which no relation explains."""
 
 
-def spots_of(
+def locations_of(
     around: Survey, module: Module, sites: Iterable[Site]
 ) -> Iterator[DisturbanceLocation]:
     """Disturbance locations of a module; one for all places with the same effect."""
     for site in _distinct(around, module, _eligible(module, tuple(sites))):
-        yield _spot(around, module, site)
+        yield _location(around, module, site)
 
 
-def _spot(around: Survey, module: Module, site: Site) -> DisturbanceLocation:
+def _location(around: Survey, module: Module, site: Site) -> DisturbanceLocation:
     kind, name = site.key
     unit = unit_of(around.network.plant, module, site)
     per = ""
@@ -54,7 +54,7 @@ def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[D
     known = {(f"{site.kind}s", site.name): site for site in sites}
     for path, stated in module.type.laws().items():
         share = stated.share if stated else ASSUMED_ACCURACY
-        yield replace(_spot(around, module, known[path]), accuracy=share)
+        yield replace(_location(around, module, known[path]), accuracy=share)
 
 
 def stores_of(
@@ -64,7 +64,7 @@ def stores_of(
     for site in sites:
         law = bool(module.type.states) and site.key == ("definition", OUTFLOW)
         if law or site.kind in ("balance", "reading"):
-            yield _spot(around, module, site)
+            yield _location(around, module, site)
 
 
 def _eligible(module: Module, sites: tuple[Site, ...]) -> list[Site]:

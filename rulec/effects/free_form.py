@@ -25,7 +25,7 @@ BENDS = 5
 """Bends of a curve in one equation."""
 
 
-def free_form(spot: DisturbanceLocation, id_: str, bands: tuple[str, ...]) -> Matched:
+def free_form(location: DisturbanceLocation, id_: str, bands: tuple[str, ...]) -> Matched:
     """The candidate of an additive curve over one reading, with coefficients in the unit of the
     place.
 
@@ -38,11 +38,11 @@ def free_form(spot: DisturbanceLocation, id_: str, bands: tuple[str, ...]) -> Ma
     terms, unknowns = [], []
     for i, number in enumerate(numbers, 1):
         terms.append(f"c{i}*{_band(number, parts)}")
-        unknowns.append(_coefficient(id_, i, f"{signal}, band {number} of {parts}", spot))
+        unknowns.append(_coefficient(id_, i, f"{signal}, band {number} of {parts}", location))
     for knot in sorted({k for n in numbers for k in (n - 1, n, n + 1) if 0 <= k <= parts}):
         title = f"quantile {knot}/{parts} of {signal}"
         unknowns.append(_knot(id_, knot, title, signal, knot / parts))
-    return _matched(spot, id_, f"law + {' + '.join(terms)}", unknowns, signal)
+    return _matched(location, id_, f"law + {' + '.join(terms)}", unknowns, signal)
 
 
 def _band(number: int, parts: int) -> str:
@@ -58,7 +58,7 @@ def _band(number: int, parts: int) -> str:
 
 
 def bent_line(
-    spot: DisturbanceLocation, id_: str, driver: str, bends: range, knots: int
+    location: DisturbanceLocation, id_: str, driver: str, bends: range, knots: int
 ) -> Matched:
     """The candidate of some bends of a curve that is linear between knots, constant beyond them.
 
@@ -66,12 +66,12 @@ def bent_line(
     slope at the knots, per SI unit of the driver; ``x_0`` and on are the knots, fixed.
     """
     numbers = [*([0] if 0 in bends else []), *(k + 1 for k in bends)]
-    unknowns = [_coefficient(id_, i, f"{driver}, bend {i}", spot) for i in numbers]
+    unknowns = [_coefficient(id_, i, f"{driver}, bend {i}", location) for i in numbers]
     terms = [*(["c0"] if 0 in bends else []), *(f"c{k + 1}*max(x1 - x_{k}, 0)" for k in bends)]
     for k in bends:
         title = f"knot {k} of {driver}"
         unknowns.append(_knot(id_, k, title, driver, k / (knots - 1)))
-    return _matched(spot, id_, f"law + {' + '.join(terms)}", unknowns, driver)
+    return _matched(location, id_, f"law + {' + '.join(terms)}", unknowns, driver)
 
 
 def curve_through(place: str, driver: str, at: Array, value: Array) -> CurveTerm:
@@ -87,10 +87,10 @@ def curve_through(place: str, driver: str, at: Array, value: Array) -> CurveTerm
     return CurveTerm(place, driver, tuple(points))
 
 
-def curve_term(spot: DisturbanceLocation, curve: CurveTerm, over: Unit) -> Matched:
+def curve_term(location: DisturbanceLocation, curve: CurveTerm, over: Unit) -> Matched:
     """The candidate of a curve, in the unit of the place `over` that of its driver."""
     shown = [
-        (rounded(x / over.factor, CURVE_DIGITS), rounded(y / spot.factor, CURVE_DIGITS))
+        (rounded(x / over.factor, CURVE_DIGITS), rounded(y / location.factor, CURVE_DIGITS))
         for x, y in curve.points
     ]
     (first, low), (last, high) = shown[0], shown[-1]
@@ -107,31 +107,31 @@ def curve_term(spot: DisturbanceLocation, curve: CurveTerm, over: Unit) -> Match
             fixed=True,
         )
         for end, what, unit, factor in (
-            (SIZE, spot.place, spot.unit, spot.factor),
+            (SIZE, location.place, location.unit, location.factor),
             (PER, curve.driver, over.text, over.factor),
         )
     ]
-    found = _matched(spot, curve.id, f"law + {law}", unknowns, curve.driver)
+    found = _matched(location, curve.id, f"law + {law}", unknowns, curve.driver)
     ends = f"{first:.4g} to {last:.4g}"
     candidate = replace(
         found.candidate,
         sort="curve",
         name="curve",
         title=f"Curve over {curve.driver} from {ends} {over.text}, without physics",
-        equation=f"{spot.place} = law + curve({curve.driver})",
+        equation=f"{location.place} = law + curve({curve.driver})",
         source="no physics",
     )
     return replace(found, candidate=candidate)
 
 
 def _matched(
-    spot: DisturbanceLocation, id_: str, law: str, unknowns: list[Unknown], driver: str
+    location: DisturbanceLocation, id_: str, law: str, unknowns: list[Unknown], driver: str
 ) -> Matched:
     """The candidate of a law over ``x1``, a reading or a state."""
     change = Change(
-        places=((spot.kind, spot.place),),
+        places=((location.kind, location.place),),
         law=parse(law),
-        drivers={"x1": driver.removeprefix(f"{spot.module}.")},
+        drivers={"x1": driver.removeprefix(f"{location.module}.")},
         parameters={u.name: _parameter(u) for u in unknowns},
         ids={u.name: u.id for u in unknowns},
     )
@@ -140,26 +140,26 @@ def _matched(
         sort="free",
         name="free-form",
         title="dependence that no entry names",
-        module=spot.module,
-        place=spot.place,
-        observers=spot.observers,
+        module=location.module,
+        place=location.place,
+        observers=location.observers,
         unknowns=tuple(unknowns),
         drivers={"x1": driver},
-        equation=f"{spot.place} = {law}",
-        text=f"{spot.title} of {spot.module} follows {driver} in a way that no entry names",
+        equation=f"{location.place} = {law}",
+        text=f"{location.title} of {location.module} follows {driver} in a way that no entry names",
         action="",
         source="",
     )
     return Matched(candidate, change)
 
 
-def _coefficient(id_: str, number: int, feature: str, spot: DisturbanceLocation) -> Unknown:
+def _coefficient(id_: str, number: int, feature: str, location: DisturbanceLocation) -> Unknown:
     return Unknown(
         id=f"{id_}.c{number}",
         name=f"c{number}",
         title=f"share that follows {feature}",
-        unit=spot.unit,
-        factor=spot.factor,
+        unit=location.unit,
+        factor=location.factor,
         null=0.0,
     )
 

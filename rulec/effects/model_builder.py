@@ -24,7 +24,7 @@ from rulec.effects.candidate import (
     DisturbanceLocation,
     Missing,
 )
-from rulec.effects.disturbance_locations import laws_of, spots_of, stores_of
+from rulec.effects.disturbance_locations import laws_of, locations_of, stores_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.free_form import BENDS, bent_line, curve_term, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
@@ -124,11 +124,11 @@ class ModelBuilder:
         return self.matches.missing
 
     @cached_property
-    def spots(self) -> tuple[DisturbanceLocation, ...]:
+    def locations(self) -> tuple[DisturbanceLocation, ...]:
         """Disturbance locations of the whole plant."""
         around, sites = self.matches.around, self.matches.sites
         modules = self.network.plant.modules.values()
-        settled = (s for m in modules for s in spots_of(around, m, sites[m.name]))
+        settled = (s for m in modules for s in locations_of(around, m, sites[m.name]))
         stored = (s for m in modules for s in stores_of(around, m, sites[m.name]))
         return tuple({s.id: s for s in (*settled, *stored)}.values())
 
@@ -143,20 +143,20 @@ class ModelBuilder:
         self,
         module: str,
         joined: tuple[str, ...],
-        spots: tuple[str, ...] = (),
+        locations: tuple[str, ...] = (),
         definitions: bool = False,
     ) -> Plan:
-        """The observers (and definitions) of a module with candidates and spots built in.
+        """The observers (and definitions) of a module with candidates and locations built in.
 
-        Candidates and spots that affect no observer of the module are ignored.
+        Candidates and locations that affect no observer of the module are ignored.
         """
         joined = tuple(c for c in joined if self._reaches(self._of(c).candidate, module))
-        spots = tuple(s for s in spots if self._reaches(self.places[s], module))
-        key = module, joined, spots, definitions
+        locations = tuple(s for s in locations if self._reaches(self.location_by_id[s], module))
+        key = module, joined, locations, definitions
         if key not in self._plans:
             owners = dict.fromkeys(m for c in joined for m in self._of(c).candidate.modules)
             amended = {owner: self.amended(owner, joined) for owner in owners}
-            what = Lowering(self.network, amended, self._shifts(spots))
+            what = Lowering(self.network, amended, self._shifts(locations))
             self._plans[key] = lower_module(what, module, definitions)
         return self._plans[key]
 
@@ -168,21 +168,21 @@ class ModelBuilder:
             f"{m.name}.{s}" for m in modules for s in m.type.signals if s not in m.type.readings
         )
 
-    def balances(self, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Balances:
-        """The balances of the whole plant with candidates and spots built in.
+    def balances(self, joined: tuple[str, ...], locations: tuple[str, ...] = ()) -> Balances:
+        """The balances of the whole plant with candidates and locations built in.
 
         Outputs are sensor readings, as ``shown:<signal>``, and flows, as ``inflow:<module>`` and
         ``outflow:<module>``.
         """
-        key = "", joined, spots
+        key = "", joined, locations
         if key not in self._balances:
             amended = {m: self.amended(m, joined) for m in self.network.plant.modules}
-            what = Lowering(self.network, amended, self._shifts(spots), self.network.ends)
+            what = Lowering(self.network, amended, self._shifts(locations), self.network.ends)
             plan = lower_states(what)
             states = tuple(
                 f"{module}.{state}" for module, own in amended.items() for state in own.type.states
             )
-            given = (*self.given, *(self.places[s].unknown for s in spots))
+            given = (*self.given, *(self.location_by_id[s].unknown for s in locations))
             used = tuple(name for name in given if name in plan.used_inputs)
             outputs = tuple(n for n in plan.outputs if n.partition(":")[0] in (SHOWN, *ENDS))
             self._balances[key] = Balances(plan, states, used, outputs)
@@ -206,28 +206,28 @@ class ModelBuilder:
         ) or _kind_of(amended, place)
         return equation_of(amended, (kind, place))
 
-    def free_form(self, spot: str, bands: tuple[str, ...]) -> Candidate:
-        """An additive curve at a spot without physics behind it, in bands of a reading.
+    def free_form(self, location: str, bands: tuple[str, ...]) -> Candidate:
+        """An additive curve at a location without physics behind it, in bands of a reading.
 
         The same call gives the same candidate.
         """
-        id_ = f"{spot}[{', '.join(bands)}]"
+        id_ = f"{location}[{', '.join(bands)}]"
         if id_ not in self._free:
-            self._free[id_] = free_form(self.places[spot], id_, bands)
+            self._free[id_] = free_form(self.location_by_id[location], id_, bands)
         return self._free[id_].candidate
 
-    def bent_line(self, spot: str, driver: str, knots: int) -> tuple[Candidate, ...]:
-        """A piecewise linear curve over a driver at a spot, with given knots.
+    def bent_line(self, location: str, driver: str, knots: int) -> tuple[Candidate, ...]:
+        """A piecewise linear curve over a driver at a location, with given knots.
 
         It comes in parts, as the length of an equation is limited. The same call gives the same
         candidates.
         """
-        found = []
+        at, found = self.location_by_id[location], list[Candidate]()
         for first in range(0, knots, BENDS):
             bends = range(first, min(first + BENDS, knots))
-            id_ = f"{spot}[{driver}, bends {bends[0]} to {bends[-1]} of {knots}]"
+            id_ = f"{location}[{driver}, bends {bends[0]} to {bends[-1]} of {knots}]"
             if id_ not in self._free:
-                self._free[id_] = bent_line(self.places[spot], id_, driver, bends, knots)
+                self._free[id_] = bent_line(at, id_, driver, bends, knots)
             found.append(self._free[id_].candidate)
         return tuple(found)
 
@@ -239,13 +239,13 @@ class ModelBuilder:
         over = (kind.states.get(name) or kind.signals[name]).unit
         # The zero of a unit with an offset is not the zero of SI.
         over = plant.knowledge.units.plain(over.dimension) if over.offset else over
-        self._free[curve.id] = curve_term(self.places[curve.place], curve, over)
+        self._free[curve.id] = curve_term(self.location_by_id[curve.place], curve, over)
         return self._free[curve.id].candidate
 
-    def _shifts(self, spots: Iterable[str]) -> dict[tuple[str, str, str], str]:
+    def _shifts(self, locations: Iterable[str]) -> dict[tuple[str, str, str], str]:
         """Disturbance locations as shifts for `Lowering`."""
-        places = (self.places[s] for s in spots)
-        return {(p.module, p.kind, p.place): p.unknown for p in places}
+        own = (self.location_by_id[s] for s in locations)
+        return {(p.module, p.kind, p.place): p.unknown for p in own}
 
     def _of(self, candidate: str) -> Matched:
         return self._free.get(candidate) or self._matched_by_id[candidate]
@@ -255,9 +255,9 @@ class ModelBuilder:
         return {m.candidate.id: m for m in self.matches.candidates}
 
     @cached_property
-    def places(self) -> dict[str, DisturbanceLocation]:
+    def location_by_id(self) -> dict[str, DisturbanceLocation]:
         """Places at which an error may be built in, by id."""
-        return {s.id: s for s in (*self.laws, *self.spots)}
+        return {s.id: s for s in (*self.laws, *self.locations)}
 
     @staticmethod
     def _reaches(what: Candidate | DisturbanceLocation, module: str) -> bool:

@@ -172,13 +172,13 @@ def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable
     missing = [k for k in error.validator_value if k not in value and k not in typos]
     if not missing:
         return
-    spot = path or (next(iter(value), ""),)
+    at = path or (next(iter(value), ""),)
     names = ", ".join(f"'{key}'" for key in missing)
     message = f"{part} needs the key{'s' * (len(missing) > 1)} {names}"
     about = known.get(missing[0], {})
     text = about.get("description", about.get("title", "")).rstrip(".")
     hint = f"add '{missing[0]}: ...' ({text})" if len(missing) == 1 else "add them"
-    yield Diagnostic(document.key(*spot), "KB021", message, hint)
+    yield Diagnostic(document.key(*at), "KB021", message, hint)
 
 
 def _refused(document: Document, path: Path_, error: Any) -> Iterable[Diagnostic]:

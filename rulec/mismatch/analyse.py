@@ -92,12 +92,12 @@ def analyse(
     locations = (
         *(location_of(model, f, found.accepted) for f in named),
         *(failed_at(f) for f in found.failing),
-        *found.places,
+        *found.locations,
     )
     plain, repair = refits.repairs
     plants, fits, samples = shown.plants, shown.fits, model.samples
     doubt = _doubt(found, fits)
-    verdict = verdict_of(findings, bool(found.places), doubt)
+    verdict = verdict_of(findings, bool(found.locations), doubt)
     spans = heldout_spans(samples.time, ~samples.open)
     checks = checks_of(plants, recording, spans) if plants else ()
     unwritten = plants.refused if plants else ""
@@ -134,7 +134,7 @@ def analyse(
         recording="",
         verdict=told,
         headline=headline,
-        locations=(*structure.places_of(taken, ruleset), *locations),
+        locations=(*structure.locations_of(taken, ruleset), *locations),
         findings=(*misread, *findings),
         fit=fits[0] if fits else None,
         fits=fits,
@@ -234,8 +234,8 @@ def _read_so(misread: Sequence[Finding]) -> list[str]:
 
 def _of_curves(builder: ModelBuilder, repair: Repair) -> list[str]:
     """A remark on what the repaired plant holds without physics."""
-    spots = [(builder.places[curve.place], curve.driver) for curve in repair.curves]
-    places = [f"{spot.module}.{spot.place} over {driver}" for spot, driver in spots]
+    terms = [(builder.location_by_id[curve.place], curve.driver) for curve in repair.curves]
+    places = [f"{location.module}.{location.place} over {driver}" for location, driver in terms]
     return [
         f"the repaired plant also holds what has no name, as a curve: {listed(places)}. Outside of "
         "this recording it may be wrong, and it may hide a fault"
@@ -287,7 +287,7 @@ def _cannot(
         verdict="cannot judge",
         headline=headline,
         next=then,
-        locations=tuple(structure.places_of(taken, ruleset)),
+        locations=tuple(structure.locations_of(taken, ruleset)),
         findings=misread,
         split=samples.split if samples else "",
         digest=samples.digest if samples else "",

@@ -96,16 +96,16 @@ def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Ex
     fitted, accepted, posterior = found.fitted, found.accepted, found.posterior
     system = fitted.rows.system
     # Places with an unrecorded driver, in the order in which they were found.
-    latent = tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
-    curves = [a.curve for a in accepted if latent and a.candidate.id == latent[0].spot.id]
+    latent = tuple(reconstruct(fitted, location) for location in fitted.setting.locations)
+    curves = [a.curve for a in accepted if latent and a.candidate.id == latent[0].location.id]
     switching = next((curve.says for curve in curves if curve is not None), "")
-    model = model_of(fitted)
+    model, shares = model_of(fitted), shares_of(accepted)
     return Explanation(
         recording=recording,
         model=model,
         accepted=accepted,
         failing=(*impossible(recording, system.ruleset), *stuck(recording, system.ruleset)),
-        places=tuple(_place(model, own.spot, shares_of(accepted)[own.spot.id]) for own in latent),
+        locations=tuple(_location(model, o.location, shares[o.location.id]) for o in latent),
         hidden=_driver(system, latent, switching) if latent else None,
         noise=_noise_words(fitted),
         untimed="operating points"
@@ -123,11 +123,11 @@ def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Ex
     )
 
 
-def _place(model: SteadyModel, spot: DisturbanceLocation, share: float) -> Location:
+def _location(model: SteadyModel, location: DisturbanceLocation, share: float) -> Location:
     """A place with an unrecorded driver, whose course shows the times."""
-    term = model.term(next(c for c in model.joined if c.id == spot.id))
-    also = tuple(f"{s.module}.{s.place}" for s in alike(model.fitted, spot))
-    where = (spot.module, spot.place, spot.title)
+    term = model.term(next(c for c in model.joined if c.id == location.id))
+    also = tuple(f"{s.module}.{s.place}" for s in alike(model.fitted, location))
+    where = (location.module, location.place, location.title)
     return replace(location_at(model, where, share, term, also, {}), periods=())
 
 
@@ -214,8 +214,8 @@ class Explanation(Explained[Fitted]):
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per reading whose errors are reported, flows first."""
         found: dict[str, tuple[bool, Proof]] = {}
-        for place in self._places(findings):
-            natural = predictors_for(self._system, *place)[: limits.PREDICTORS_TRIED]
+        for location in self._locations(findings):
+            natural = predictors_for(self._system, *location)[: limits.PREDICTORS_TRIED]
             if natural and natural[0].of_flow:
                 natural = natural[:1]
             tried = [(p.of_flow, prove(p, self._models)) for p in natural]
@@ -226,25 +226,25 @@ class Explanation(Explained[Fitted]):
         # If a fault covers all held-out samples of a reading, they prove nothing.
         return [proof for proof in proofs if proof.fit.heldout.points] or proofs
 
-    def _places(
+    def _locations(
         self, findings: Sequence[Finding]
     ) -> list[tuple[tuple[str, ...], frozenset[str], str]]:
         """Observers, drivers and unit of the place of each finding, else those of the plant."""
         system = self._system
         candidates = {c.id: c for c in system.builder.candidates}
-        spots = {(s.module, s.place): s for s in system.builder.spots}
-        places: list[tuple[tuple[str, ...], frozenset[str], str]] = []
+        locations = {(s.module, s.place): s for s in system.builder.locations}
+        found: list[tuple[tuple[str, ...], frozenset[str], str]] = []
         for finding in findings:
             if finding.id in candidates:
                 candidate = candidates[finding.id]
-                spot = spots.get((finding.module, finding.place))
+                location = locations.get((finding.module, finding.place))
                 drivers = frozenset(candidate.drivers.values())
-                places.append((candidate.observers, drivers, spot.unit if spot else ""))
+                found.append((candidate.observers, drivers, location.unit if location else ""))
             elif finding.sort == "free":
-                spot = spots[finding.module, finding.place]
-                places.append((spot.observers, frozenset(), spot.unit))
-        places += [(h.spot.observers, frozenset(), h.spot.unit) for h in self.latent]
-        return places or [(tuple(o.id for o in system.observers), frozenset(), "")]
+                location = locations[finding.module, finding.place]
+                found.append((location.observers, frozenset(), location.unit))
+        found += [(h.location.observers, frozenset(), h.location.unit) for h in self.latent]
+        return found or [(tuple(o.id for o in system.observers), frozenset(), "")]
 
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
@@ -341,37 +341,37 @@ class Explanation(Explained[Fitted]):
 
 def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> HiddenDriver:
     hidden, *others = found
-    spot = hidden.spot
-    near = [m for m in system.builder.missing if m.module == spot.module]
-    lacking = [m for m in near if m.place == spot.place] or near
+    location = hidden.location
+    near = [m for m in system.builder.missing if m.module == location.module]
+    lacking = [m for m in near if m.place == location.place] or near
     text = (
-        f"what drives {_what(spot)} is not recorded; "
+        f"what drives {_what(location)} is not recorded; "
         f"its course: {described(hidden.time, hidden.course)}"
     )
     if switching:
-        lacking, text = [], f"{_what(spot)} {switching}"
+        lacking, text = [], f"{_what(location)} {switching}"
     text += "".join(
-        f"; {_what(other.spot)} changes too, and its course correlates with this one by "
+        f"; {_what(other.location)} changes too, and its course correlates with this one by "
         f"{fixed(likeness(hidden, other), 2)}"
         for other in others
     )
     return HiddenDriver(
-        module=spot.module,
-        place=spot.place,
+        module=location.module,
+        place=location.place,
         text=text,
         time=hidden.time,
-        course=hidden.course / spot.factor,
-        unit=spot.unit,
+        course=hidden.course / location.factor,
+        unit=location.unit,
         candidates=tuple(dict.fromkeys(m.title for m in lacking)),
         sensor=lacking[0].sensor if lacking else "",
         switches=bool(switching),
     )
 
 
-def _what(spot: DisturbanceLocation) -> str:
+def _what(location: DisturbanceLocation) -> str:
     # The id of a parameter as a place is like `parameter:A.C2`.
-    what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
-    return f"{what} {spot.module}.{spot.place}"
+    what = f"{location.id.partition(':')[2]} in" if location.kind == "parameter" else "the error of"
+    return f"{what} {location.module}.{location.place}"
 
 
 def gain_shown(proof: Proof) -> float:

@@ -72,13 +72,13 @@ def explain(
         dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
     model = model_of(best)
-    places: tuple[Location, ...] = ()
+    locations: tuple[Location, ...] = ()
     if found.nameless:
         tell("drawing what has no name")
         unnamed = likeliest_curve(found)
         if unnamed is not None:
-            places = (location_of_curve(model, unnamed.curve, unnamed.share),)
-    told = explanation(recording, model, found, accepted, places, dropped)
+            locations = (location_of_curve(model, unnamed.curve, unnamed.share),)
+    told = explanation(recording, model, found, accepted, locations, dropped)
     return told if dropped else replace(told, curves=curves_of(found))
 
 
@@ -87,7 +87,7 @@ def explanation(
     model: StoresModel,
     found: Found,
     accepted: tuple[Accepted, ...] = (),
-    places: tuple[Location, ...] = (),
+    locations: tuple[Location, ...] = (),
     dropped: tuple[str, ...] = (),
 ) -> Explanation:
     """The result of a search; unrecorded drivers are not sought, but reported as places."""
@@ -104,7 +104,7 @@ def explanation(
             for found_in in (failing, stuck, impossible)
             for finding in found_in(recording, ruleset)
         ),
-        places=places,
+        locations=locations,
         hidden=None,
         posterior=found.posterior,
         noise="noise from third differences of the readings; errors of the repaired model are "

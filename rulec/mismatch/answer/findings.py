@@ -148,14 +148,14 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
     if curve is not None:
         found = location_of_curve(model, curve, finding.closed, term)
         return replace(found, module=finding.module, place=finding.place, title=title)
-    variables, spot = model.variables(finding.module), (finding.module, finding.place, title)
+    variables, where = model.variables(finding.module), (finding.module, finding.place, title)
     also: tuple[str, ...] = ()
     if finding.probability < limits.CERTAIN:
         known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
         places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
         also = tuple(p for p in places if p != f"{finding.module}.{finding.place}")
     drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
-    found = location_at(model, spot, finding.closed, term, also, drivers)
+    found = location_at(model, where, finding.closed, term, also, drivers)
     periods = tuple((p.since, p.until) for p in finding.periods)
     return replace(found, region=(), periods=periods) if periods else found
 
@@ -171,14 +171,14 @@ def location_of_curve(
         size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
     elif size is None:
         size = np.interp(model.samples.time, curve.at, curve.value) ** 2
-    spot = (curve.place.module, curve.place.place, curve.place.title)
+    where = (curve.location.module, curve.location.place, curve.location.title)
     drivers = {} if driver is None else {curve.driver: driver}
-    return replace(location_at(model, spot, share, size, curve.elsewhere, drivers), shape=shape)
+    return replace(location_at(model, where, share, size, curve.elsewhere, drivers), shape=shape)
 
 
 def location_at(
     model: Model,
-    spot: tuple[str, str, str],
+    where: tuple[str, str, str],
     share: float,
     size: Array,
     also: tuple[str, ...],
@@ -191,11 +191,11 @@ def location_at(
     """
     samples = model.samples
     return Location(
-        module=spot[0],
-        place=spot[1],
-        title=spot[2],
+        module=where[0],
+        place=where[1],
+        title=where[2],
         share=share,
-        region=region_of(size, drivers) or region_of(size, model.variables(spot[0])),
+        region=region_of(size, drivers) or region_of(size, model.variables(where[0])),
         periods=periods_of(samples.time, size) if samples.timed else (),
         also=also,
     )

@@ -44,14 +44,14 @@ def shape_of(model: Model, found: CurveFound) -> Shape | None:
     driver = time if found.driver == TIME else model.variable(found.driver)
     if driver is None:
         return None
-    factor = found.place.factor
+    factor = found.location.factor
     curve, level = _from_its_level(
         Curve(
             at=driver.shown(found.at),
             value=found.value / factor,
             covariance=found.covariance / factor**2,
             driver_unit=driver.unit,
-            unit=found.place.unit,
+            unit=found.location.unit,
         )
     )
     text, monotone = shape_words(curve)
@@ -61,7 +61,7 @@ def shape_of(model: Model, found: CurveFound) -> Shape | None:
     return Shape(
         driver=found.driver,
         driver_unit=driver.unit,
-        unit=found.place.unit,
+        unit=found.location.unit,
         at=curve.at,
         value=curve.value,
         u=np.sqrt(np.maximum(np.diag(curve.covariance), 0.0)),
@@ -98,10 +98,10 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
             because = "the samples have no common time, so the direction of the driver is unknown"
             return UNDECIDED, because
         return UNDECIDED, "its driver was not approached from both sides often enough"
-    gap, u = (abs(v / found.place.factor) for v in (branches.gap, branches.u))
-    side = "risen" if branches.gap / found.place.factor > 0 else "fallen"
+    gap, u = (abs(v / found.location.factor) for v in (branches.gap, branches.u))
+    side = "risen" if branches.gap / found.location.factor > 0 else "fallen"
     return answer_of(branches, float(np.ptp(found.value))), (
-        f"{quantity(gap, u, found.place.unit)} more after its driver has {side} "
+        f"{quantity(gap, u, found.location.unit)} more after its driver has {side} "
         f"({branches.rising} visits from below, {branches.falling} from above)"
     )
 

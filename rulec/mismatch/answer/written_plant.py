@@ -113,8 +113,8 @@ class Reading:
 class Explained(ABC, Generic[F]):
     """A recording as far as the search explains it.
 
-    `places` are without a named cause, `failing` are failing sensors. `noise` describes the size of
-    the noise, `untimed` what lacks a common time, if so. `standing` are the sets of explanations
+    `locations` are without a named cause, `failing` are failing sensors. `noise` describes the size
+    of the noise, `untimed` what lacks a common time, if so. `standing` are the sets of explanations
     that are still possible, most probable first. Of several recordings, `recordings` has each, and
     `changed` the change by each further one. `nothing` is the probability by `posterior`, over all
     sets, that nothing is missing; `believed` are the values of parameters with the explanation
@@ -125,7 +125,7 @@ class Explained(ABC, Generic[F]):
     model: Model
     accepted: tuple[Accepted, ...]
     failing: tuple[Finding, ...]
-    places: tuple[Location, ...]
+    locations: tuple[Location, ...]
     hidden: HiddenDriver | None
     posterior: Posterior
     noise: str
@@ -197,7 +197,7 @@ def written(found: Explained[F], proofs: Sequence[Proof]) -> tuple[Refits[F], Pl
     refits = _refitted(found, sure, [])
     errors = plant_errors(found, refits, proofs)
     broken = found.failing or any(c.sort in ("fault", "sensor") for c in certain)
-    if found.curves and not broken and (found.model.joined or found.places):
+    if found.curves and not broken and (found.model.joined or found.locations):
         curves = [found.model.builder.curve_term(curve) for curve in found.curves]
         drawn = _refitted(found, sure, curves)
         drawn_errors = plant_errors(found, drawn, proofs)

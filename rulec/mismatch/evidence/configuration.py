@@ -143,7 +143,7 @@ class Configuration:
         return tuple(c.id for c in self.joined if c.sort != HIDDEN)
 
     @property
-    def spots(self) -> tuple[str, ...]:
+    def locations(self) -> tuple[str, ...]:
         """Ids of places and parameters that have an error with a free course in time."""
         return tuple(c.id for c in self.joined if c.sort == HIDDEN)
 

@@ -225,7 +225,7 @@ def climbed(
 class Evidence(ABC):
     """What all models of one recording have in common.
 
-    It has `count` rows. `candidates` are effects that the model may lack, `places` counts the
+    It has `count` rows. `candidates` are effects that the model may lack, `term_count` counts the
     places and drivers of a term without a name; `readings` are ids of all sensors. `forms` are rows
     of errors of form, shape (rows, errors), each of the law in `law`; `moving` and `held` are rows
     of sensor errors that move within their class, and of all others, `of_class` of those that are
@@ -237,7 +237,7 @@ class Evidence(ABC):
 
     count: int
     candidates: Sequence[Candidate]
-    places: int
+    term_count: int
     readings: frozenset[str]
     forms: Array
     law: tuple[str, ...]

@@ -73,7 +73,7 @@ class Switching:
 class Term:
     """A change at a place that follows a driver by a law without a name.
 
-    `spot` is the id of the place; `changed` is that place or a parameter of its law. `slopes`,
+    `location` is the id of the place; `changed` is that place or a parameter of its law. `slopes`,
     shape (open rows,), are those of the residuals by `changed`, SI. `columns`, shape (open rows,
     functions), are the effects of the functions of `basis` on the residuals, over their `norm`;
     their size is estimated along with the errors of form. At a reading, sizes above the `usual`
@@ -81,7 +81,7 @@ class Term:
     """
 
     name: str
-    spot: str
+    location: str
     changed: DisturbanceLocation
     driver: str
     slopes: Array
@@ -100,7 +100,7 @@ class Term:
 
 def term_with(
     columns: Array,
-    place: str,
+    location: str,
     changed: DisturbanceLocation,
     driver: str,
     basis: Basis | Switching,
@@ -111,7 +111,7 @@ def term_with(
     if not (norm > 0.0 and np.isfinite(columns).all()):
         return None
     name = f"{changed.id}~{driver}"
-    return Term(name, place, changed, driver, slopes, basis, norm, columns / norm)
+    return Term(name, location, changed, driver, slopes, basis, norm, columns / norm)
 
 
 def ways_there(values: Array, noise: float) -> tuple[Array, NDArray[np.intp]]:

@@ -24,7 +24,7 @@ from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
-from rulec.mismatch.evidence.steady.screen import spot_column
+from rulec.mismatch.evidence.steady.screen import column_at
 from rulec.mismatch.evidence.steady.system import System, with_properties
 from rulec.mismatch.evidence.steady.terms import driver_of
 from rulec.mismatch.search.refit import Model
@@ -218,7 +218,7 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
     by_value = fitted.jacobian[there.seen]
     table, numbers = [by_value * kept], list(range(len(model.at)))
     for term in model.terms:
-        own, slope = model.columns_of(term), spot_column(fitted, term.changed)
+        own, slope = model.columns_of(term), column_at(fitted, term.changed)
         # Residuals by the functions of the term, each of prior unit size.
         columns = term.basis.at(driver_of(there.system, term.driver)[there.point])
         shown = 0.0 if slope is None else slope[there.seen, None]
@@ -327,15 +327,15 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
     builder, count = system.builder, len(model.prior.names)
     values = dict(zip(model.prior.names, at[:count].tolist(), strict=True))
     setting = replace(model.setting, values={**model.setting.values, **values})
-    inputs, spots, of_signal = system.corrected(setting), list[str](), dict[str, Array]()
-    own_spots, first = {spot.id for spot in builder.spots}, len(model.at)
+    inputs, locations, of_signal = system.corrected(setting), list[str](), dict[str, Array]()
+    ids, first = {location.id for location in builder.locations}, len(model.at)
     for term in model.terms:
         changed, size = term.changed, term.columns.shape[1]
         basis = term.basis.at(driver_of(system, term.driver)[: len(system.data)])
         shift = model.size_of(term) * basis @ at[first : first + size]
         first += size
-        if changed.id in own_spots:
-            spots.append(changed.id)
+        if changed.id in ids:
+            locations.append(changed.id)
             inputs[changed.unknown] = shift
         else:
             # The unknown of a parameter is its change.
@@ -347,7 +347,7 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
     everywhere = np.zeros(len(system.data))
     observed = {c.id: {o.partition(".")[0] for o in c.observers} for c in setting.joined}
     for module in system.modules:
-        plan = builder.plan(module, setting.ids, tuple(spots), definitions=True)
+        plan = builder.plan(module, setting.ids, tuple(locations), definitions=True)
         out = run_with_slopes(plan, inputs, ())[0]
         flows = [out[f"q:{o.id}"] + everywhere for o in system.observers if o.module == module]
         found[module, ""] = np.median(flows, axis=0)  # One estimate may diverge.

@@ -216,10 +216,10 @@ class Judge:
 
     def _of_terms(self, replays: Array) -> Iterator[Array]:
         """Log odds of each term without a name, shape (1, replays)."""
-        ways = Counter((t.spot, t.driver) for t in self.terms)
-        count = len(common.TERM_SIZES) * max(self.evidence.places, 1)
+        ways = Counter((t.location, t.driver) for t in self.terms)
+        count = len(common.TERM_SIZES) * max(self.evidence.term_count, 1)
         for term, directions in zip(self.terms, self._directions, strict=True):
-            price = term.basis.price + float(np.log(count * ways[term.spot, term.driver]))
+            price = term.basis.price + float(np.log(count * ways[term.location, term.driver]))
             gains = np.logaddexp.reduce(term_gains(term, *directions, replays))
             yield gains[None] + (of_search.MISSING_ODDS + of_search.TERM_ODDS - price)
 

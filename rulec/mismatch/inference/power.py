@@ -20,7 +20,7 @@ from rulec.mismatch.result import Detectability, SelfProof
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.posterior import Posterior, titled_with_module
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.scan import places_of
+from rulec.mismatch.search.scan import indices_of
 
 # Replays of a recording by the plant's own model.
 #
@@ -146,11 +146,11 @@ def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
     for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
         model = posterior.models[names]
         for candidate in (c for c in model.setting.joined if c.id not in found):
-            first = next((u for u in amplitudes_of(candidate) if places_of(model, u.id)), None)
+            first = next((u for u in amplitudes_of(candidate) if indices_of(model, u.id)), None)
             if first is None:
                 continue
             null = first.null or 0.0
-            off = [float(model.at[i] - null) for i in places_of(model, first.id)]
+            off = [float(model.at[i] - null) for i in indices_of(model, first.id)]
             size = max(off, key=abs)
             if size == 0.0:
                 continue

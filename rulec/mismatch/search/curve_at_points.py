@@ -13,7 +13,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.model import where_most
 from rulec.mismatch.evidence.steady.evidence import settled
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.screen import spot_column, suspect_at
+from rulec.mismatch.evidence.steady.screen import column_at, suspect_at
 from rulec.mismatch.evidence.steady.terms import driver_of
 from rulec.mismatch.evidence.term import Basis, Switching, Term, ways_there
 from rulec.mismatch.search import limits
@@ -50,7 +50,7 @@ def curve_of(posterior: Posterior, term: Term) -> CurveFound:
     known = np.flatnonzero((weight > 0.0) & np.isfinite(driver[: len(weight)]))
     meant = size * term.basis.at(driver[known]) @ solution[own] - moment[known] / weight[known]
     return CurveFound(
-        place=term.changed,
+        location=term.changed,
         driver=term.driver,
         at=at,
         value=there @ solution[own],
@@ -83,13 +83,11 @@ def lost_to(posterior: Posterior, term: Term) -> tuple[RejectedCandidate, ...]:
 
 def elsewhere(posterior: Posterior, term: Term) -> tuple[str, ...]:
     """Other possible places of a term over the same driver, the likeliest first."""
-    spots = {
-        s.id: f"{s.module}.{s.place}" for s in settled(posterior.evidence).system.builder.spots
-    }
-    own = posterior.names
+    every, own = settled(posterior.evidence).system.builder.locations, posterior.names
+    by_id = {s.id: f"{s.module}.{s.place}" for s in every}
     names = sorted(alike_names(posterior, term.name) - {term.name}, key=lambda n: -own[n])
     near = [n.rpartition("~")[0] for n in names if own[n] >= common.MENTIONED]
-    return tuple(spots[id_] for id_ in near if id_ in spots)
+    return tuple(by_id[id_] for id_ in near if id_ in by_id)
 
 
 def branches_of(
@@ -105,10 +103,10 @@ def branches_of(
     if not data.timed or driver == TIME:
         return None
     bare = fit(fitted.rows, fitted.setting.leaving(candidate.id), fitted.used, 0)
-    column = spot_column(bare, curve.place)
+    column = column_at(bare, curve.location)
     if column is None:
         return None
-    suspect = suspect_at(bare, curve.place, column)
+    suspect = suspect_at(bare, curve.location, column)
     z = data.values[driver]
     side, visit = ways_there(z, float(np.nanmedian(data.noise[driver])))
     known = (suspect.weight > 0) & fitted.used & np.isfinite(z) & (side != 0)

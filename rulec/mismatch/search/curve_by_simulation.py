@@ -30,16 +30,16 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
     The axis of a state with a recorded reading is that reading: the scale of a level is often
     hardly known, but its reading is.
     """
-    place, count, open_ = drawn.place, len(drawn.amounts), drawn.fitted.problem.record.open
+    domain, count, open_ = drawn.domain, len(drawn.amounts), drawn.fitted.problem.record.open
     # The range of the driver in the final model, as far as the curve has knots there.
-    final = basis_over(drawn.fitted.course(drawn.place.driver)[open_], drawn.form.basis.length)
-    low, high = max(place.low, final.low), min(place.high, final.high)
+    final = basis_over(drawn.fitted.course(drawn.domain.driver)[open_], drawn.form.basis.length)
+    low, high = max(domain.low, final.low), min(domain.high, final.high)
     at = np.linspace(low, high, limits.CURVE_POINTS)
     there = drawn.functions_at(at)
     covariance = _covariance(drawn, *drawn.rows)[-count:, -count:]
     driver, axis, shown = axis_of(drawn)
     return CurveFound(
-        place=place.spot,
+        location=domain.location,
         driver=driver,
         at=np.interp(at, axis, shown),
         value=there @ drawn.amounts,
@@ -51,7 +51,7 @@ def curve_of(drawn: FittedCurve) -> CurveFound:
 def axis_of(drawn: FittedCurve) -> tuple[str, Array, Array]:
     """The axis of a curve: its name, and values of the driver, shape (k,), with what the axis shows
     there, SI: the reading of a state, the time of the recording, or the driver itself."""
-    driver, problem = drawn.place.driver, drawn.fitted.problem
+    driver, problem = drawn.domain.driver, drawn.fitted.problem
     at, order = np.unique(drawn.fitted.course(driver), return_index=True)
     if driver == TIME:
         return driver, at, at + float(problem.record.time[0])
@@ -82,10 +82,10 @@ def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
 def _branches(drawn: FittedCurve) -> Branches | None:
     """The gap between both branches, with the curve and everything else refitted beside it; None
     without a clock or with too few visits on either branch."""
-    driver, problem = drawn.place.driver, drawn.fitted.problem
+    driver, problem = drawn.domain.driver, drawn.fitted.problem
     if driver == TIME or not problem.record.timed:
         return None
-    course = drawn.fitted.course(drawn.place.driver)
+    course = drawn.fitted.course(drawn.domain.driver)
     given = problem.record.inputs.get(driver)
     # A simulated state has no noise.
     noise = 0.0 if given is None else white_noise(np.diff(given, 3), 3)
@@ -96,13 +96,13 @@ def _branches(drawn: FittedCurve) -> Branches | None:
     counts = counted_visits(*means_of_visits(visit, there, np.ones(len(course)), course, side))
     if counts is None:
         return None
-    fitted, spot = drawn.fitted, drawn.place.spot
+    fitted, location = drawn.fitted, drawn.domain.location
     height = float(np.ptp(drawn.form.table @ drawn.amounts))
     step = common.GENTLE * height
-    inputs = ({**fitted.inputs, spot.unknown: error * side} for error in (step, 0.0))
+    inputs = ({**fitted.inputs, location.unknown: error * side} for error in (step, 0.0))
     try:
         moved, plain = (
-            problem.simulate(fitted.ids, fitted.values, inputs=own, spots=(spot.id,)).stacked
+            problem.simulate(fitted.ids, fitted.values, (), own, (location.id,)).stacked
             for own in inputs
         )
     except RanAway:

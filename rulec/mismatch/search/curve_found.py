@@ -52,7 +52,7 @@ class CurveFound:
     what switches a term that comes and goes, or empty.
     """
 
-    place: DisturbanceLocation
+    location: DisturbanceLocation
     driver: str
     at: Array
     value: Array
@@ -66,9 +66,9 @@ class CurveFound:
     @property
     def terms(self) -> tuple[CurveTerm, ...]:
         """The term that a module type may hold; none if it comes and goes."""
-        if self.says or not self.place.may_follow(self.driver):
+        if self.says or not self.location.may_follow(self.driver):
             return ()
-        return (curve_through(self.place.id, self.driver, self.at, self.value),)
+        return (curve_through(self.location.id, self.driver, self.at, self.value),)
 
 
 @dataclass(frozen=True)

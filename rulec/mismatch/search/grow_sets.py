@@ -54,8 +54,8 @@ class Search:
         prior -= limits.COMMON * sum(bool(c.members) for c in setting.joined)
         ends = sum(2 * len(c.periods) - 1 for c in setting.courses)
         prior -= ends * float(np.log(common.ONSETS))
-        places = max(self.evidence.places, 1)
-        prior += len(model.terms) * (limits.MISSING_ODDS + limits.TERM_ODDS - float(np.log(places)))
+        count = max(self.evidence.term_count, 1)
+        prior += len(model.terms) * (limits.MISSING_ODDS + limits.TERM_ODDS - float(np.log(count)))
         prior -= sum(term.basis.price for term in model.terms)
         return model.evidence + float(prior)
 

@@ -16,8 +16,8 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.screen import (
     InitialCandidate,
     Suspect,
+    column_at,
     parameter_at,
-    spot_column,
 )
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.intermittent_fault import degree_course
@@ -25,8 +25,7 @@ from rulec.mismatch.search.intermittent_fault import degree_course
 
 def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     """An error at a place, with a free course in time."""
-    data = fitted.rows.system.data
-    spot = suspect.spot
+    data, location = fitted.rows.system.data, suspect.location
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
     levels = _levels_of(suspect.course[known], suspect.weight[known])
     # Held-out points are interpolated; beyond the known points the course is constant.
@@ -36,13 +35,13 @@ def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     ends = [*((knots[1:] + knots[:-1]) / 2.0), knots[-1]]
     edges = itertools.pairwise([float(knots[0]), *map(float, ends)])
     periods = tuple(Span(since, until, i) for i, (since, until) in enumerate(edges))
-    values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
-    course = Course(spot.unknown, segment, periods, at - segment)
-    return _trial(spot, values, course)
+    values = {f"{location.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
+    course = Course(location.unknown, segment, periods, at - segment)
+    return _trial(location, values, course)
 
 
 def switched_course(
-    fitted: Fitted, spot: DisturbanceLocation, on: NDArray[np.bool_]
+    fitted: Fitted, location: DisturbanceLocation, on: NDArray[np.bool_]
 ) -> InitialCandidate:
     """An error at a place that is present at some points, flags of shape (n,), only."""
     time = fitted.rows.system.data.time
@@ -51,8 +50,8 @@ def switched_course(
     periods = tuple(
         Span(float(time[i]), float(time[j]), 0) for i, j in zip(first, last, strict=True)
     )
-    course = Course(spot.unknown, np.where(on, 0, -1), periods)
-    return _trial(spot, {f"{spot.unknown}#0": 0.0}, course)
+    course = Course(location.unknown, np.where(on, 0, -1), periods)
+    return _trial(location, {f"{location.unknown}#0": 0.0}, course)
 
 
 def _levels_of(course: Array, weight: Array) -> Array:
@@ -84,27 +83,29 @@ def _clipped(values: Array) -> Array:
     return np.asarray(np.clip(values, middle - far, middle + far))
 
 
-def _trial(spot: DisturbanceLocation, values: dict[str, float], course: Course) -> InitialCandidate:
+def _trial(
+    location: DisturbanceLocation, values: dict[str, float], course: Course
+) -> InitialCandidate:
     unknown = Unknown(
-        id=spot.unknown,
+        id=location.unknown,
         name="e",
         title="error",
-        unit=spot.unit,
-        factor=spot.factor,
+        unit=location.unit,
+        factor=location.factor,
         null=0.0,
     )
     candidate = Candidate(
-        id=spot.id,
+        id=location.id,
         sort=HIDDEN,
         name=HIDDEN,
         title="Something that is not recorded",
-        module=spot.module,
-        place=spot.place,
-        observers=spot.observers,
+        module=location.module,
+        place=location.place,
+        observers=location.observers,
         unknowns=(unknown,),
         drivers={},
         equation="",
-        text=f"{spot.module}.{spot.place} follows something that is not recorded",
+        text=f"{location.module}.{location.place} follows something that is not recorded",
         action="",
         source="",
     )
@@ -115,7 +116,7 @@ def _trial(spot: DisturbanceLocation, values: dict[str, float], course: Course) 
 class Reconstruction:
     """A course at a place, SI, and its times, s; both of shape (points,)."""
 
-    spot: DisturbanceLocation
+    location: DisturbanceLocation
     time: Array
     course: Array
 
@@ -129,22 +130,22 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     course = next(c for c in fitted.setting.courses if fitted.setting.candidate_of(c).id == name)
     candidate = fitted.setting.candidate_of(course)
     place = candidate.module, candidate.place
-    here = [s for s in system.builder.spots if (s.module, s.place) == place]
-    spot = next((s for s in here if s.id == candidate.id), None)
-    if spot is None:
+    here = [s for s in system.builder.locations if (s.module, s.place) == place]
+    location = next((s for s in here if s.id == candidate.id), None)
+    if location is None:
         (unknown,) = candidate.unknowns
-        spot = parameter_at(here[0], candidate.id, unknown.id, unknown.unit, unknown.factor)
-    column = spot_column(fitted, spot)
+        location = parameter_at(here[0], candidate.id, unknown.id, unknown.unit, unknown.factor)
+    column = column_at(fitted, location)
     level = course.degrees(fitted.setting.values)
     if column is None:
-        return Reconstruction(spot, system.data.time, level)
+        return Reconstruction(location, system.data.time, level)
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
     values, weight = level[known] + _clipped(rest[known]), weight[known]
     kernel = np.hanning(2 * max(len(known) // (6 * limits.LATENT_KNOTS[-1]), 1) + 3)[1:-1]
     total = np.convolve(values * weight, kernel, mode="same")
     smooth: Array = total / np.convolve(weight, kernel, mode="same")
-    return Reconstruction(spot, system.data.time[known], smooth)
+    return Reconstruction(location, system.data.time[known], smooth)
 
 
 def likeness(first: Reconstruction, second: Reconstruction) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
+from rulec.effects.candidate import TIME, Candidate
 from rulec.language.expression import Rejected
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
@@ -79,7 +79,7 @@ def _refit_candidates_for_terms(search: Search) -> None:
     much they lost."""
     names, evidence = search.likeliest, search.evidence
     for term in search.models[names].terms:
-        rest, here = names - {term.name}, _in_its_place(evidence.candidates, term)
+        rest, here = names - {term.name}, _effects_at(evidence.candidates, term)
         if rest not in search.models or not here:
             continue
         model = search.models[rest]
@@ -92,7 +92,7 @@ def _refit_candidates_for_terms(search: Search) -> None:
                     search.join(rest, more, begin)
 
 
-def _in_its_place(every: Sequence[Candidate], term: Term) -> list[Candidate]:
+def _effects_at(every: Sequence[Candidate], term: Term) -> list[Candidate]:
     """Effects at the place of a term; only those with its driver, if there are any."""
     place = (term.changed.module, term.changed.place)
     here = [c for c in every if (c.module, c.place) == place]
@@ -182,24 +182,24 @@ def _fitted(rows: Rows, setting: Configuration) -> Fitted:
 
 def with_term(fitted: Fitted, term: Term) -> Fitted | None:
     """Join a term without a name as a course in time, or as a curve over its driver."""
-    place = _place(fitted, term)
-    if place is None:
+    suspect = _suspect(fitted, term)
+    if suspect is None:
         return None
     if term.basis.says:
         there = term.basis.at(fitted.rows.system.data.time)[:, 0] > 0.0
-        return _with_trial(fitted, switched_course(fitted, place.spot, there))
+        return _with_trial(fitted, switched_course(fitted, suspect.location, there))
     if term.driver == TIME:
-        return _with_trial(fitted, free_course(fitted, place))
+        return _with_trial(fitted, free_course(fitted, suspect))
     for most in limits.BANDS:
         # Beside another curve its equation may be too long; fewer pieces make it shorter.
         with contextlib.suppress(Rejected):
-            curve = _curve_at(fitted, place.spot, term.driver, most)
+            curve = _curve_at(fitted, suspect.location.id, term.driver, most)
             found = screen(fitted, [curve]) if curve is not None else []
             return _with_trial(fitted, found[0]) if found else None
     return None
 
 
-def _curve_at(fitted: Fitted, spot: DisturbanceLocation, name: str, most: int) -> Candidate | None:
+def _curve_at(fitted: Fitted, location: str, name: str, most: int) -> Candidate | None:
     """A piecewise linear curve of at most `most` pieces over a reading; None where the readings are
     too close together.
 
@@ -216,7 +216,7 @@ def _curve_at(fitted: Fitted, spot: DisturbanceLocation, name: str, most: int) -
             # All pieces together are a constant, which base values may already contain.
             pieces = [i for i in range(parts + 1) if i != parts // 2]
             features = tuple(f"{name}~{i}/{parts}" for i in pieces)
-            return fitted.rows.system.builder.free_form(spot.id, features)
+            return fitted.rows.system.builder.free_form(location, features)
     return None
 
 
@@ -224,8 +224,8 @@ def _with_trial(fitted: Fitted, trial: InitialCandidate) -> Fitted:
     return _fitted(fitted.rows, trial.joined_to(fitted.setting))
 
 
-def _place(fitted: Fitted, term: Term) -> Suspect | None:
+def _suspect(fitted: Fitted, term: Term) -> Suspect | None:
     """The place of a term, or the parameter of the law there, with the error that explains most."""
-    ways = ways_at(fitted, fitted.rows.system.builder.places[term.spot])
+    ways = ways_at(fitted, fitted.rows.system.builder.location_by_id[term.location])
     own = (suspect_at(fitted, *way) for way in ways if way[0].id == term.changed.id)
     return next(own, None)

@@ -178,7 +178,7 @@ def coincide(
     slopes, others = slopes_of(model, candidate), slopes_of(other, rival)
     if not (slopes and others):
         return not (slopes or others)
-    own = [i for u in candidate.unknowns for i in places_of(model, u.id)]
+    own = [i for u in candidate.unknowns for i in indices_of(model, u.id)]
     rest = np.delete(np.arange(model.table.shape[1]), own)
     table, weights = model.table[:, rest], model.weights[:, None]
     normal = table.T @ (table * weights) + model.precision[np.ix_(rest, rest)]
@@ -192,7 +192,7 @@ def coincide(
     return bool(np.all(np.sum(left**2, axis=0) < limits.EFFECT_FORM**2 * size))
 
 
-def places_of(model: Model, unknown: str) -> list[int]:
+def indices_of(model: Model, unknown: str) -> list[int]:
     """Columns of an unknown, with all its levels, in the table of a model."""
     names = enumerate(model.prior.names)
     return [i for i, name in names if name.partition("#")[0] == unknown]
@@ -201,7 +201,7 @@ def places_of(model: Model, unknown: str) -> list[int]:
 def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
     """Slopes of the residuals by the amplitudes of a law, at its fitted values."""
     strengths = [u.id for u in candidate.unknowns if u.null is not None]
-    columns = (model.raw[:, i] for name in strengths for i in places_of(model, name))
+    columns = (model.raw[:, i] for name in strengths for i in indices_of(model, name))
     return [column for column in columns if np.any(column)]
 
 

@@ -114,12 +114,12 @@ def likeliest_curve(found: Found) -> Unnamed | None:
     first = every[0]
     before, after = (_squares(f) for f in (found.plain, first.fitted))
     least = first.gain + float(np.log(common.MENTIONED))
-    driver, own = first.place.driver, first.place.spot
-    near = (c.place for c in every if c.gain > least)
-    places = (p.spot for p in near if p.driver == driver and p.spot is not own)
+    driver, own = first.domain.driver, first.domain.location
+    near = (c.domain for c in every if c.gain > least)
+    locations = (p.location for p in near if p.driver == driver and p.location is not own)
     curve = replace(
         curve_of(first),
-        elsewhere=tuple(f"{spot.module}.{spot.place}" for spot in places),
+        elsewhere=tuple(f"{location.module}.{location.place}" for location in locations),
         lost=_lost(found, first, after),
     )
     share = 1.0 - float(np.sum(after) / max(np.sum(before), 1e-300))
@@ -135,7 +135,7 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
             continue
         curve = fitted_curve(model, term.changed, term.driver)
         if curve is not None and curve.gain > 0.0:
-            model, at = curve.fitted, curve.place.knots
+            model, at = curve.fitted, curve.domain.knots
             curves.append(curve_through(term.changed.id, term.driver, at, curve.value(at)))
     return tuple(curves)
 
@@ -153,7 +153,7 @@ def _lost(found: Found, first: FittedCurve, own: Array) -> tuple[RejectedCandida
     """Effects that were tried alone and gain less than a curve, by rising loss; `own`, shape (n,),
     are the squared errors with the curve."""
     _, axis, shown = axis_of(first)
-    driver = np.interp(first.fitted.course(first.place.driver), axis, shown)
+    driver = np.interp(first.fitted.course(first.domain.driver), axis, shown)
     lost, models, alone = dict[str, RejectedCandidate](), found.posterior.models, found.alone
     every = (models[frozenset({n})].setting for n in sorted(alone, key=lambda n: -alone[n]))
     for setting in [s for s in every if s.joined][: limits.WEIGHED]:

@@ -150,10 +150,10 @@ def with_set_points(evidence: SteadyEvidence, model: Model, course: Course) -> I
         "comes and goes only where set points change, which a fault would not know of",
         price(len(ends), len(begins) - 1),
     )
-    for spot in system.builder.spots:
-        if (spot.module, spot.place) == (fault.module, fault.place):
-            for way in ways_at(fit_of(model.point), spot):
-                term = term_of(evidence.rows, evidence.seen, spot.id, way, TIME, basis)
+    for location in system.builder.locations:
+        if (location.module, location.place) == (fault.module, fault.place):
+            for way in ways_at(fit_of(model.point), location):
+                term = term_of(evidence.rows, evidence.seen, location.id, way, TIME, basis)
                 if term is not None:
                     yield term
 

@@ -18,7 +18,7 @@ from rulec.mismatch.evidence.configuration import ERROR
 from rulec.mismatch.evidence.evidence import Evidence, amplitudes_of
 from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.scan import places_of
+from rulec.mismatch.search.scan import indices_of
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Tolerance:
             for c in self.model.setting.joined
             for u, start in amplitudes_of(c).items()
         )
-        return [(i, id_, start) for id_, u, start in every for i in places_of(self.model, u.id)]
+        return [(i, id_, start) for id_, u, start in every for i in indices_of(self.model, u.id)]
 
     def _beyond(self, i: int, start: float, least: float) -> float:
         """Probability that a value is at least `least` away from its null `start`, SI."""

@@ -202,7 +202,7 @@ def findings_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def places_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator[Location]:
+def locations_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator[Location]:
     """The signals or outlets of each."""
     for name in (name for one in taken for name in one.hypothesis.places):
         module, _, place = name.partition(".")

@@ -332,7 +332,7 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
     if find_spec(PEER) is None or case.stores:
         return None
     ruleset, builder = open_builder(case.base)
-    system, spots = _system(ruleset, builder, case), builder.spots
+    system, spots = _system(ruleset, builder, case), builder.locations
     model, observers = _structure(case, spots)
     sets = model.MSO()
     signature = np.asarray(model.FSM(sets), dtype=bool)

@@ -152,7 +152,7 @@ def test_a_curve_has_fewer_pieces_where_its_equation_is_too_long(
     for longest in (MAX_EQUATION_LENGTH, MAX_EQUATION_LENGTH * 3 // 4, 10):
         rows = begin() if pieces else first
         fitted = fit(rows, Configuration(), rows.system.data.open, 1)
-        assert rows.system.builder.spots
+        assert rows.system.builder.locations
         monkeypatch.setattr(expression, "MAX_EQUATION_LENGTH", longest)
         joined = with_term(fitted, term)
         monkeypatch.undo()
@@ -269,9 +269,9 @@ def rows_of(group: str, effect: str, folder: Path) -> Rows:
 
 def with_terms(rows: Rows, place: str) -> Posterior:
     search = begun(rows)
-    spots = {s.id for s in rows.system.builder.spots if f"{s.module}.{s.place}" == place}
+    spots = {s.id for s in rows.system.builder.locations if f"{s.module}.{s.place}" == place}
     every = search.evidence.terms(search.models[frozenset()].point)
-    join_terms(search, frozenset(), [t for t in every if t.spot in spots])
+    join_terms(search, frozenset(), [t for t in every if t.location in spots])
     return search.posterior()
 
 

@@ -30,10 +30,10 @@ from rulec.mismatch.evidence.steady.operating_state_means import likeness
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import (
     change_by,
+    column_at,
     columns_of,
     has_drivers,
     references,
-    spot_column,
     starts,
     with_open_references,
 )
@@ -56,18 +56,18 @@ def errors_of_form(
     flows = system.flows(Configuration())
     columns, law = [np.zeros((int(seen.sum()), 0))], []
     ways: dict[str, Array] = {}
-    for spot in laws:
-        column = spot_column(plain, spot)
+    for location in laws:
+        column = column_at(plain, location)
         if column is None:
             continue
-        if spot.module not in ways:
-            alike = likeness(system, flows, spot.module)
-            ways[spot.module] = _smooth_over(alike, limits.FORM_RANK)
-        u = common.FORM_U * spot.accuracy * np.nan_to_num(system.value_of(spot))
+        if location.module not in ways:
+            alike = likeness(system, flows, location.module)
+            ways[location.module] = _smooth_over(alike, limits.FORM_RANK)
+        u = common.FORM_U * location.accuracy * np.nan_to_num(system.value_of(location))
         whole = column * u[rows.point]
-        own = fewest((whole[:, None] * ways[spot.module][rows.point])[seen], common.FORM_KNOWN)
+        own = fewest((whole[:, None] * ways[location.module][rows.point])[seen], common.FORM_KNOWN)
         columns.append(own)
-        law += [spot.id] * own.shape[1]
+        law += [location.id] * own.shape[1]
     return np.concatenate(columns, axis=1), tuple(law)
 
 
@@ -203,7 +203,7 @@ class SteadyEvidence(Evidence):
         self.readings = frozenset(s.id for s in system.ruleset.signals)
         self.candidates = system.candidates
         inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
-        self.places = len(system.builder.spots) * max(len(inputs) + system.data.timed, 1)
+        self.term_count = len(system.builder.locations) * max(len(inputs) + system.data.timed, 1)
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
         self.count = len(self.point)

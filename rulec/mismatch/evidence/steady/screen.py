@@ -29,7 +29,7 @@ class Suspect:
     """A place with the error there that explains each point best, shape (n,), SI of its unit, and
     the weight of each (1/variance)."""
 
-    spot: DisturbanceLocation
+    location: DisturbanceLocation
     course: Array
     weight: Array
 
@@ -49,7 +49,7 @@ def noise_scale(rows: Rows, residual: Array) -> float:
     return max(1.0, float(np.sqrt(np.average(spreads**2, weights=counts))))
 
 
-def suspect_at(fitted: Fitted, spot: DisturbanceLocation, column: Array) -> Suspect:
+def suspect_at(fitted: Fitted, location: DisturbanceLocation, column: Array) -> Suspect:
     """A place with the error that explains each point best, by its slopes, shape (rows,)."""
     rows = fitted.rows
     n = len(rows.system.data)
@@ -57,17 +57,17 @@ def suspect_at(fitted: Fitted, spot: DisturbanceLocation, column: Array) -> Susp
     moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
         course = np.where(weight > 0, -moment / weight, np.nan)
-    return Suspect(spot, course, weight)
+    return Suspect(location, course, weight)
 
 
-def spot_column(fitted: Fitted, spot: DisturbanceLocation) -> Array | None:
+def column_at(fitted: Fitted, location: DisturbanceLocation) -> Array | None:
     """Slopes of the residuals by an error at a place, shape (rows,); None where all are 0."""
     system = fitted.rows.system
-    if not any(o in system.number for o in spot.observers):
+    if not any(o in system.number for o in location.observers):
         return None
-    modules, at = system.reached(spot.observers), fitted.predicted
-    flows = system.flows(fitted.setting, (spot.unknown,), (spot.id,), modules=modules, at=at)
-    column = fitted.rows.column(fitted.maps, flows.by_value[spot.unknown])
+    modules, at = system.reached(location.observers), fitted.predicted
+    flows = system.flows(fitted.setting, (location.unknown,), (location.id,), modules, at)
+    column = fitted.rows.column(fitted.maps, flows.by_value[location.unknown])
     return column if np.any(column) else None
 
 
@@ -75,36 +75,36 @@ Changing = tuple[DisturbanceLocation, Array]
 """A place, or a parameter of the law there, and the slopes of all rows by it, shape (rows,)."""
 
 
-def ways_at(fitted: Fitted, spot: DisturbanceLocation) -> list[Changing]:
+def ways_at(fitted: Fitted, location: DisturbanceLocation) -> list[Changing]:
     """A place, and the parameters of the law there; none where the place does not show.
 
     A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
     """
-    column = spot_column(fitted, spot)
-    found = [] if column is None else [(spot, column)]
-    if column is None or spot.kind != "definition":
+    column = column_at(fitted, location)
+    found = [] if column is None else [(location, column)]
+    if column is None or location.kind != "definition":
         return found
     rows, system = fitted.rows, fitted.rows.system
     parameters = system.builder.parameters
-    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
+    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == location.module]
     names = [parameters.ids[i] for i in own]
-    modules = system.reached(spot.observers)
+    modules = system.reached(location.observers)
     slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
-    reached = {system.number[o] for o in spot.observers if o in system.number}
+    reached = {system.number[o] for o in location.observers if o in system.number}
     for i, name in zip(own, names, strict=True):
         changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
         if set(changed) == reached:
             shown = parameters.units[i], float(parameters.factors[i])
-            way = parameter_at(spot, f"parameter:{name}", name + CHANGE, *shown)
+            way = parameter_at(location, f"parameter:{name}", name + CHANGE, *shown)
             found.append((way, rows.column(fitted.maps, changed)))
     return found
 
 
 def parameter_at(
-    spot: DisturbanceLocation, id_: str, unknown: str, unit: str, factor: float
+    location: DisturbanceLocation, id_: str, unknown: str, unit: str, factor: float
 ) -> DisturbanceLocation:
     """A parameter of the law at a place, as a place."""
-    return replace(spot, id=id_, kind="parameter", unit=unit, factor=factor, unknown=unknown)
+    return replace(location, id=id_, kind="parameter", unit=unit, factor=factor, unknown=unknown)
 
 
 def change_by(fitted: Fitted, candidate: Candidate) -> dict[int, Array]:
@@ -120,15 +120,15 @@ def change_by(fitted: Fitted, candidate: Candidate) -> dict[int, Array]:
     return {i: change for i, change in changes if np.any(change)}
 
 
-def alike(fitted: Fitted, spot: DisturbanceLocation) -> list[DisturbanceLocation]:
+def alike(fitted: Fitted, location: DisturbanceLocation) -> list[DisturbanceLocation]:
     """Other places at which an error has the same signature; none for a parameter of a law."""
-    columns = {other.id: spot_column(fitted, other) for other in fitted.rows.system.builder.spots}
-    own, found = columns.pop(spot.id, None), []
+    columns = {other.id: column_at(fitted, other) for other in fitted.rows.system.builder.locations}
+    own, found = columns.pop(location.id, None), []
     for name, column in columns.items():
         if own is not None and column is not None:
             size = float(np.linalg.norm(own) * np.linalg.norm(column))
             if abs(float(own @ column)) > common.SAME_PATTERN * size:
-                found.append(fitted.rows.system.builder.places[name])
+                found.append(fitted.rows.system.builder.location_by_id[name])
     return found
 
 

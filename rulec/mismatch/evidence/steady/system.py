@@ -151,7 +151,7 @@ class System:
         self,
         setting: Configuration,
         by: Sequence[str] = (),
-        spots: Sequence[str] = (),
+        locations: Sequence[str] = (),
         modules: Sequence[str] | None = None,
         at: Mapping[str, Array] | None = None,
     ) -> Flows:
@@ -160,7 +160,7 @@ class System:
         Parameters
         ----------
         by : names of free values to differentiate by, sensor errors included.
-        spots : ids of places with an unknown error of value 0, whose name may be in `by`.
+        locations : ids of places with an unknown error of value 0, whose name may be in `by`.
         at : readings instead of the recorded ones, shape (n,), SI.
         """
         inputs = self.corrected(setting, at)
@@ -168,13 +168,13 @@ class System:
         by_reading: Slopes = {}
         raw: Slopes = {}
         # Places are slow to find, so only if needed.
-        own_spots = self.builder.places if spots or setting.spots else {}
+        by_id = self.builder.location_by_id if locations or setting.locations else {}
         built = self.built_in(setting)
-        spots = (*(s for s in spots if s in own_spots and s not in built), *built)
+        locations = (*(s for s in locations if s in by_id and s not in built), *built)
         by_plan = list(dict.fromkeys(name.removesuffix(CHANGE) for name in by))
         for module in self.modules if modules is None else modules:
-            plan = self.builder.plan(module, setting.ids, spots)
-            zero = {own_spots[s].unknown: 0.0 for s in spots if s not in built}
+            plan = self.builder.plan(module, setting.ids, locations)
+            zero = {by_id[s].unknown: 0.0 for s in locations if s not in built}
             signals = [name for name in plan.inputs if name in self.shared]
             names = [o for o in self.observers if o.module == module]
             wanted = plan.select([f"q:{o.id}" for o in names])
@@ -189,15 +189,16 @@ class System:
 
     def built_in(self, setting: Configuration) -> tuple[str, ...]:
         """Places whose error needs an input of the plans; parameters are inputs already."""
-        places = {s.id for s in self.builder.spots} if setting.spots else set()
-        return tuple(s for s in setting.spots if s in places)
+        ids = {s.id for s in self.builder.locations} if setting.locations else set()
+        return tuple(s for s in setting.locations if s in ids)
 
-    def value_of(self, spot: DisturbanceLocation) -> Array:
+    def value_of(self, location: DisturbanceLocation) -> Array:
         """Value of the plain law at a place, shape (n,), in SI of the place."""
-        kind = "d:" if spot.kind == "definition" else f"q:{spot.module}."
-        plan = self.builder.plan(spot.module, (), definitions=True).select([kind + spot.place])
+        kind = "d:" if location.kind == "definition" else f"q:{location.module}."
+        name = kind + location.place
+        plan = self.builder.plan(location.module, (), definitions=True).select([name])
         with np.errstate(all="ignore"):
-            value = plan.run(self.corrected(Configuration()))[kind + spot.place]
+            value = plan.run(self.corrected(Configuration()))[name]
         return np.broadcast_to(np.asarray(value, dtype=float), (len(self.data),))
 
     def reached(self, observers: Sequence[str]) -> tuple[str, ...]:

@@ -28,37 +28,37 @@ def driver_of(system: System, name: str) -> Array:
 def term_of(
     rows: Rows,
     seen: NDArray[np.bool_],
-    place: str,
+    location: str,
     changing: Changing,
     driver: str,
     basis: Basis | Switching,
 ) -> Term | None:
     """A term with functions of a driver; None where it does not show.
 
-    `place` is the id of the place; `seen` flags the rows that count.
+    `location` is its id; `seen` flags the rows that count.
     """
     (changed, slopes), values = changing, driver_of(rows.system, driver)
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[rows.point[seen]]
     table = slopes[seen][:, None] * basis.at(known)
-    return term_with(table, place, changed, driver, basis, slopes[seen])
+    return term_with(table, location, changed, driver, basis, slopes[seen])
 
 
 def terms_at(fitted: Fitted, seen: NDArray[np.bool_]) -> list[Term]:
     """Terms for each place and each driver that a model does not predict."""
     rows, system = fitted.rows, fitted.rows.system
     found: list[Term | None] = []
-    for spot in system.builder.spots:
-        if not (ways := ways_at(fitted, spot)):
+    for location in system.builder.locations:
+        if not (ways := ways_at(fitted, location)):
             continue
-        drivers = varying(fitted, spot.module)
+        drivers = varying(fitted, location.module)
         inputs = [name for name in drivers if system.ruleset.signal_by_id[name].is_input]
         for way in ways if system.data.timed else ():
             turns = (turn for name in inputs for turn in _by_the_way(system, name))
             bases = [*_over(system, TIME), *turns]
-            found += [term_of(rows, seen, spot.id, way, TIME, basis) for basis in bases]
+            found += [term_of(rows, seen, location.id, way, TIME, basis) for basis in bases]
         for name in drivers:
             bases = _over(system, name)
-            found += [term_of(rows, seen, spot.id, ways[0], name, basis) for basis in bases]
+            found += [term_of(rows, seen, location.id, ways[0], name, basis) for basis in bases]
     return [term for term in found if term is not None]
 
 

@@ -18,7 +18,7 @@ from rulec.mismatch.evidence.term import bends
 
 RATE = "der:"
 
-SPOTS = {RATE: "balance:", SHOWN: "reading:"}
+PREFIXES = {RATE: "balance:", SHOWN: "reading:"}
 """Prefixes of the places at which an error adds to a rate and to a reading."""
 
 
@@ -58,7 +58,7 @@ def forms_of_effects(
     """Change of readings if the own term of each effect is larger by smooth functions of its
     drivers: stacked, shape (signals * samples,), SI."""
     ids, inputs = tuple(c.id for c in joined), problem.record.inputs
-    places, zero = problem.builder.places, np.zeros(len(problem.time))
+    location_by_id, zero = problem.builder.location_by_id, np.zeros(len(problem.time))
     for candidate in joined:
         drivers = dict.fromkeys(d for d in candidate.drivers.values() if d != TIME)
         courses = [problem.trajectory(ids, values, driver, inputs) for driver in drivers]
@@ -67,15 +67,15 @@ def forms_of_effects(
             continue
         errors = {}
         for name, (_, change) in changes(problem, ids, values, inputs, candidate).items():
-            kind = next(k for k in SPOTS if name.startswith(k))
-            spot = places.get(SPOTS[kind] + name.removeprefix(kind))
-            if spot is not None and change.any():
-                errors[spot.id, spot.unknown] = change
-        spots = tuple(id_ for id_, _ in errors)
+            kind = next(k for k in PREFIXES if name.startswith(k))
+            location = location_by_id.get(PREFIXES[kind] + name.removeprefix(kind))
+            if location is not None and change.any():
+                errors[location.id, location.unknown] = change
+        locations = tuple(id_ for id_, _ in errors)
         try:
             for shape in (zero, *shapes):
                 more = {unknown: change * shape for (_, unknown), change in errors.items()}
-                shown = problem.simulate(ids, values, (), {**inputs, **more}, spots).stacked
+                shown = problem.simulate(ids, values, (), {**inputs, **more}, locations).stacked
                 if shape is zero:
                     plain = shown
                 else:
@@ -114,35 +114,35 @@ def errors_of_form(
     Errors with which the plant runs away are omitted.
     """
     zero = np.zeros(len(problem.time))
-    for spot in (s for s in problem.builder.laws if s.accuracy):
-        plain = _with_error(problem, ids, values, spot, zero)
-        step = 1e-3 * spot.factor
-        there = _with_error(problem, ids, values, spot, np.full(len(problem.time), step))
+    for location in (s for s in problem.builder.laws if s.accuracy):
+        plain = _with_error(problem, ids, values, location, zero)
+        step = 1e-3 * location.factor
+        there = _with_error(problem, ids, values, location, np.full(len(problem.time), step))
         moved_first = (there.course.shown[0] - plain.course.shown[0]) / step
-        names = problem.builder.balances(ids, (spot.id,)).outputs
+        names = problem.builder.balances(ids, (location.id,)).outputs
         # The value of the law is the flow that at first moves as the error does.
         flows = (i for i, n in enumerate(names) if not n.startswith(SHOWN))
         own = next((i for i in flows if abs(moved_first[i] - 1.0) < 1e-3), None)
         if own is None:
             continue
         value = np.ascontiguousarray(plain.course.shown[:, own])
-        share = common.FORM_U * spot.accuracy
+        share = common.FORM_U * location.accuracy
         moved = [np.zeros(len(problem.signals) * len(zero))]
         for shape in hats(value, 1 + round(1.0 / common.FORM_LENGTH)):
             try:
-                there = _with_error(problem, ids, values, spot, share * value * shape)
+                there = _with_error(problem, ids, values, location, share * value * shape)
             except RanAway:
                 continue
             moved.append(there.stacked - plain.stacked)
-        yield spot, np.stack(moved, axis=1)
+        yield location, np.stack(moved, axis=1)
 
 
 def _with_error(
     problem: SimulationProblem,
     ids: tuple[str, ...],
     values: Mapping[str, float],
-    spot: DisturbanceLocation,
+    location: DisturbanceLocation,
     error: Array,
 ) -> Simulated:
-    inputs = {**problem.record.inputs, spot.unknown: error}
-    return problem.simulate(ids, values, inputs=inputs, spots=(spot.id,))
+    inputs = {**problem.record.inputs, location.unknown: error}
+    return problem.simulate(ids, values, inputs=inputs, locations=(location.id,))

@@ -36,7 +36,7 @@ from rulec.mismatch.evidence.evidence import (
 )
 from rulec.mismatch.evidence.prior import Prior, usual
 from rulec.mismatch.evidence.stores.errors_of_form import errors_of_form, forms_of_effects
-from rulec.mismatch.evidence.stores.fitted_curve import Place, place_over
+from rulec.mismatch.evidence.stores.fitted_curve import Domain, domain_over
 from rulec.mismatch.evidence.stores.noise import errors_of_sensors, innovations
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.evidence.stores.starting_values import from_afar, nearest, ways_to_join
@@ -66,16 +66,16 @@ class StoresEvidence(Evidence):
     def __init__(self, problem: SimulationProblem, near: Configuration | None = None) -> None:
         super().__init__()
         self.problem, self.candidates = problem, problem.candidates
-        self.places = len(problem.places) * len(problem.drivers)
+        self.term_count = len(problem.locations) * len(problem.drivers)
         self.readings = frozenset(s.id for s in problem.ruleset.signals)
         self.count = int(sum(known.sum() for known in self._known.values()))
         near = near or Configuration()
         ids, values = near.ids, {**problem.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
-        for spot, moved in errors_of_form(problem, ids, values):
+        for location, moved in errors_of_form(problem, ids, values):
             own = fewest(self._table(moved), common.FORM_KNOWN, limits.FORM_RANK)
             forms.append(own)
-            law += [spot.id] * own.shape[1]
+            law += [location.id] * own.shape[1]
         self.forms, self.law = np.concatenate(forms, axis=1), tuple(law)
         self.held = self._table(errors_of_sensors(problem, ids, values))
         self.of_class = (self.held,)
@@ -289,23 +289,23 @@ class StoresEvidence(Evidence):
         problem, found = self.problem, list[Term]()
         for driver in problem.drivers:
             course = self.course(point.setting, driver)[problem.record.open]
-            for spot in problem.places:
-                place = place_over(spot, driver, course)
-                if place is not None:
-                    found += self._terms_over(point.setting, place)
+            for location in problem.locations:
+                domain = domain_over(location, driver, course)
+                if domain is not None:
+                    found += self._terms_over(point.setting, domain)
         return found
 
-    def _terms_over(self, setting: Configuration, place: Place) -> Iterator[Term]:
-        parts, knots = place.parts(self.problem.builder)
+    def _terms_over(self, setting: Configuration, domain: Domain) -> Iterator[Term]:
+        parts, knots = domain.parts(self.problem.builder)
         for part in parts:
             own = {u.id: knots[u.id] for u in part.unknowns if u.fixed}
             nothing = {u.id: 0.0 for u in part.unknowns if not u.fixed}
             setting = setting.joining(part, nothing, own)
         coefficients = [u.id for part in parts for u in part.unknowns if not u.fixed]
-        slopes = self.simulated(setting, coefficients)[1] @ place.bends
-        for basis in place.bases():
-            columns, spot = slopes @ basis.at(place.knots), place.spot
-            term = term_with(columns, spot.id, spot, place.driver, basis, np.zeros(0))
+        slopes = self.simulated(setting, coefficients)[1] @ domain.bends
+        for basis in domain.bases():
+            columns, location = slopes @ basis.at(domain.knots), domain.location
+            term = term_with(columns, location.id, location, domain.driver, basis, np.zeros(0))
             if term is not None:
                 yield term
 

@@ -25,10 +25,10 @@ from rulec.mismatch.evidence.term import Basis
 
 
 @dataclass(frozen=True)
-class Place:
+class Domain:
     """The place of a curve, its driver, and the range of that, SI."""
 
-    spot: DisturbanceLocation
+    location: DisturbanceLocation
     driver: str
     low: float
     high: float
@@ -55,12 +55,12 @@ class Place:
 
     def parts(self, builder: ModelBuilder) -> tuple[tuple[Candidate, ...], dict[str, float]]:
         """Candidates that add the curve to a plant, and its knots, SI by id."""
-        parts = builder.bent_line(self.spot.id, self.driver, len(self.knots))
+        parts = builder.bent_line(self.location.id, self.driver, len(self.knots))
         fixed = [u.id for part in parts for u in part.unknowns if u.fixed]
         return parts, dict(zip(fixed, self.knots.tolist(), strict=True))
 
 
-def place_over(spot: DisturbanceLocation, driver: str, course: Array) -> Place | None:
+def domain_over(location: DisturbanceLocation, driver: str, course: Array) -> Domain | None:
     """A place with the range of a driver, by its course, shape (n,); None if that hardly moves.
 
     The whole range counts: samples beyond the knots would distort a curve that is constant there.
@@ -68,7 +68,7 @@ def place_over(spot: DisturbanceLocation, driver: str, course: Array) -> Place |
     low, high = float(np.min(course)), float(np.max(course))
     if not high - low > limits.HARDLY_MOVES * float(np.max(np.abs(course))):
         return None
-    return Place(spot, driver, low, high)
+    return Domain(location, driver, low, high)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class FittedCurve:
     model without the curve, less its price.
     """
 
-    place: Place
+    domain: Domain
     form: Form
     amounts: Array
     fitted: Fitted
@@ -99,19 +99,19 @@ class FittedCurve:
         """Slopes by all other values and by the amounts, shape (rows, values), and their prior
         precision, shape (values,)."""
         model = self.fitted
-        return linear_at(model.fitter, model.at, self.place, model.judged).with_form(self.form)
+        return linear_at(model.fitter, model.at, self.domain, model.judged).with_form(self.form)
 
     def functions_at(self, driver: Array) -> Array:
         """Its functions at values of the driver, shape (n, functions), SI of its place."""
-        knots = self.place.knots
+        knots = self.domain.knots
         return np.stack([np.interp(driver, knots, own) for own in self.form.table.T], axis=1)
 
     def value(self, driver: Array) -> Array:
         """The curve over its driver, SI, shape of `driver`."""
-        return np.asarray(np.interp(driver, self.place.knots, self.form.table @ self.amounts))
+        return np.asarray(np.interp(driver, self.domain.knots, self.form.table @ self.amounts))
 
 
-def fitted_curve(bare: Fitted, spot: DisturbanceLocation, driver: str) -> FittedCurve | None:
+def fitted_curve(bare: Fitted, location: DisturbanceLocation, driver: str) -> FittedCurve | None:
     """A curve fitted beside all else in a model; None where that fails.
 
     A curve may change the range of a state, and is then fitted again over the new range.
@@ -121,45 +121,46 @@ def fitted_curve(bare: Fitted, spot: DisturbanceLocation, driver: str) -> Fitted
         for _ in range(limits.REDRAWN):
             last = found[-1] if found else None
             course = (last.fitted if last else bare).course(driver)
-            place = place_over(spot, driver, course[bare.problem.record.open])
-            if place is None or (last is not None and _same_range(place, last.place)):
+            domain = domain_over(location, driver, course[bare.problem.record.open])
+            if domain is None or (last is not None and _same_range(domain, last.domain)):
                 break
-            found.append(_fitted_over(bare, place, last))
+            found.append(_fitted_over(bare, domain, last))
     return max(found, key=lambda curve: curve.gain, default=None)
 
 
-def _same_range(place: Place, other: Place) -> bool:
-    off = max(abs(place.low - other.low), abs(place.high - other.high))
+def _same_range(domain: Domain, other: Domain) -> bool:
+    off = max(abs(domain.low - other.low), abs(domain.high - other.high))
     return off < limits.AS_WIDE * (other.high - other.low)
 
 
-def _fitted_over(bare: Fitted, place: Place, before: FittedCurve | None) -> FittedCurve:
+def _fitted_over(bare: Fitted, domain: Domain, before: FittedCurve | None) -> FittedCurve:
     """Fit a curve with fixed knots, starting from zero or from a curve with other knots."""
-    parts, knots = place.parts(bare.problem.builder)
+    parts, knots = domain.parts(bare.problem.builder)
     fitter = Fitter(bare.problem, (*bare.joined, *parts), {**bare.values, **knots})
     near = bare if before is None else before.fitted
-    values = np.zeros(len(place.knots)) if before is None else before.value(place.knots)
-    at, judged, count = fitter.vector(near.values), near.judged, len(fitter.free) - len(place.bends)
-    at[count:] = place.bends @ values
+    values = np.zeros(len(domain.knots)) if before is None else before.value(domain.knots)
+    at, judged = fitter.vector(near.values), near.judged
+    count = len(fitter.free) - len(domain.bends)
+    at[count:] = domain.bends @ values
     for _ in range(limits.CURVE_ROUNDS):
         noise = judged.noise
         effective_size = sum(judged.samples[n] / own.correlation_time for n, own in noise.items())
-        form, share = _likeliest(linear_at(fitter, at, place, judged), place, effective_size)
+        form, share = _likeliest(linear_at(fitter, at, domain, judged), domain, effective_size)
         less = {n: Noise(share * own.spread, own.correlation_time) for n, own in noise.items()}
         judged = replace(judged, noise=less)
         amounts = np.asarray(np.linalg.lstsq(form.table, values, rcond=None)[0])
-        at[count:] = place.bends @ form.table @ amounts
-        at, amounts = _descended(fitter, at, amounts, place, form, judged)
+        at[count:] = domain.bends @ form.table @ amounts
+        at, amounts = _descended(fitter, at, amounts, domain, form, judged)
         values = form.table @ amounts
         fitted = fitter.fitted_at(at, judged)
         judged = fitted.judged
         before_and_after = ((noise[n].weight, own.weight) for n, own in judged.noise.items())
         if all(abs(old - new) < limits.NOISE_STAYS * old for old, new in before_and_after):
             break
-    inverse = inverse_of(*linear_at(fitter, at, place, judged).with_form(form))
+    inverse = inverse_of(*linear_at(fitter, at, domain, judged).with_form(form))
     determined = len(amounts) - float(np.trace(inverse[count:, count:]))
     gained = fitted.gain(bare, determined) - limits.CURVE_RARITY
-    return FittedCurve(place, form, amounts, fitted, gained)
+    return FittedCurve(domain, form, amounts, fitted, gained)
 
 
 @dataclass(frozen=True)
@@ -183,13 +184,13 @@ class Linear:
         return np.column_stack([self.plain, own]), known
 
 
-def linear_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> Linear:
+def linear_at(fitter: Fitter, at: Array, domain: Domain, judged: Judged) -> Linear:
     """Linearise a model with a curve at a point."""
     residual, slopes = fitter.residual(at, judged)
-    count = slopes.shape[1] - len(place.bends)
+    count = slopes.shape[1] - len(domain.bends)
     by_coefficient = slopes[:, count:] / fitter.scale[count:]
     left = residual - by_coefficient @ at[count:]
-    return Linear(left, slopes[:, :count], by_coefficient @ place.bends)
+    return Linear(left, slopes[:, :count], by_coefficient @ domain.bends)
 
 
 def inverse_of(table: Array, known: Array) -> Array:
@@ -200,7 +201,7 @@ def inverse_of(table: Array, known: Array) -> Array:
     return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))
 
 
-def _likeliest(system: Linear, place: Place, effective_size: float) -> tuple[Form, float]:
+def _likeliest(system: Linear, domain: Domain, effective_size: float) -> tuple[Form, float]:
     """The likeliest size and smoothness of a curve, and the noise as a share of that without it.
 
     `effective_size` counts independent samples. The noise is estimated with the curve, as the
@@ -210,8 +211,8 @@ def _likeliest(system: Linear, place: Place, effective_size: float) -> tuple[For
     left = system.left - q @ (q.T @ system.left)
     whole = float(left @ left)
     best: tuple[float, Form, float] | None = None
-    for basis in place.bases():
-        table = basis.at(place.knots)
+    for basis in domain.bases():
+        table = basis.at(domain.knots)
         rows = system.own @ table
         norm = float(np.sqrt(np.mean(rows[:, 0] ** 2))) or 1.0
         rows = (rows - q @ (q.T @ rows)) / norm
@@ -229,12 +230,12 @@ def _likeliest(system: Linear, place: Place, effective_size: float) -> tuple[For
 
 
 def _descended(
-    fitter: Fitter, at: Array, amounts: Array, place: Place, form: Form, judged: Judged
+    fitter: Fitter, at: Array, amounts: Array, domain: Domain, form: Form, judged: Judged
 ) -> tuple[Array, Array]:
     """Gauss-Newton steps in all values and the curve."""
     cost = fitter.cost(at, judged) + 0.5 * float(amounts @ amounts)
     for _ in range(limits.CURVE_STEPS):
-        system = linear_at(fitter, at, place, judged)
+        system = linear_at(fitter, at, domain, judged)
         table, known = system.with_form(form)
         found = -inverse_of(table, known) @ (table.T @ system.left)
         count = system.plain.shape[1]
@@ -243,7 +244,7 @@ def _descended(
             point = at.copy()
             point[:count] += share * found[:count] * fitter.scale[:count]
             point = fitter.within(point)
-            point[count:] = place.bends @ form.table @ there
+            point[count:] = domain.bends @ form.table @ there
             now = fitter.cost(point, judged) + 0.5 * float(there @ there)
             if now < cost:
                 break

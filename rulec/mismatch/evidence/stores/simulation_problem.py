@@ -290,13 +290,13 @@ class SimulationProblem:
         values: Values,
         seeds: Sequence[str] = (),
         inputs: Mapping[str, Array] | None = None,
-        spots: tuple[str, ...] = (),
+        locations: tuple[str, ...] = (),
     ) -> Simulated:
         """Simulate the whole recording, or with other `inputs`; raises `RanAway`.
 
-        Errors at `spots` are inputs by their unknowns. `inputs` have shape (n,), SI.
+        Errors at `locations` are inputs by their unknowns. `inputs` have shape (n,), SI.
         """
-        whole = self.builder.balances(joined, spots)
+        whole = self.builder.balances(joined, locations)
         given = self.record.inputs if inputs is None else inputs
         table = np.column_stack([given[n] for n in whole.inputs] or [np.zeros((len(self.time), 0))])
         held = np.array([n not in self._linear for n in whole.inputs], dtype=np.bool_)
@@ -351,10 +351,10 @@ class SimulationProblem:
         }
 
     @property
-    def places(self) -> list[DisturbanceLocation]:
+    def locations(self) -> list[DisturbanceLocation]:
         """Places at which a law may have an error."""
         kinds = ("balance", "definition", "reading")
-        return [spot for spot in self.builder.spots if spot.kind in kinds]
+        return [location for location in self.builder.locations if location.kind in kinds]
 
     @property
     def drivers(self) -> list[str]:

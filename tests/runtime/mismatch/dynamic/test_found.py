@@ -248,7 +248,7 @@ def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     place = bench(made(384, errors={"definition:upper.outflow": missed}))
     unnamed = likeliest_curve(searched(place, LOSS))
     assert unnamed.curve.driver == "pump.u"
-    assert unnamed.curve.place.module in ("upper", "lower")
+    assert unnamed.curve.location.module in ("upper", "lower")
     assert unnamed.share > 1.0 - 0.7**2
 
 
@@ -332,7 +332,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
     place = bench(flapping(thin, seed))
     plain = plain_end(place, {})
-    spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
+    spot = next(s for s in place.builder.locations if s.id == "definition:lower.outflow")
     term = fitted_curve(plain, spot, "lower.h")
     curve = curve_of(term)
     assert "lower.y" == curve.driver
@@ -355,7 +355,7 @@ def test_place_and_driver_are_found(thin: Path) -> None:
     unnamed = likeliest_curve(searched(bench(flapping(thin, 1)), OUTLET_LAW))
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
-    assert f"{curve.place.module}.{curve.place.place}" in ("lower.outflow", "lower.h")
+    assert f"{curve.location.module}.{curve.location.place}" in ("lower.outflow", "lower.h")
     assert "lower.y" == curve.driver
     assert unnamed.share > 0.9
     assert abs(curve.branches.gap) < 0.05 * float(np.ptp(curve.value))
