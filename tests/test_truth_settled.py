@@ -193,8 +193,8 @@ def test_a_plant_with_few_states_keeps_to_them() -> None:
 def test_a_setting_wobbles_by_what_the_answer_states() -> None:
     """Over the range, between two like runs."""
     calm, moved = hard(profile="steps"), hard("wobble", profile="steps")
-    assert not calm.hard.told
-    assert set(moved.hard.told["wobble"]) == set(moved.rig.inputs)
+    assert not calm.hard.sizes
+    assert set(moved.hard.sizes["wobble"]) == set(moved.rig.inputs)
 
 
 def test_difficulties_stand_in_the_answer_and_are_no_effects() -> None:

@@ -252,7 +252,7 @@ def test_noise_has_the_memory_that_the_answer_states() -> None:
     error = np.subtract(*readings)
     assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(sensor["colour"], abs=0.04)
     assert error.std() == pytest.approx(noise_of(sensor), rel=0.05)
-    assert setup.told == {"coloured": {"lower": sensor["colour"]}}
+    assert setup.difficulties == {"coloured": {"lower": sensor["colour"]}}
 
 
 def test_sensors_drift_within_their_class() -> None:

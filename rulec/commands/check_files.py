@@ -12,7 +12,7 @@ from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.read_yaml import Document
 from rulec.passes.derive_residuals import derive_residuals
-from rulec.passes.link import link, seen_through_states
+from rulec.passes.link import link, observed_through_states
 from rulec.passes.put_balances import dynamics_of
 
 
@@ -55,7 +55,7 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
         dynamics_of(network, {name: [] for name in plant.modules})
     doubts = [*doubts_of_plant(document, plant)]
     used = {o.split(".")[0] for r in derive_residuals(network) for _, o in r.terms}
-    used |= seen_through_states(network) if network.stores else set()
+    used |= observed_through_states(network) if network.stores else set()
     # Modules with faults whose estimates occur in no residual and move nothing that is stored.
     modules = network.plant.modules.values()
     unused = [m for m in modules if m.type.observers and m.type.faults and m.name not in used]

@@ -57,17 +57,17 @@ def run(options: argparse.Namespace) -> int:
     if options.report:
         write_to(options.report, matrix_page(ruleset, made_now("rulec"), stores))
     form = {**json_form(ruleset, stores), "without": without}
-    out, is_told = console(options), options.json != "-"
+    out, is_shown = console(options), options.json != "-"
     if pairs is None:
         write_json(options, form)
-        if is_told:
+        if is_shown:
             show(out, ruleset, stores)
             show_without(out, ruleset, without)
     else:
         from rulec.separation.table import separated_form, show_separated
 
         write_json(options, {**form, "separate": separated_form(ruleset, pairs)})
-        if is_told:
+        if is_shown:
             show_separated(out, ruleset, pairs)
     show_files(out, {"report": options.report})
     return 0

@@ -45,7 +45,7 @@ from rulec.effects.repair import (
     repair_of,
 )
 from rulec.limits import UNSURE
-from rulec.mismatch.answer.json_form import hidden_csv
+from rulec.mismatch.answer.json_form import latent_csv
 from rulec.mismatch.result import MismatchRefused
 from rulec.passes.compile_cache import OpenedPlant, open_plant
 
@@ -97,14 +97,14 @@ class MismatchResult(PageResult):
         """Physics, faults and sensors that explain the difference."""
         return self.found.findings
 
-    def to_dict(self, hidden: str | None = None) -> dict[str, Any]:
+    def to_dict(self, series: str | None = None) -> dict[str, Any]:
         """The answer as `rulec mismatch --json` writes it, for `rulec adopt`; numbers in SI.
 
-        `hidden` names a file with the course of an unrecorded driver.
+        `series` names a file with the course of an unrecorded driver.
         """
         from rulec.mismatch.answer.json_form import mismatch_form
 
-        form = mismatch_form(self.found, self.plant.resolve().as_posix(), hidden)
+        form = mismatch_form(self.found, self.plant.resolve().as_posix(), series)
         form["repair"]["made_from"] = dict(self.basis)
         return form
 
@@ -331,9 +331,9 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.series:
         write_to(options.series, found.series_csv())
-    hidden = _write_hidden(options, found)
-    out = found.hand_out(options, found.to_dict(hidden.name if hidden else None))
-    courses = {"courses of the models": options.series, "course of what is not recorded": hidden}
+    series = _write_latent(options, found)
+    out = found.hand_out(options, found.to_dict(series.name if series else None))
+    courses = {"courses of the models": options.series, "course of what is not recorded": series}
     show_files(out, {"report": options.report, **courses})
     return UNSURE if found.verdict == "unsure" else 0
 
@@ -365,12 +365,12 @@ def periods_of(texts: Sequence[str]) -> Periods:
     return tuple(periods)
 
 
-def _write_hidden(options: argparse.Namespace, found: MismatchResult) -> Path | None:
+def _write_latent(options: argparse.Namespace, found: MismatchResult) -> Path | None:
     """Write the course of a hidden driver beside the JSON file; returns its file."""
-    hidden = found.found.hidden
-    if hidden is None or options.json in (None, STANDARD_OUTPUT):
+    latent = found.found.latent_input
+    if latent is None or options.json in (None, STANDARD_OUTPUT):
         return None
     target = Path(options.json)
     series = target.with_name(f"{target.stem}.hidden.csv")
-    write_text(series, hidden_csv(hidden))
+    write_text(series, latent_csv(latent))
     return series

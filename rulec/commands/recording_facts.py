@@ -105,8 +105,8 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
     for signal in ruleset.signals:
         values = recording.values.get(signal.id, np.array([]))
         odd = [f.text for f in health.findings if f.signal == signal.id]
-        told = _reading(signal, values, titles.get(signal.id, ""), odd)
-        readings.append({**told, "used": signal.id in ruleset.read})
+        reading = _reading(signal, values, titles.get(signal.id, ""), odd)
+        readings.append({**reading, "used": signal.id in ruleset.read})
     unfit = health.recording.unfit or {}
     faults = [f.id for f in ruleset.faults]
     return {

@@ -32,7 +32,7 @@ from rulec.curves.limits import GAP, KNOT_GAP, LEARNT_FAR, LEARNT_KNOTS
 from rulec.knowledge.module_type import ModuleType, Signal
 from rulec.knowledge.plant import Module
 from rulec.limits import FAR_POINT, POINTS_PER_PARAMETER
-from rulec.passes.differentiate import GATHERED, TypeModel, opened, written_out
+from rulec.passes.differentiate import GATHERED, TypeModel, observers_over, written_out
 from rulec.passes.types import Compilation
 
 
@@ -289,7 +289,7 @@ def samples_of(
     true: TrueFlow,
 ) -> Samples:
     """Samples by the first observer that uses the definition and whose readings are recorded."""
-    symbol, observers = opened(kind, definition, model.symbols, model.observers)
+    symbol, observers = observers_over(kind, definition, model.symbols, model.observers)
     reference = {o.name for o in kind.observers.values() if o.is_reference}
     found = [e for n, e in observers.items() if symbol in e.free_symbols and n not in reference]
     lacking = [[n for n in _readings(e, model) if n not in own.values] for e in found]

@@ -50,7 +50,7 @@ def _location(around: Survey, module: Module, site: Site) -> DisturbanceLocation
 
 
 def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[DisturbanceLocation]:
-    """Laws of a module, each with its accuracy; one may lie within a place of `spots_of`."""
+    """Laws of a module, each with its accuracy; one may lie within a place of `locations_of`."""
     known = {(f"{site.kind}s", site.name): site for site in sites}
     for path, stated in module.type.laws().items():
         share = stated.share if stated else ASSUMED_ACCURACY

@@ -26,24 +26,24 @@ def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, Mo
     Raises `AdoptRefused` if the flows of the plant would change.
     """
     result = dict(types)
-    opened = []
+    uncut = []
     for name, kind in types.items():
         if any(_moves(kind, o.expression) for o in kind.observers.values()):
             result[name] = _settled(kind, name)
             if not network.plant.modules[name].type.cuts:
-                opened.append(name)
+                uncut.append(name)
     # Ends that may need a law; one too many would contradict that of a neighbour.
     choices = ((OUTFLOW,), (INFLOW,), (INFLOW, OUTFLOW))
-    taken = any(_names_an_end(network, name) for name in opened)
-    for choice in itertools.product(choices, repeat=len(opened)) if opened and not taken else ():
-        tried = dict(zip(opened, choice, strict=True))
+    taken = any(_names_an_end(network, name) for name in uncut)
+    for choice in itertools.product(choices, repeat=len(uncut)) if uncut and not taken else ():
+        tried = dict(zip(uncut, choice, strict=True))
         made = {
             name: _with_laws(network, types, result, name, ends) for name, ends in tried.items()
         }
-        if _flows_stay(network, {**result, **made}, opened):
+        if _flows_stay(network, {**result, **made}, uncut):
             return {**result, **made}
-    if opened:
-        names = ", ".join(f"'{name}'" for name in opened)
+    if uncut:
+        names = ", ".join(f"'{name}'" for name in uncut)
         raise AdoptRefused(
             f"what holds back the flow of {names} cannot be written into its type, as the flows "
             "around it would be others; give the type a law for its outflow"
@@ -90,14 +90,14 @@ def _with_laws(
     return replace(kind, definitions={**kind.definitions, **laws})
 
 
-def _flows_stay(network: Network, types: Mapping[str, ModuleType], opened: Iterable[str]) -> bool:
+def _flows_stay(network: Network, types: Mapping[str, ModuleType], uncut: Iterable[str]) -> bool:
     """Do flows between the other modules remain the same sums of the same laws?"""
     modules = {n: replace(m, type=types[n]) for n, m in network.plant.modules.items()}
     try:
         ends = link(replace(network.plant, modules=modules)).ends
     except Refused:
         return False
-    return set(_sums(network.ends, opened)) == set(_sums(ends, opened))
+    return set(_sums(network.ends, uncut)) == set(_sums(ends, uncut))
 
 
 def _names_an_end(network: Network, module: str) -> bool:
@@ -107,11 +107,11 @@ def _names_an_end(network: Network, module: str) -> bool:
     return bool(names.intersection(ENDS))
 
 
-def _sums(ends: EndFlows, opened: Iterable[str]) -> Iterator[object]:
+def _sums(ends: EndFlows, uncut: Iterable[str]) -> Iterator[object]:
     """Flows at the ends of all other modules; the law of an opened module counts by its module."""
     for (module, end), terms in ends.items():
-        if module not in opened:
-            flows = [(s, k.module, "" if k.module in opened else k.name) for s, k in terms]
+        if module not in uncut:
+            flows = [(s, k.module, "" if k.module in uncut else k.name) for s, k in terms]
             yield module, end, tuple(sorted(flows))
 
 

@@ -183,19 +183,19 @@ def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable
 
 def _refused(document: Document, path: Path_, error: Any) -> Iterable[Diagnostic]:
     """What a part of a schema itself says of a violation."""
-    told, part = error.schema["refusal"], error.instance
+    refusal, part = error.schema["refusal"], error.instance
     lacking = [f"'{key}'" for key in error.schema.get("required", ()) if key not in part]
     slots = {"name": _clip(path[-1]) if path else "", "lacking": " and ".join(lacking)}
     slots |= {"value": f"{part:g}"} if isinstance(part, int | float) else {}
     is_group = isinstance(part, dict | list)
     places = {"": document.key(*path) if is_group else document.place(*path)}
-    if "inside" in told:
-        places = {"": document.place(*path, told["inside"])}
-    elif "at" in told:
-        places = {key: document.key(*path, key) for key in told["at"] if key in part}
+    if "inside" in refusal:
+        places = {"": document.place(*path, refusal["inside"])}
+    elif "at" in refusal:
+        places = {key: document.key(*path, key) for key in refusal["at"] if key in part}
     for key, place in places.items():
-        message = filled(told["message"], {**slots, "key": key})
-        yield Diagnostic(place, told["code"], message, told["hint"])
+        message = filled(refusal["message"], {**slots, "key": key})
+        yield Diagnostic(place, refusal["code"], message, refusal["hint"])
 
 
 def _part(path: Path_) -> str:

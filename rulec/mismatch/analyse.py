@@ -111,15 +111,15 @@ def analyse(
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
-    beyond = [s for s in standing if frozenset(s.names) not in found.posterior.within]
-    told, headline, then = with_misread(
+    beyond = [s for s in standing if frozenset(s.names) not in found.posterior.tolerated]
+    verdict, headline, then = with_misread(
         verdict,
         headline_of(verdict, findings, locations, doubt, fits, beyond)
         + remainder_of(verdict, fits),
         next_step(
             verdict,
             findings,
-            found.hidden,
+            found.latent_input,
             model.builder.missing,
             refused,
             locations,
@@ -132,14 +132,14 @@ def analyse(
         plant=ruleset.plant,
         title=ruleset.title,
         recording="",
-        verdict=told,
+        verdict=verdict,
         headline=headline,
         locations=(*structure.locations_of(taken, ruleset), *locations),
         findings=(*misread, *findings),
         fit=fits[0] if fits else None,
         fits=fits,
         confounded=confounded(model.free, model.covariance, unknowns),
-        hidden=found.hidden,
+        latent_input=found.latent_input,
         untested=untested(model, named),
         next=then,
         split=samples.split,

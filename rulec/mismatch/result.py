@@ -336,7 +336,7 @@ class Confounded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HiddenDriver:
+class LatentInput:
     """Course of an unrecorded driver of a mismatch, in `unit` of the place that it affects; it
     `switches` with the set points, if so."""
 
@@ -464,7 +464,7 @@ class Mismatch:
     fit: Fit | None = None
     fits: tuple[Fit, ...] = ()
     confounded: tuple[Confounded, ...] = ()
-    hidden: HiddenDriver | None = None
+    latent_input: LatentInput | None = None
     untested: tuple[str, ...] = ()
     split: str = ""
     digest: str = ""

@@ -44,7 +44,7 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import alike, noise_scale
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.heldout_errors import Predicted, Proof, fit_of, rms
-from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.result import Evidence, Finding, Fit, LatentInput, Location
 from rulec.mismatch.search.intermittent_fault import in_periods
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.later_refits import (
@@ -106,7 +106,7 @@ def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Ex
         accepted=accepted,
         failing=(*impossible(recording, system.ruleset), *stuck(recording, system.ruleset)),
         locations=tuple(_location(model, o.location, shares[o.location.id]) for o in latent),
-        hidden=_driver(system, latent, switching) if latent else None,
+        latent_input=_latent_input(system, latent, switching) if latent else None,
         noise=_noise_words(fitted),
         untimed="operating points"
         if system.data.of_rows
@@ -117,7 +117,7 @@ def _explained(recording: Recording, found: Found, by: ByRecording | None) -> Ex
         recordings=of_recordings(recording, fitted.rows, by) if by else (),
         changed=updates_of(recording.sources, by) if by else (),
         nothing=posterior.unseen,
-        believed=posterior.models[posterior.told].setting.values,
+        believed=posterior.models[posterior.selected].setting.values,
         posterior=posterior,
         curves=tuple(term for curve in found.curves for term in curve.terms),
     )
@@ -339,28 +339,28 @@ class Explanation(Explained[Fitted]):
         return tuple(before), tuple(behind)
 
 
-def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> HiddenDriver:
-    hidden, *others = found
-    location = hidden.location
+def _latent_input(system: System, found: Sequence[Reconstruction], switching: str) -> LatentInput:
+    first, *others = found
+    location = first.location
     near = [m for m in system.builder.missing if m.module == location.module]
     lacking = [m for m in near if m.place == location.place] or near
     text = (
         f"what drives {_what(location)} is not recorded; "
-        f"its course: {described(hidden.time, hidden.course)}"
+        f"its course: {described(first.time, first.course)}"
     )
     if switching:
         lacking, text = [], f"{_what(location)} {switching}"
     text += "".join(
         f"; {_what(other.location)} changes too, and its course correlates with this one by "
-        f"{fixed(likeness(hidden, other), 2)}"
+        f"{fixed(likeness(first, other), 2)}"
         for other in others
     )
-    return HiddenDriver(
+    return LatentInput(
         module=location.module,
         place=location.place,
         text=text,
-        time=hidden.time,
-        course=hidden.course / location.factor,
+        time=first.time,
+        course=first.course / location.factor,
         unit=location.unit,
         candidates=tuple(dict.fromkeys(m.title for m in lacking)),
         sensor=lacking[0].sensor if lacking else "",

@@ -73,13 +73,13 @@ def explain(
         best, accepted = found.plain, ()
     model = model_of(best)
     locations: tuple[Location, ...] = ()
-    if found.nameless:
+    if found.has_unnamed:
         tell("drawing what has no name")
         unnamed = likeliest_curve(found)
         if unnamed is not None:
             locations = (location_of_curve(model, unnamed.curve, unnamed.share),)
-    told = explanation(recording, model, found, accepted, locations, dropped)
-    return told if dropped else replace(told, curves=curves_of(found))
+    result = explanation(recording, model, found, accepted, locations, dropped)
+    return result if dropped else replace(result, curves=curves_of(found))
 
 
 def explanation(
@@ -105,7 +105,7 @@ def explanation(
             for finding in found_in(recording, ruleset)
         ),
         locations=locations,
-        hidden=None,
+        latent_input=None,
         posterior=found.posterior,
         noise="noise from third differences of the readings; errors of the repaired model are "
         f"correlated ({correlated}) and count once per correlation time",

@@ -22,7 +22,7 @@ from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.limits import SMALL_DEGREE
-from rulec.passes.link import Network, seen_through_states
+from rulec.passes.link import Network, observed_through_states
 from rulec.passes.sensor_advice import Adviser
 
 
@@ -58,7 +58,7 @@ def analyse_isolability(
         o.split(".")[0] for r in residuals for _, o in r.terms
     }
     watched |= {c.fault.split(".")[0] for c in signatures.cells}
-    watched |= seen_through_states(network) if network.stores else set()
+    watched |= observed_through_states(network) if network.stores else set()
     blind = [m for m in network.plant.modules if m not in watched]
     return Isolability(groups, (*blind, *silent))
 

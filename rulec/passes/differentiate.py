@@ -29,7 +29,7 @@ from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
 from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
 from rulec.language.symbolic import invert, to_sympy
-from rulec.passes.liquid import Opened, liquid_id, moved_by
+from rulec.passes.liquid import ByTarget, liquid_id, moved_by
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -171,10 +171,10 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
     observers = _observers(kind, symbols)
-    opening = partial(opened, kind, symbols=symbols, observers=observers)
-    faults = tuple(_faults(kind, knowledge, opening))
+    over = partial(observers_over, kind, symbols=symbols, observers=observers)
+    faults = tuple(_faults(kind, knowledge, over))
     further = tuple(unlisted_uses(kind, knowledge)) if any_error else ()
-    unlisted = tuple(_faults(kind, knowledge, opening, further)) if further else ()
+    unlisted = tuple(_faults(kind, knowledge, over, further)) if further else ()
     targets = {f.target: None for f in (*faults, *unlisted) if f.fault.acts_on != "flow"}
     return TypeModel(
         type=kind,
@@ -183,7 +183,7 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         guards={
             o.name: tuple(_guards(kind, o.expression, symbols)) for o in kind.observers.values()
         },
-        targets={name: _target(kind, name, symbols, opening) for name in targets},
+        targets={name: _target(kind, name, symbols, over) for name in targets},
         faults=faults,
         undone=_undone(kind, faults, unlisted, symbols, knowledge),
         margins=dict(_margins(kind, symbols)),
@@ -265,7 +265,7 @@ def _guards(
             yield text, _translated(kind, Expression(text, inner), table)
 
 
-def opened(
+def observers_over(
     kind: ModuleType,
     target: str,
     symbols: Mapping[str, sympy.Symbol],
@@ -279,13 +279,13 @@ def opened(
 
 
 def _target(
-    kind: ModuleType, name: str, symbols: Mapping[str, sympy.Symbol], opening: Opened
+    kind: ModuleType, name: str, symbols: Mapping[str, sympy.Symbol], over: ByTarget
 ) -> Target:
-    own, over = opening(name)
+    own, observers = over(name)
     value = written_out(kind, symbols)[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
     measured = {s for n, s in symbols.items() if n not in kind.parameters}
-    uses = {o: e for o, e in over.items() if own in symbols_in(e)}
+    uses = {o: e for o, e in observers.items() if own in symbols_in(e)}
     slopes = {o: derivative(e, own) for o, e in uses.items()}
     solved = {o: invert(e, own, _symbol(FLOW)) for o, e in uses.items()}
     return Target(
@@ -300,7 +300,7 @@ def _target(
 
 
 def _faults(
-    kind: ModuleType, knowledge: Knowledge, opening: Opened, unlisted: Sequence[FaultUse] = ()
+    kind: ModuleType, knowledge: Knowledge, over: ByTarget, unlisted: Sequence[FaultUse] = ()
 ) -> Iterator[TypeFault]:
     """The faults that a module type lists, or those that are `unlisted`.
 
@@ -309,7 +309,7 @@ def _faults(
     for use, variant, name in fault_names((*kind.faults, *unlisted), knowledge, kind.signals):
         fault, target = knowledge.fault_in(use), use.target
         if not unlisted or use in unlisted:
-            affects = _affected(kind, fault, target, opening)
+            affects = _affected(kind, fault, target, over)
             if affects or not unlisted or target in kind.provides.values():
                 yield TypeFault(name, fault, variant, target, affects, _rule(fault, variant))
 
@@ -345,12 +345,12 @@ def fault_names(
             yield use, own, f"{stem}.{variant.name}" if variant.name else stem
 
 
-def _affected(kind: ModuleType, fault: FaultType, target: str, opening: Opened) -> tuple[str, ...]:
+def _affected(kind: ModuleType, fault: FaultType, target: str, over: ByTarget) -> tuple[str, ...]:
     """Own observers that use the target of a fault."""
     if fault.acts_on == "flow":
         return tuple(kind.components()[target])
-    own, over = opening(target)
-    return tuple(o for o, e in over.items() if own in e.free_symbols)
+    own, observers = over(target)
+    return tuple(o for o, e in observers.items() if own in e.free_symbols)
 
 
 def law_of(variant: Variant, g: sympy.Expr, x: sympy.Expr) -> sympy.Expr:
@@ -413,14 +413,14 @@ def _moves(kind: ModuleType, symbols: Mapping[str, sympy.Symbol], knowledge: Kno
     table, observers = written_out(kind, symbols), _observers(kind, symbols)
     values = {("definition", n): table[n] for n in kind.definitions}
     values |= {("observer", n): e for n, e in observers.items()}
-    opening = partial(opened, kind, symbols=symbols, observers=observers)
+    over = partial(observers_over, kind, symbols=symbols, observers=observers)
     found: dict[tuple[str, str], list[Callable[[sympy.Expr], sympy.Expr]]] = {}
     for fault, liquid in liquids_of(knowledge):
         ratio = sympy.S.One
         for variant in fault.variants:
             x = degree_symbol(liquid_id(liquid, variant.name))
             ratio *= law_of(variant, sympy.S.One, x)
-        for place, law in moved_by(liquid, kind, symbols, values, opening, ratio):
+        for place, law in moved_by(liquid, kind, symbols, values, over, ratio):
             found.setdefault(place, []).append(law)
     return found
 

@@ -142,7 +142,7 @@ def _sums(plant: Plant, graph: FlowGraph) -> dict[tuple[str, str], FixedFlow]:
     return result
 
 
-def seen_through_states(network: Network) -> set[str]:
+def observed_through_states(network: Network) -> set[str]:
     """Modules whose flows or states affect a recorded reading through balances.
 
     If the plant maps columns, only mapped readings count as recorded.

@@ -17,7 +17,7 @@ from rulec.language.symbolic import ClosedForm, to_sympy
 from rulec.language.units import VOLUME_FLOW
 
 Symbols = Mapping[str, sympy.Symbol]
-Opened = Callable[[str], tuple[sympy.Symbol, Mapping[str, sympy.Expr]]]
+ByTarget = Callable[[str], tuple[sympy.Symbol, Mapping[str, sympy.Expr]]]
 """The symbol of a definition, and the observers as functions of it."""
 
 Place = tuple[str, str]
@@ -41,7 +41,7 @@ def moved_by(
     kind: ModuleType,
     symbols: Symbols,
     values: Mapping[Place, sympy.Expr],
-    opened: Opened,
+    over: ByTarget,
     ratio: sympy.Expr,
 ) -> Iterator[tuple[Place, Callable[[sympy.Expr], sympy.Expr]]]:
     """Places of a module type that a change of the liquid moves, in order of use.
@@ -54,7 +54,7 @@ def moved_by(
     if factor in symbols:
         yield ("parameter", factor), lambda plain: plain * ratio
     for move in liquid.moves:
-        found = list(_fitting(move, kind, symbols, opened))
+        found = list(_fitting(move, kind, symbols, over))
         inner = {part.name for part in found if isinstance(part, Definition)}
         for part in found:
             uses = kind.names_through(part.expression)
@@ -75,7 +75,7 @@ def _law(move: Move, by: sympy.Symbol, ratio: sympy.Expr, plain: sympy.Expr) -> 
 
 
 def _fitting(
-    move: Move, kind: ModuleType, symbols: Symbols, opened: Opened
+    move: Move, kind: ModuleType, symbols: Symbols, over: ByTarget
 ) -> Iterator[Definition | Observer]:
     """Definitions and observers that give the quantity of a move, but read no signal of it.
 
@@ -84,7 +84,7 @@ def _fitting(
     dimensions = dimensions_of(kind)
     for definition in kind.definitions.values():
         fits = dimensions[definition.name] == move.gives and _is_unmeasured(move, kind, definition)
-        if fits and _is_estimate(move, kind, symbols, opened, definition.name):
+        if fits and _is_estimate(move, kind, symbols, over, definition.name):
             yield definition
     for observer in kind.observers.values():
         flow = move.gives == VOLUME_FLOW and not observer.is_reference
@@ -99,14 +99,14 @@ def _is_unmeasured(move: Move, kind: ModuleType, part: Definition | Observer) ->
     return bool(read) and all(s.unit.dimension != move.gives for s in read)
 
 
-def _is_estimate(move: Move, kind: ModuleType, symbols: Symbols, opened: Opened, name: str) -> bool:
+def _is_estimate(move: Move, kind: ModuleType, symbols: Symbols, over: ByTarget, name: str) -> bool:
     """Whether estimates use it and, if it is a flow, none falls with it, as with a slip."""
-    own, observers = opened(name)
-    over = [e for e in observers.values() if own in e.free_symbols]
+    own, observers = over(name)
+    using = [e for e in observers.values() if own in e.free_symbols]
     if move.gives != VOLUME_FLOW:
-        return bool(over)
-    slopes = (_number(derivative(e, own).xreplace({own: TRIED}), kind, symbols) for e in over)
-    return bool(over) and all(slope >= 0.0 for slope in slopes)
+        return bool(using)
+    slopes = (_number(derivative(e, own).xreplace({own: TRIED}), kind, symbols) for e in using)
+    return bool(using) and all(slope >= 0.0 for slope in slopes)
 
 
 def _by(

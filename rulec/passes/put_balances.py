@@ -172,26 +172,26 @@ def _acting(
     if fault.acts_on == "flow":
         components = kind.components()
         if target in components:
-            return tuple(("observer", o) for o in components[target]), doing(variant)
+            return tuple(("observer", o) for o in components[target]), forward_law(variant)
         assert target in ENDS
         # The modules downstream determine the outflow, so they get its faulty value.
-        law = undoing(variant, "end") if target == OUTFLOW else doing(variant)
+        law = inverse_law(variant, "end") if target == OUTFLOW else forward_law(variant)
         return (("end", target),), law
     if fault.acts_on == "signal" and target in kind.readings:
-        return (("reading", target),), doing(variant)
+        return (("reading", target),), forward_law(variant)
     still = target in kind.signals or target in kind.settled().definitions
-    law = undoing(variant, fault.acts_on) if still else doing(variant)
+    law = inverse_law(variant, fault.acts_on) if still else forward_law(variant)
     return ((fault.acts_on, target),), law
 
 
 @functools.lru_cache(maxsize=100)
-def undoing(variant: Variant, acts_on: str) -> Expression:
+def inverse_law(variant: Variant, acts_on: str) -> Expression:
     """The healthy value, over ``law`` (the faulty value) and the degree ``x``; see `healthy`."""
     return parse(sympy.sstr(healthy(variant, acts_on, _LAW, _DEGREE)))
 
 
 @functools.lru_cache(maxsize=100)
-def doing(variant: Variant) -> Expression:
+def forward_law(variant: Variant) -> Expression:
     """The faulty value, over ``law`` (the healthy value) and the degree ``x``."""
     return parse(sympy.sstr(law_of(variant, _LAW, _DEGREE)))
 

@@ -78,8 +78,8 @@ class Adviser:
             for faults in self._together(key, hood):
                 distance = SMALL_DEGREE * apart(hood.gram(faults))
                 detected = np.diagonal(distance) >= SEPARATED
-                hidden = (distance < SEPARATED) & detected[:, None]
-                for i, j in np.argwhere(np.triu(hidden | hidden.T, 1)):
+                masked = (distance < SEPARATED) & detected[:, None]
+                for i, j in np.argwhere(np.triu(masked | masked.T, 1)):
                     pair = (faults[i], faults[j])
                     if self._key([self._module_of[f] for f in pair]) == key:
                         yield pair

@@ -44,7 +44,7 @@ class Blind:
     proof: SelfProof
 
     @property
-    def told(self) -> list[Detectability]:
+    def reported(self) -> list[Detectability]:
         """Effects that are reported at some size, the surest at their usual size first."""
         least = SOMETIMES * self.proof.replays
         shown = (e for e in self.proof.effects if e.seen_from is not None or e.told_usual >= least)
@@ -53,14 +53,14 @@ class Blind:
     @property
     def unseen(self) -> list[str]:
         """Titles of effects that are not reported at any size."""
-        there = {e.id for e in self.told}
+        there = {e.id for e in self.reported}
         return [title_of(e) for e in self.proof.effects if e.id not in there]
 
     @property
     def headline(self) -> str:
         """The result in one sentence."""
         least, count = OFTEN * self.proof.replays, len(self.proof.effects)
-        often = sum(e.told_usual >= least for e in self.told)
+        often = sum(e.told_usual >= least for e in self.reported)
         return (
             f"This recording would tell {often} of {counted(count, 'effect')} at their usual size; "
             f"with nothing missing it would tell something in {self.proof.called_missing} of "
@@ -84,25 +84,25 @@ def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind
     return Blind(found.plant, found.recording, proof)
 
 
-def title_of(seen: Detectability) -> str:
+def title_of(effect: Detectability) -> str:
     """Return the title of an effect, with its place.
 
     >>> title_of(Detectability(id="B.slip@Q_geo", title="Slip in B"))
     'Slip in B, at Q_geo'
     """
-    place = seen.id.partition("@")[2]
-    return f"{seen.title}, at {place}" if place else seen.title
+    place = effect.id.partition("@")[2]
+    return f"{effect.title}, at {place}" if place else effect.title
 
 
 def table(found: Blind) -> Table:
     """Return a row per effect that is reported at some size."""
     rows = []
-    for seen in found.told:
-        unit = "" if seen.unit == "1" else f" {seen.unit}"
-        least = "no size" if seen.seen_from is None else f"{number(seen.seen_from, 1)}{unit}"
-        instead = ", ".join(f"{title} ({count})" for title, count in list(seen.other.items())[:2])
-        told = f"{seen.told_usual} of {found.proof.replays}"
-        rows.append((title_of(seen), f"{number(seen.usual, 2)}{unit}", told, least, instead))
+    for effect in found.reported:
+        unit = "" if effect.unit == "1" else f" {effect.unit}"
+        least = "no size" if effect.seen_from is None else f"{number(effect.seen_from, 1)}{unit}"
+        instead = ", ".join(f"{title} ({count})" for title, count in list(effect.other.items())[:2])
+        often = f"{effect.told_usual} of {found.proof.replays}"
+        rows.append((title_of(effect), f"{number(effect.usual, 2)}{unit}", often, least, instead))
     return Table(COLUMNS, rows)
 
 

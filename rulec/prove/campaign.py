@@ -178,7 +178,7 @@ def _seal(case: Planned, folder: Path) -> str:
     return made.answer.digest
 
 
-def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]]:
+def open_case(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]]:
     """Make a case again; returns it with the tool's answer.
 
     Raises Changed if its sealed answer is not what it was.
@@ -190,7 +190,7 @@ def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]
 
 
 def _judge(case: Planned, folder: Path, seal: str) -> Judged:
-    made, form = opened(case, folder, seal)
+    made, form = open_case(case, folder, seal)
     result = judge(made.answer, form)
     write_text(folder / OPENED, made.answer.to_json())
     return result

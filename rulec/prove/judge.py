@@ -88,8 +88,8 @@ def place_right(planted: Sequence[Planted], form: Form) -> float:
     A correctly named effect has its place; one of several candidates counts as much as its name.
     """
     effects, locations = form.get("effects", ()), form.get("locations", ())
-    hidden = form.get("hidden_driver")
-    parts = [*effects, *locations, *([hidden] if hidden else [])]
+    latent = form.get("hidden_driver")
+    parts = [*effects, *locations, *([latent] if latent else [])]
     reported = {f"{e['module']}.{e['place']}" for e in parts}
     reported |= {f"{m}.{e['place']}" for e in effects for m in e["modules"]}
     if not effects:

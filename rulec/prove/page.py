@@ -86,11 +86,11 @@ def tables(run: Run) -> Iterator[Part]:
     scores = Table(("score", ".goal", ".cases", ".reached", ".95 % interval", ""), goals)
     yield Part("Scores and their goals", [scores, Words(REMARK, soft=True)])
     if bins := reliability(run.judged):
-        told = [
+        rows = [
             (b.score, str(b.count), b.goal.text, b.text, b.interval_text, trust(b)) for b in bins
         ]
         titles = ("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
-        yield Part("Names by their probability", [Table(titles, told)])
+        yield Part("Names by their probability", [Table(titles, rows)])
     if found := worst(run.judged):
         cases = [(j.case, *_words(j), why, number(j.gain, 3) * (j.gain > 0.0)) for j, why in found]
         of_cases = ("case", "planted", "said", "because", ".strength")

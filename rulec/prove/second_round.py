@@ -15,7 +15,7 @@ import numpy as np
 from rulec_runtime.output.write_file import write_text
 
 from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan, read_form
-from rulec.prove.campaign import Campaign, opened
+from rulec.prove.campaign import Campaign, open_case
 from rulec.prove.partition import Planned
 from rulec.prove.results import ARMS, RECIPE, SAME, Further, Judged
 from rulec.prove.second_round_table import further_of
@@ -145,7 +145,7 @@ def _recipe(folder: Path) -> dict[str, Any]:
 
 def _write_runs(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
     """Write the first recording with dates, and a further one for each arm."""
-    made, _ = opened(case, folder, seal)
+    made, _ = open_case(case, folder, seal)
     assert isinstance(made, SettledCase)
     own = folder / ROUND
     own.mkdir(exist_ok=True)

@@ -175,11 +175,11 @@ def run_groups(
 
 def run_one(group: Group, scene: bytes) -> list[Outcome]:
     """All recordings of a group, in a process of an engine."""
-    return list(run_group(*_opened(scene), group))
+    return list(run_group(*_scene_of(scene), group))
 
 
 @lru_cache(maxsize=1)
-def _opened(scene: bytes) -> Scene:
+def _scene_of(scene: bytes) -> Scene:
     """The scene of the parent process; unpickled once, as a ruleset caches its derived values."""
     found: Scene = pickle.loads(scene)
     return found

@@ -62,9 +62,9 @@ def sentences(tally: Tally) -> Iterator[str]:
     for kind, cells in rows_of(tally).items():
         # At a large degree a plant may have no operating point.
         if ran := [cell for cell in cells if cell.recordings]:
-            groups.setdefault(_seen(ran), []).append(kind)
-    for (*_, seen), kinds in sorted(groups.items()):
-        yield f"{seen}: {_names(kinds)}."
+            groups.setdefault(_detected(ran), []).append(kind)
+    for (*_, words), kinds in sorted(groups.items()):
+        yield f"{words}: {_names(kinds)}."
     frequent = [c for c in tally.confusions if c.count >= CONFUSED * c.of]
     for c in frequent[:MOST_CONFUSIONS]:
         yield (
@@ -91,7 +91,7 @@ def sentences(tally: Tally) -> Iterator[str]:
         yield f"Left out: {left}, because the plant has no operating point there."
 
 
-def _seen(cells: Sequence[Cell]) -> tuple[int, float, str]:
+def _detected(cells: Sequence[Cell]) -> tuple[int, float, str]:
     """How well a kind of fault is seen, in words; behind two numbers by which these are ordered."""
     degree, largest = reliable_from(cells), cells[-1]
     if degree is not None:

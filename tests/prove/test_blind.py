@@ -30,7 +30,7 @@ FOUND = Blind(
 
 
 def test_the_surest_come_first() -> None:
-    assert ["A.leakage", "A.bent"] == [e.id for e in FOUND.told]
+    assert ["A.leakage", "A.bent"] == [e.id for e in FOUND.reported]
     assert ["Slip"] == FOUND.unseen
     assert FOUND.headline.startswith("This recording would tell 1 of 3 effects")
     assert "in 1 of 200 replays" in FOUND.headline

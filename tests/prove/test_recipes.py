@@ -11,7 +11,7 @@ from rulec_runtime.output.refusal import Refusal
 
 from rulec.cli import main
 from rulec.prove.real.make import made
-from rulec.prove.real.rig_folder import ALARMS, checked, false_alarms_in, opened, rigs_in
+from rulec.prove.real.rig_folder import ALARMS, checked, false_alarms_in, open_text, rigs_in
 from tests.conftest import ROOT, plain_yaml
 from tests.rig import real
 
@@ -81,7 +81,7 @@ def test_unseen_rows_are_other_rows(quick: Path) -> None:
     """No row is shown and judges."""
 
     def rows(file: Path) -> Iterator[tuple[str, ...]]:
-        with opened(file) as source:
+        with open_text(file) as source:
             yield from map(tuple, csv.reader(source))
 
     for rig in rigs_in(quick):

@@ -18,7 +18,7 @@ from rulec.mismatch.result import (
     Evidence,
     Finding,
     Fit,
-    HiddenDriver,
+    LatentInput,
     Location,
     Mismatch,
     Period,
@@ -127,7 +127,7 @@ NAMED = Mismatch(
     fit=FIT,
     fits=(FIT, OTHER),
     confounded=(Confounded("A.b", "A.C2", -0.93),),
-    hidden=None,
+    latent_input=None,
     untested=("A.T above 55 degC: no held-out point",),
     next="Run A at two pressures with warm liquid: it separates b from C2.",
     split="blocks of 40 s: 6 to search, 2 to choose, 2 held out",
@@ -222,7 +222,7 @@ UNNAMED = replace(
     headline="The gap flow of A changes, and nothing known explains how.",
     findings=(),
     repair=replace(NAMED.repair, joined=()),
-    hidden=HiddenDriver(
+    latent_input=LatentInput(
         module="A",
         place="Q_gap",
         text="slow: warms up within 3 min, returns after stops",
@@ -293,7 +293,7 @@ def spoken(text: str) -> Mismatch:
         findings=(finding,),
         fit=replace(NAMED.fit, signal=text, unit=text),
         locations=(replace(PLACE, title=text, also=(text,)),),
-        hidden=replace(UNNAMED.hidden, module=text, text=text, unit=text, sensor=text),
+        latent_input=replace(UNNAMED.latent_input, module=text, text=text, unit=text, sensor=text),
         curves=replace(curves(), drivers={text: curves().time}),
     )
 

@@ -28,7 +28,7 @@ from rulec.commands.matrix import json_form as matrix_form
 from rulec.commands.matrix import matrix_page
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch.answer.findings import update_sentence
-from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
+from rulec.mismatch.answer.json_form import latent_csv, mismatch_form
 from rulec.mismatch.answer.pictures import curves_of, rms
 from rulec.mismatch.answer.terminal_and_page import tell
 from rulec.mismatch.experiment.recipe import experiment_page
@@ -144,7 +144,7 @@ def assert_as_reviewed(name: str, terminal: str, page: str, form: Any) -> None:
 def test_a_mismatch_is_told_as_reviewed(case: str) -> None:
     found: Mismatch = {**ALL, **CHANGED}[case]
     form = mismatch_form(found, "plants/abc/plant.yaml")
-    terminal = told(tell, found) + (hidden_csv(found.hidden) if found.hidden else "")
+    terminal = told(tell, found) + (latent_csv(found.latent_input) if found.latent_input else "")
     assert_as_reviewed(f"mismatch {case}", terminal, mismatch_page(found), form)
 
 

@@ -13,7 +13,7 @@ from rulec.mismatch.result import (
     Alternative,
     Finding,
     Fit,
-    HiddenDriver,
+    LatentInput,
     Location,
     Mismatch,
     Period,
@@ -41,13 +41,14 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
     """
     courses, power = mismatch.series, mismatch.power
     spans = heldout_spans(courses.time, courses.heldout) if courses is not None else []
-    hidden = None
-    if mismatch.hidden:
-        hidden = _renamed(mismatch.hidden, time="", course="", switches="") | {"series": series}
+    latent = None
+    if mismatch.latent_input:
+        latent = _renamed(mismatch.latent_input, time="", course="", switches="")
+        latent["series"] = series
     form = {name: getattr(mismatch, name) for name in SAME} | {
         "effects": mismatch.findings,
         "strain": [{**vars(s), "distance": s.distance} for s in mismatch.strain],
-        "hidden_driver": hidden,
+        "hidden_driver": latent,
         "split": {"text": mismatch.split, "hash": mismatch.digest, "heldout": spans},
         "repair": _repair(mismatch, plant_file),
     }
@@ -62,10 +63,10 @@ def power_form(power: SelfProof) -> dict[str, Any]:
     return {key: _form(value) for key, value in form.items()}
 
 
-def hidden_csv(hidden: HiddenDriver) -> str:
+def latent_csv(latent: LatentInput) -> str:
     """Course of a hidden driver; a cell is empty if its value is unknown."""
-    lines = [row_of(("time [s]", f"course [{hidden.unit}]"))]
-    for time, value in zip(hidden.time, hidden.course, strict=True):
+    lines = [row_of(("time [s]", f"course [{latent.unit}]"))]
+    for time, value in zip(latent.time, latent.course, strict=True):
         lines.append(f"{time:.10g},{f'{value:.6g}' if math.isfinite(value) else ''}")
     return "\n".join(lines) + "\n"
 

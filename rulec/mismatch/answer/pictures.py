@@ -15,7 +15,7 @@ from rulec_runtime.report.time_axis import over
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.wording import hysteresis, is_repaired, suffix
 from rulec.mismatch.inference.heldout_errors import rms
-from rulec.mismatch.result import Curves, HiddenDriver, Location, Mismatch, Shape
+from rulec.mismatch.result import Curves, LatentInput, Location, Mismatch, Shape
 
 BINS = 24
 """Parts of a driver's range, each with its own median."""
@@ -141,8 +141,8 @@ def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Fi
         ]
         first = 1 if followed else 0
         figures += [*errors[:first], over_time(drawn, calendar), *errors[first:]]
-    if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
-        figures.append(_course(mismatch.hidden, calendar))
+    if mismatch.latent_input is not None and np.isfinite(mismatch.latent_input.course).any():
+        figures.append(_course(mismatch.latent_input, calendar))
     return figures
 
 
@@ -247,13 +247,13 @@ def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:
     )
 
 
-def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
+def _course(latent: LatentInput, calendar: Calendar | None) -> Figure:
     """Course of the hidden driver, as seen at the place that it affects."""
-    name, text = f"{hidden.module}.{hidden.place}", hidden.text.rstrip(".") or "The course"
-    down = holding(hidden.course, title=f"shift of {name}{_bracketed(hidden.unit)}")
-    panel = Panel(f"course at {name}", over(hidden.time, calendar), down, 170)
-    panel.course(hidden.time, hidden.course, "s0")
-    spans = number(span(hidden.course), 2) + suffix(hidden.unit)
+    name, text = f"{latent.module}.{latent.place}", latent.text.rstrip(".") or "The course"
+    down = holding(latent.course, title=f"shift of {name}{_bracketed(latent.unit)}")
+    panel = Panel(f"course at {name}", over(latent.time, calendar), down, 170)
+    panel.course(latent.time, latent.course, "s0")
+    spans = number(span(latent.course), 2) + suffix(latent.unit)
     return Figure(
         name="hidden",
         title="Course of what is not recorded",

@@ -29,7 +29,7 @@ from rulec.mismatch.result import (
     Evidence,
     Finding,
     Fit,
-    HiddenDriver,
+    LatentInput,
     Location,
     Mismatch,
     SelfProof,
@@ -58,8 +58,8 @@ def story(mismatch: Mismatch, brief: bool) -> list[Part]:
     with curves drawn in characters."""
     own = letter(mismatch)
     parts = [*_findings(mismatch, brief)]
-    if mismatch.hidden is not None:
-        facts = Facts([*_hidden(mismatch.hidden, brief)])
+    if mismatch.latent_input is not None:
+        facts = Facts([*_latent(mismatch.latent_input, brief)])
         parts.append(Part("What drives it is not recorded", [facts], own))
     parts.append(Part("Recordings", _facts(_recordings(mismatch))))
     if mismatch.fit is not None:
@@ -67,8 +67,8 @@ def story(mismatch: Mismatch, brief: bool) -> list[Part]:
     parts.append(_numbers(mismatch, brief))
     parts.append(Part("Next", [Words(mismatch.next)] if mismatch.next else [], own))
     if mismatch.power is not None:
-        told = [*map(Words, power_words(mismatch.power))]
-        parts.append(Part("What this recording can show", told))
+        power = [*map(Words, power_words(mismatch.power))]
+        parts.append(Part("What this recording can show", power))
     return [part for part in parts if part.content]
 
 
@@ -161,17 +161,17 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
         yield "not", [words]
 
 
-def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
-    known = np.isfinite(hidden.course)
+def _latent(latent: LatentInput, brief: bool) -> Iterator[Fact]:
+    known = np.isfinite(latent.course)
     rows: list[str] = []
     if brief and known.any():
-        course = hidden.course[known]
-        rows = text_plot(hidden.time[known], course, 0.0 * course, ("s", hidden.unit))
-    yield "course", [hidden.text, *rows]
-    if hidden.candidates:
-        yield "could be", [listed(hidden.candidates)]
-    if hidden.sensor:
-        yield "sensor", [hidden.sensor]
+        course = latent.course[known]
+        rows = text_plot(latent.time[known], course, 0.0 * course, ("s", latent.unit))
+    yield "course", [latent.text, *rows]
+    if latent.candidates:
+        yield "could be", [listed(latent.candidates)]
+    if latent.sensor:
+        yield "sensor", [latent.sensor]
 
 
 def _recordings(mismatch: Mismatch) -> Iterator[Fact]:

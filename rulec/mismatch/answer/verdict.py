@@ -9,7 +9,7 @@ from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.parameter_belief import Strain
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words, titled
-from rulec.mismatch.result import CandidateSet, Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.result import CandidateSet, Finding, Fit, LatentInput, Location
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 TO_RECORD = "Record settled operation with all readings that the observers need."
@@ -139,8 +139,8 @@ LEADS = {
 
 def _unnamed(named: Sequence[Finding], locations: Sequence[Location]) -> str:
     places = {(f.module, f.place) for f in named}
-    nameless = [at for at in locations if (at.module, at.place) not in places]
-    most = max(nameless or locations, key=lambda place: place.share, default=None)
+    unnamed = [at for at in locations if (at.module, at.place) not in places]
+    most = max(unnamed or locations, key=lambda place: place.share, default=None)
     where = f"{most.module}.{most.place}" if most else "the plant"
     shape = most.shape if most else None
     follows = f" It depends on {shape.driver}." if shape and shape.driver != TIME else ""
@@ -219,7 +219,7 @@ def _farthest(fits: Sequence[Fit]) -> tuple[float, str]:
 def next_step(
     verdict: str,
     findings: Sequence[Finding],
-    hidden: HiddenDriver | None,
+    latent: LatentInput | None,
     missing: Sequence[Missing],
     refused: str = "",
     locations: Sequence[Location] = (),
@@ -228,13 +228,13 @@ def next_step(
 ) -> str:
     """What to do next: adopt, act, or measure; `refused` says why nothing should be adopted,
     `curves` that a plant can hold what has no name."""
-    if hidden is not None and hidden.switches:
+    if latent is not None and latent.switches:
         return (
-            f"Look at what happens at {hidden.module}.{hidden.place} where it changes. Go to the "
+            f"Look at what happens at {latent.module}.{latent.place} where it changes. Go to the "
             "same set points from below and from above, and run again."
         )
-    if hidden is not None:
-        sensor = hidden.sensor or "what may drive it"
+    if latent is not None:
+        sensor = latent.sensor or "what may drive it"
         return f"Record {sensor} together with the rest, and run again."
     if verdict == "none":
         return "Nothing to do."

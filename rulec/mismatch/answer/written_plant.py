@@ -35,7 +35,7 @@ from rulec.mismatch.result import (
     Evidence,
     Finding,
     Fit,
-    HiddenDriver,
+    LatentInput,
     Location,
     OfRecording,
     Repair,
@@ -126,7 +126,7 @@ class Explained(ABC, Generic[F]):
     accepted: tuple[Accepted, ...]
     failing: tuple[Finding, ...]
     locations: tuple[Location, ...]
-    hidden: HiddenDriver | None
+    latent_input: LatentInput | None
     posterior: Posterior
     noise: str
     untimed: str

@@ -117,7 +117,7 @@ def forecast(
 
 def _spread(rows: Rows, there: SteadyEvidence, covariance: Array) -> dict[str, Array]:
     """Standard deviation of each output, shape (n,), SI; NaN if it is not predicted."""
-    number = np.cumsum(there.seen) - 1
+    number = np.cumsum(there.open) - 1
     spread: dict[str, Array] = {}
     for cell in rows.cells:
         own = np.arange(cell.rows.start, cell.rows.stop).reshape(cell.rank, len(cell.points)).T
@@ -213,15 +213,15 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
     sensors."""
     fitted = _evaluated(there.rows, model)
     solution, known = model.solved
-    off = fitted.residual[there.seen]
+    off = fitted.residual[there.open]
     kept, stay, added = _kept(model)
-    by_value = fitted.jacobian[there.seen]
+    by_value = fitted.jacobian[there.open]
     table, numbers = [by_value * kept], list(range(len(model.at)))
     for term in model.terms:
         own, slope = model.columns_of(term), column_at(fitted, term.changed)
         # Residuals by the functions of the term, each of prior unit size.
         columns = term.basis.at(driver_of(there.system, term.driver)[there.point])
-        shown = 0.0 if slope is None else slope[there.seen, None]
+        shown = 0.0 if slope is None else slope[there.open, None]
         columns = model.size_of(term) * shown * columns
         off = off + columns @ solution[own]
         table.append(columns)

@@ -99,14 +99,14 @@ def asked_of(
     rng = np.random.default_rng(1)
     own = np.array(concealed)
     share = np.exp(judge.odds[own] - judge.odds[own].max())
-    hidden = rng.choice(own, count, p=share / share.sum())
-    replays = drawn(judge, count, judge.rows[:, hidden] * size)
+    chosen = rng.choice(own, count, p=share / share.sum())
+    replays = drawn(judge, count, judge.rows[:, chosen] * size)
     judged = judge.judged(replays)
     best, sure = judged.best, judged.sure
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
     named = best < len(judge.columns)
-    known = np.where(named, best, 0)
-    right = named & ((names[best] == judge.owner[own[0]]) | judge.alike[known, hidden])
+    index = np.where(named, best, 0)
+    right = named & ((names[best] == judge.owner[own[0]]) | judge.alike[index, chosen])
     titles = {c.candidate.id: titled_with_module(c.candidate) for c in judge.columns}
     other = Counter(titles.get(str(names[b]), NAMELESS) for b in best[sure & ~right])
     return int((sure & right).sum()), other
@@ -175,7 +175,7 @@ def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
 def judge_of(posterior: Posterior) -> Judge:
     """The judge of replays of a recording."""
     evidence = posterior.evidence
-    model = without_explanations(evidence, posterior.models[posterior.told])
+    model = without_explanations(evidence, posterior.models[posterior.selected])
     found = [column for column, _ in found_columns(posterior).values()]
     return Judge(
         evidence=evidence,

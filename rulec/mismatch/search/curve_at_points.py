@@ -35,7 +35,7 @@ def curve_of(posterior: Posterior, term: Term) -> CurveFound:
     the noise as no smaller than stated: a constant error within the class of a sensor does not show
     in the scatter.
     """
-    evidence, model = settled(posterior.evidence), posterior.models[posterior.told]
+    evidence, model = settled(posterior.evidence), posterior.models[posterior.selected]
     solution = model.solved[0]
     covariance = replace(model, weights=model.weights * min(model.scale, 1.0) ** 2).solved[1]
     own = model.columns_of(term)
@@ -62,7 +62,7 @@ def curve_of(posterior: Posterior, term: Term) -> CurveFound:
 
 def lost_to(posterior: Posterior, term: Term) -> tuple[RejectedCandidate, ...]:
     """Effects that were tried in the place of a term of the best set, by rising loss."""
-    evidence, best = settled(posterior.evidence), posterior.told
+    evidence, best = settled(posterior.evidence), posterior.selected
     rest = best - {term.name}
     model = posterior.models[best]
     groups = np.unique(evidence.group, return_index=True)[1]

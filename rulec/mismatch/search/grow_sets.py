@@ -15,7 +15,7 @@ from rulec.mismatch.evidence.term import Term
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.posterior import Posterior, likeliest_of
 from rulec.mismatch.search.refit import Model, refitted
-from rulec.mismatch.search.scan import Alike, beside, holds, nameless, scan
+from rulec.mismatch.search.scan import Alike, beside, holds, scan, unnamed
 
 Progress = Callable[[str], None]
 
@@ -135,7 +135,7 @@ def grow_terms(search: Search, names: Names) -> None:
 def join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
     """Refit a set with the terms without a name that gain most beside it."""
     model = search.models[names]
-    for gain, term in nameless(search.evidence, model, beside(model, every), limits.TERMS_REFITTED):
+    for gain, term in unnamed(search.evidence, model, beside(model, every), limits.TERMS_REFITTED):
         if gain > limits.WORTH_A_REFIT and names | {term.name} not in search.odds:
             own = (*model.terms, term)
             search.keep(names | {term.name}, search.refit(model.setting, model, own))

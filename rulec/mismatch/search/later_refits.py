@@ -186,7 +186,7 @@ def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
         found = [refitted(evidence, start, without_error=system.shared) for start in starts]
         best = max(found, key=lambda model: model.evidence)
         starts = [best.setting]
-        off = rows.errors(system.flows(best.setting))[0][smooth.seen]
+        off = rows.errors(system.flows(best.setting))[0][smooth.open]
         inexact = float(np.sqrt(np.clip((np.mean(off**2) - 1.0) / stated, 0.0, 1.0)))
     return best
 

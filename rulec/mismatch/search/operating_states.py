@@ -116,7 +116,7 @@ def search(rows: Rows, progress: Progress) -> Found:
     progress("taking means of operating states")
     posterior = explain(rows, progress)
     progress("refitting the most probable explanation to all settled points")
-    model = posterior.models[posterior.told]
+    model = posterior.models[posterior.selected]
     fitted, candidates = _on_all_points(rows, posterior)
     curves = {term.name: curve_of(posterior, term) for term in model.terms}
     for term in (t for t in model.terms if t.name in candidates):
@@ -136,7 +136,7 @@ def search(rows: Rows, progress: Progress) -> Found:
 
 def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, Candidate]]:
     """The model with terms as courses and curves; candidates by their names in the set."""
-    model, reported = posterior.models[posterior.told], reported_names(posterior)
+    model, reported = posterior.models[posterior.selected], reported_names(posterior)
     setting = reported_setting(posterior)
     setting = replace(setting, known=known_of(model.prior, setting))
     fitted = _fitted(rows, setting.at_points(rows.system.data.time))

@@ -60,7 +60,7 @@ class Posterior:
         return best
 
     @property
-    def told(self) -> Names:
+    def selected(self) -> Names:
         """The most probable set; the empty one, where that is not unlikely."""
         return frozenset() if self.nothing >= common.MENTIONED else self.best
 
@@ -71,8 +71,8 @@ class Posterior:
 
     @cached_property
     def tolerance(self) -> Tolerance:
-        """How far readings may be off under the set `told`."""
-        return Tolerance(self.evidence, self.models[self.told])
+        """How far readings may be off under the `selected` set."""
+        return Tolerance(self.evidence, self.models[self.selected])
 
     @cached_property
     def _likely(self) -> dict[Names, Tolerance]:
@@ -81,9 +81,9 @@ class Posterior:
         return {n: Tolerance(self.evidence, self.models[n]) for n in likely}
 
     @cached_property
-    def within(self) -> tuple[Names, ...]:
+    def tolerated(self) -> tuple[Names, ...]:
         """Likely sets of terms that are within the errors of laws and sensors."""
-        return tuple(n for n, tolerance in self._likely.items() if n == tolerance.within)
+        return tuple(n for n, tolerance in self._likely.items() if n == tolerance.tolerated)
 
     @property
     def unseen(self) -> float:
@@ -92,8 +92,8 @@ class Posterior:
         It includes sets of terms within the errors of laws and sensors and, unless another set is
         likely enough to be mentioned, those that move no reading by more than these errors.
         """
-        others = {n: self.sets[n] for n in self._likely if n not in self.within}
-        nothing = self.nothing + sum(self.sets[n] for n in self.within)
+        others = {n: self.sets[n] for n in self._likely if n not in self.tolerated}
+        nothing = self.nothing + sum(self.sets[n] for n in self.tolerated)
         if max(others.values(), default=0.0) >= common.MENTIONED:
             return nothing
         return nothing + sum(p * (1.0 - self._likely[n].shows) for n, p in others.items())
@@ -114,20 +114,20 @@ def reported_names(posterior: Posterior) -> Names:
 
     Source: median probability model (Barbieri and Berger 2004).
     """
-    best, sets = posterior.told, posterior.sets
-    kept = set()
-    for name in best - posterior.tolerance.within:
+    best, sets = posterior.selected, posterior.sets
+    likelier = set()
+    for name in best - posterior.tolerance.tolerated:
         rest = best - {name}
         alike = [names for names in sets if rest < names and len(names) == len(best)]
         same = frozenset[str]().union(*(names - rest for names in alike))
         if sum(p for names, p in sets.items() if names & same) >= limits.LIKELIER:
-            kept.add(name)
-    return frozenset(kept)
+            likelier.add(name)
+    return frozenset(likelier)
 
 
 def reported_setting(posterior: Posterior) -> Configuration:
     """The best set without the candidates that are not reported."""
-    setting, reported = posterior.models[posterior.told].setting, reported_names(posterior)
+    setting, reported = posterior.models[posterior.selected].setting, reported_names(posterior)
     for candidate in setting.joined:
         if name_of(setting, candidate) not in reported:
             setting = setting.leaving(candidate.id)
@@ -139,7 +139,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
 
     Terms without a name that contain it as a special case are no other explanation.
     """
-    best, sets, models = posterior.told, posterior.sets, posterior.models
+    best, sets, models = posterior.selected, posterior.sets, posterior.models
     rest, known, alike = best - {name}, candidates_of(posterior), alike_names(posterior, name)
     model = models[best]
     here = next((c for c in model.setting.joined if name_of(model.setting, c) == name), None)
@@ -187,7 +187,7 @@ def _rivals(posterior: Posterior, name: str, beside: float) -> tuple[Rival, ...]
 
     For a name it is a term without a name, for such a term the best name.
     """
-    rest, term = posterior.told - {name}, "~" in name
+    rest, term = posterior.selected - {name}, "~" in name
     there = {
         names: odds
         for names, odds in posterior.odds.items()

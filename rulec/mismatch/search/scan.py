@@ -205,7 +205,7 @@ def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
     return [column for column in columns if np.any(column)]
 
 
-def nameless(
+def unnamed(
     evidence: Evidence, model: Model, every: Sequence[Term], most: int
 ) -> list[tuple[float, Term]]:
     """The terms that gain most beside a model, with their gain in log odds to first order, each

@@ -62,10 +62,10 @@ class Found:
     posterior: Posterior
 
     @property
-    def nameless(self) -> bool:
+    def has_unnamed(self) -> bool:
         """Is a term without a name among the reported explanations?"""
         posterior = self.posterior
-        terms = {term.name for term in posterior.models[posterior.told].terms}
+        terms = {term.name for term in posterior.models[posterior.selected].terms}
         return bool(terms & reported_names(posterior))
 
     @property
@@ -130,7 +130,7 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
     """What the best set has without a name, as far as a module type may hold it: each term drawn
     beside the names and the terms before it."""
     model, curves = found.best, list[CurveTerm]()
-    for term in found.posterior.models[found.posterior.told].terms:
+    for term in found.posterior.models[found.posterior.selected].terms:
         if not term.changed.may_follow(term.driver):
             continue
         curve = fitted_curve(model, term.changed, term.driver)

@@ -153,7 +153,7 @@ def with_set_points(evidence: SteadyEvidence, model: Model, course: Course) -> I
     for location in system.builder.locations:
         if (location.module, location.place) == (fault.module, fault.place):
             for way in ways_at(fit_of(model.point), location):
-                term = term_of(evidence.rows, evidence.seen, location.id, way, TIME, basis)
+                term = term_of(evidence.rows, evidence.open, location.id, way, TIME, basis)
                 if term is not None:
                     yield term
 

@@ -51,7 +51,7 @@ class Tolerance:
         return found
 
     @property
-    def within(self) -> frozenset[str]:
+    def tolerated(self) -> frozenset[str]:
         """Terms without a name, but for those over time, that exceed in no row what sensors within
         their class and laws within their accuracy allow: they are errors of form of the declared
         size."""

@@ -181,18 +181,18 @@ def findings_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Finding, ...]:
     """Each as a finding, whose place is the ids of its signals or outlets."""
     found = []
     for one in taken:
-        told, signals = one.hypothesis, one.hypothesis.places
+        hypothesis, signals = one.hypothesis, one.hypothesis.places
         modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
         found.append(
             Finding(
-                id=f"{'+'.join(signals)}.{told.kind}",
+                id=f"{'+'.join(signals)}.{hypothesis.kind}",
                 sort="structure",
-                name=told.kind,
-                title=TITLES[told.kind],
+                name=hypothesis.kind,
+                title=TITLES[hypothesis.kind],
                 module=modules[0],
                 place=" ".join(signals),
-                text=told.text,
-                action=told.action,
+                text=hypothesis.text,
+                action=hypothesis.action,
                 probability=one.probability,
                 gain=one.gain,
                 closed=float("nan"),

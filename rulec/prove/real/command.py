@@ -71,10 +71,10 @@ def judged(
     """Run the tool on all rigs, each in a numbered folder, then score its answers."""
     digest = sealed(rigs)
     owned(work, f"real recordings {digest}")
-    limit, hidden = options.limit or PATIENCE, options.hidden_names
+    limit, renamed = options.limit or PATIENCE, options.hidden_names
     todo: list[tuple[Any, ...]] = [
         # The processes that run the tool get no answer either.
-        (dataclasses.replace(rig, truth=None), folder_of(work, i), limit, hidden)
+        (dataclasses.replace(rig, truth=None), folder_of(work, i), limit, renamed)
         for i, rig in enumerate(rigs)
     ]
     asked = workers.each("asking", _ask, todo)
@@ -82,21 +82,21 @@ def judged(
     return Result(
         tuple(scored(rig, found) for rig, (found, _) in zip(rigs, asked, strict=True)),
         false_alarms_in(Path(options.real)),
-        changed if hidden else None,
+        changed if renamed else None,
         digest,
     )
 
 
-def _ask(rig: Rig, folder: Path, limit: float, hidden: bool) -> tuple[Mapping[str, Any], list[str]]:
+def _ask(rig: Rig, folder: Path, limit: float, rename: bool) -> tuple[Mapping[str, Any], list[str]]:
     """Return the tool's answer for a rig, and how it differs under other names."""
     lay_out(rig, folder)
     other = folder.with_name(f"{folder.name}-hidden")
-    if hidden and not (other / NAMES).exists():
+    if rename and not (other / NAMES).exists():
         shutil.rmtree(other, ignore_errors=True)
         lay_out(rig, other)
         write_text(other / NAMES, json.dumps(hide(other)))
     shown = ask(folder, rig.test, limit)
-    if not hidden:
+    if not rename:
         return shown, []
     found = ask(other, None, limit)
     if not shown["form"] or not found["form"]:

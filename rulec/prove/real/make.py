@@ -28,7 +28,7 @@ from rulec.prove.real.rig_folder import (
     TRAIN,
     checked,
     digest_of,
-    opened,
+    open_text,
     write_packed,
     write_yaml,
 )
@@ -123,11 +123,11 @@ def _rows(recipe: Recipe, files: Sequence[str], source: Path) -> Iterator[Row]:
     labels: dict[str, Row] = {}
     by = recipe["labels"]["by"] if "labels" in recipe else ""
     if by:
-        with opened(source / recipe["labels"]["file"]) as table:
+        with open_text(source / recipe["labels"]["file"]) as table:
             for row in csv.DictReader(table):
                 labels[row[by]] = {f"label.{key}": value for key, value in row.items()}
     for name in files:
-        with opened(source / name) as table:
+        with open_text(source / name) as table:
             for row in csv.DictReader(table):
                 yield {**row, **labels.get(row[by], {})} if by else row
 

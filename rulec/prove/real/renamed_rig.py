@@ -15,7 +15,7 @@ from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.prove.real.rig_folder import PLANT, opened, write_packed, write_yaml, yaml_of
+from rulec.prove.real.rig_folder import PLANT, open_text, write_packed, write_yaml, yaml_of
 
 SAME = 1e-6
 """Relative difference below which numbers are the same, as sums in another order are rounded
@@ -50,7 +50,7 @@ def hide(folder: Path) -> dict[str, str]:
         write_text(matrix, _renamed(matrix.read_text(encoding="utf-8"), modules))
     titles = _hide_columns(plant / data["columns"], modules) if "columns" in data else {}
     for file in (*folder.glob("*.csv"), *folder.glob("*.csv.gz")):
-        with opened(file) as source:
+        with open_text(file) as source:
             header, *rows = csv.reader(source)
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
@@ -60,10 +60,10 @@ def hide(folder: Path) -> dict[str, str]:
     return modules
 
 
-def differences(open_: Mapping[str, Any], hidden: Mapping[str, Any], modules: Names) -> list[str]:
+def differences(open_: Mapping[str, Any], masked: Mapping[str, Any], modules: Names) -> list[str]:
     """Return the differences of an answer under other names, each with its place in the JSON."""
     back = {new: old for old, new in modules.items()}
-    renamed = json.loads(_renamed(json.dumps(hidden), back))
+    renamed = json.loads(_renamed(json.dumps(masked), back))
     return list(_differ(_compared(open_), _compared(renamed), ""))
 
 

@@ -318,7 +318,7 @@ def _list(value: str | Sequence[str]) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else tuple(value)
 
 
-def opened(file: Path) -> IO[str]:
+def open_text(file: Path) -> IO[str]:
     """Open a text file, compressed or not."""
     if file.suffix == ".gz":
         return gzip.open(file, "rt", encoding="utf-8", newline="")

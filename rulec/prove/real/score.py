@@ -114,14 +114,14 @@ def scored(rig: Rig, asked: Form) -> Scored:
     verdict = str(form.get("verdict", "no answer"))
     right = [(m, best(m, said)) for m in missing]
     hits = [hit for m, f in right if f and truth for hit in _hits(m, f, truth.units)]
-    told = _told_places(form)
+    reported = _reported_places(form)
     # The reading whose prediction counts: that of the rig, or else that of the tool.
     wanted = (rig.signal, (form.get("fit") or {}).get("signal"), *asked["predicted"])
     return Scored(
         rig=rig,
         verdict=verdict,
         said=said,
-        place=mean(float(is_at(m, told)) for m in missing),
+        place=mean(float(is_at(m, reported)) for m in missing),
         headline=mean(name_right(m, [f.headline for f in said], verdict) for m in missing),
         named=mean(name_right(m, said, verdict) for m in missing),
         probability=mean(f.probability for _, f in right if f),
@@ -177,10 +177,10 @@ def name_right(missing: Missing, said: Sequence[ScoredFinding], verdict: str) ->
     return float(best(missing, said) is not None if missing.names else verdict == UNNAMED)
 
 
-def _told_places(form: Form) -> list[str]:
+def _reported_places(form: Form) -> list[str]:
     """All places in an answer."""
-    hidden = form.get("hidden_driver")
-    parts = [*form.get("locations", ()), *([hidden] if hidden else [])]
+    latent = form.get("hidden_driver")
+    parts = [*form.get("locations", ()), *([latent] if latent else [])]
     causes = (c for e in form.get("effects", ()) for c in scored_finding(e).causes)
     return [f"{p['module']}.{p['place']}" for p in parts] + [p for c in causes for p in c.places]
 

@@ -35,11 +35,11 @@ NOTE = (
 
 @dataclass(frozen=True)
 class Result:
-    """A run over rigs; `hidden` lists by rig the differences under other names, None if not run."""
+    """A run over rigs; `renamed` has by rig the differences under other names, None if not run."""
 
     scored: tuple[Scored, ...]
     manifest: tuple[FalseAlarm, ...]
-    hidden: Mapping[str, Sequence[str]] | None
+    renamed: Mapping[str, Sequence[str]] | None
     digest: str
 
     @property
@@ -96,14 +96,14 @@ def form(result: Result) -> dict[str, Any]:
     return {
         "sealed": result.digest,
         "totals": totals,
-        "rigs": {s.rig.name: _rig_form(s, result.hidden) for s in result.scored},
+        "rigs": {s.rig.name: _rig_form(s, result.renamed) for s in result.scored},
         "false_alarms": [
             {**vars(alarm.known), "told_again": alarm.again} for alarm in result.alarms
         ],
     }
 
 
-def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str, Any]:
+def _rig_form(s: Scored, renamed: Mapping[str, Sequence[str]] | None) -> dict[str, Any]:
     fields = (
         *("verdict", "place", "headline", "named", "probability", "inside", "silent"),
         *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error"),
@@ -119,16 +119,16 @@ def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str
             {"causes": [vars(cause) for cause in f.causes], "probability": f.probability}
             for f in getattr(s, name)
         ]
-    return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
+    return found | ({"hidden": renamed[s.rig.name]} if renamed and s.rig.name in renamed else {})
 
 
 def parts(result: Result) -> Iterator[Part]:
     """Yield the tables."""
-    told = []
+    answers = []
     for s in result.scored:
         words = "; ".join(found.text for found in s.said)
-        told.append((s.rig.name, s.error or (f"{s.verdict}: {words}" if words else s.verdict)))
-    yield Part("Answers", [Table(("rig", "told"), told)])
+        answers.append((s.rig.name, s.error or (f"{s.verdict}: {words}" if words else s.verdict)))
+    yield Part("Answers", [Table(("rig", "told"), answers)])
     yield Part("Scores", [Table(("rig", *SCORES), [_answer_row(s) for s in result.scored])])
     errors = [row for s in result.scored for row in _error_rows(s)]
     yield Part("Errors on unseen rows", [Table(ERRORS, errors)])
@@ -146,8 +146,8 @@ def parts(result: Result) -> Iterator[Part]:
                 (known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right)
             )
         yield Part("False alarms", [Table(of_alarms, rows)])
-    if result.hidden is not None:
-        same = [(name, "; ".join(diff) or "the same") for name, diff in result.hidden.items()]
+    if result.renamed is not None:
+        same = [(name, "; ".join(diff) or "the same") for name, diff in result.renamed.items()]
         yield Part("Under other names", [Table(("rig", ""), same)])
 
 

@@ -34,5 +34,5 @@ def expected_gain(d: Array, sensitivities: Array, flat: Array) -> float:
         basis, values, _ = np.linalg.svd(some, full_matrices=False)
         basis = basis[:, values > NEGLIGIBLE * values[0]]
     free, left = (part - basis @ (basis.T @ part) for part in (sensitivities, d))
-    inner, hidden = np.eye(free.shape[1]) + free.T @ free, free.T @ left
-    return max(0.5 * float(left @ left - hidden @ np.linalg.solve(inner, hidden)), 0.0)
+    inner, projected = np.eye(free.shape[1]) + free.T @ free, free.T @ left
+    return max(0.5 * float(left @ left - projected @ np.linalg.solve(inner, projected)), 0.0)

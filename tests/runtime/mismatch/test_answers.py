@@ -90,7 +90,7 @@ def test_what_was_planted_is_told_and_proved(name: str) -> None:
     case, found = CASES[name], answer(name)
     assert case.verdict == found.verdict
     assert list(case.built) == [f.id for f in found.findings]
-    assert found.hidden is None
+    assert found.latent_input is None
     assert ("A.P_el is not in the recording" in found.notes) == (name == "healthy")
     for finding in found.findings:
         for parameter, true in case.values.items():
@@ -164,7 +164,7 @@ def test_a_driver_that_is_not_recorded() -> None:
         found[n] = compared(plant, without(recorded(plant, given, built), "A.T"))
         assert "fault" not in {f.sort for f in found[n].findings}
     assert "unnamed" == found[200].verdict
-    hidden = found[200].hidden
+    hidden = found[200].latent_input
     assert ("A", "Q_geo") == (hidden.module, hidden.place)
     true = np.interp(hidden.time, np.arange(200.0), warming(200))
     assert abs(float(np.corrcoef(hidden.course, true)[0, 1])) > 0.9

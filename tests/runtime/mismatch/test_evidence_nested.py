@@ -93,7 +93,7 @@ class Integral:
         else:
             assert isinstance(evidence, SteadyEvidence)
             rows = evidence.rows
-            residual = rows.errors(rows.system.flows(setting))[0][evidence.seen]
+            residual = rows.errors(rows.system.flows(setting))[0][evidence.open]
         if not np.isfinite(residual).all():
             return IMPOSSIBLE
         known = model.prior.near(at).density - 0.5 * float(numbers @ numbers)

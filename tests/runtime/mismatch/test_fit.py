@@ -216,13 +216,13 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
     (trial,) = screen(clean, [c for c in alone()[1].candidates if c.id == name])
     there = joined(clean, trial)
     evidence, data = SteadyEvidence(there.rows), there.rows.system.data
-    columns = errors_of_effects(there, evidence.seen)
+    columns = errors_of_effects(there, evidence.open)
     assert np.abs(columns).max() > 1.0
     noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(len(data))
     values = {**data.values, **{n: data.values[n] * noise for n in ("A.dp", "A.P_el")}}
     noisy = replace(data, points=replace(data.points, values=values))
     rows = replace(there.rows, system=replace(there.rows.system, data=noisy))
-    again = errors_of_effects(replace(there, rows=rows), evidence.seen)
+    again = errors_of_effects(replace(there, rows=rows), evidence.open)
     np.testing.assert_allclose(again, columns, rtol=1e-9, atol=1e-12 * np.abs(columns).max())
 
 
@@ -242,7 +242,7 @@ def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(
     """3 % is what the law of the power may be off by, and more than that of the line may. Where the
     law and the reading fit alike, it is the law."""
     found = explain(rippled(reading, 0.03, 3.0), lambda said: None)
-    assert {f"{place}~A.n"} == found.told
+    assert {f"{place}~A.n"} == found.selected
     assert told == bool(reported_names(found))
     assert found.unseen < 0.1 if told else found.unseen > 0.9
 

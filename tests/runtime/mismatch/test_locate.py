@@ -145,7 +145,7 @@ def test_one_driver_behind_two_laws_is_told_at_both() -> None:
     assert [where.place for where in found.locations] == ["P_law", "Q_geo"]
     assert sum(where.share for where in found.locations) == pytest.approx(1.0)
     said = "in A.Q_geo changes too, and its course correlates with this one by −0.9"
-    assert said in found.hidden.text
+    assert said in found.latent_input.text
 
 
 LEAKAGE = "A.leakage"

@@ -315,7 +315,7 @@ def test_a_level_lasts_until_the_next_end() -> None:
 
 
 def test_who_reads_it_is_sent_to_the_set_points_not_to_a_sensor() -> None:
-    said = next_step("unnamed", (), replace(UNNAMED.hidden, switches=True), ())
+    said = next_step("unnamed", (), replace(UNNAMED.latent_input, switches=True), ())
     assert "from below and from above" in said
     assert "Record what may drive it" not in said
 
@@ -381,4 +381,4 @@ def test_of_places_that_fit_alike_one_that_a_plant_can_hold_is_told(
     odds = dict(zip(models, (20.0, 20.0 - behind), strict=True))
     every = {frozenset[str](): SimpleNamespace(terms=()), **models}
     found = Posterior(cast("Any", None), cast("Any", every), {frozenset(): 0.0, **odds})
-    assert {f"{told}~A.n"} == found.told
+    assert {f"{told}~A.n"} == found.selected

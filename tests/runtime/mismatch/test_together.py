@@ -223,6 +223,6 @@ def test_files_of_their_own_have_none() -> None:
 def test_the_answer_says_so() -> None:
     found = compared(alone(), replace(leaking(), one_clock=False))
     assert any("no common time" in note for note in found.notes)
-    assert found.hidden is None
+    assert found.latent_input is None
     assert not any(f.periods for f in found.findings)
     assert not any(place.periods for place in found.locations)

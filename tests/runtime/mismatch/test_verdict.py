@@ -168,8 +168,8 @@ def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> N
 )
 def test_next_step(verdict: str, findings: Sequence[Finding], expected: str) -> None:
     assert next_step(verdict, findings, None, (NO_SENSOR,)).startswith(expected)
-    step = next_step("named", (SURE,), UNNAMED.hidden, ())
-    assert f"Record {UNNAMED.hidden.sensor} together with the rest, and run again." == step
+    step = next_step("named", (SURE,), UNNAMED.latent_input, ())
+    assert f"Record {UNNAMED.latent_input.sensor} together with the rest, and run again." == step
 
 
 @pytest.mark.parametrize(

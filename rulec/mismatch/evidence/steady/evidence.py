@@ -45,16 +45,16 @@ from rulec.mismatch.evidence.term import Term, bends
 
 
 def errors_of_form(
-    plain: Fitted, seen: NDArray[np.bool_], laws: Sequence[DisturbanceLocation]
+    plain: Fitted, open_: NDArray[np.bool_], laws: Sequence[DisturbanceLocation]
 ) -> tuple[Array, tuple[str, ...]]:
     """Rows of errors of form, shape (rows, errors), and the law of each.
 
     Each law has its own errors, as large as its accuracy. Two meters in one line share no law: no
-    error of form explains a difference between them. Rows that count are flagged in `seen`.
+    error of form explains a difference between them. Rows that count are flagged in `open_`.
     """
     rows, system = plain.rows, plain.rows.system
     flows = system.flows(Configuration())
-    columns, law = [np.zeros((int(seen.sum()), 0))], []
+    columns, law = [np.zeros((int(open_.sum()), 0))], []
     ways: dict[str, Array] = {}
     for location in laws:
         column = column_at(plain, location)
@@ -65,13 +65,13 @@ def errors_of_form(
             ways[location.module] = _smooth_over(alike, limits.FORM_RANK)
         u = common.FORM_U * location.accuracy * np.nan_to_num(system.value_of(location))
         whole = column * u[rows.point]
-        own = fewest((whole[:, None] * ways[location.module][rows.point])[seen], common.FORM_KNOWN)
+        own = fewest((whole[:, None] * ways[location.module][rows.point])[open_], common.FORM_KNOWN)
         columns.append(own)
         law += [location.id] * own.shape[1]
     return np.concatenate(columns, axis=1), tuple(law)
 
 
-def errors_of_effects(now: Fitted, seen: NDArray[np.bool_]) -> Array:
+def errors_of_effects(now: Fitted, open_: NDArray[np.bool_]) -> Array:
     """Each effect's own term times smooth functions of its drivers, shape (rows, functions).
 
     The driver of a growing fault is its growth so far, as it need not grow linearly. Drivers take
@@ -93,8 +93,8 @@ def errors_of_effects(now: Fitted, seen: NDArray[np.bool_]) -> Array:
         term = change_by(now, candidate)
         for shape in shapes:
             column = rows.column(now.maps, {i: v * shape for i, v in term.items()})
-            columns.append(column[seen])
-    return np.stack(columns, axis=1) if columns else np.zeros((int(seen.sum()), 0))
+            columns.append(column[open_])
+    return np.stack(columns, axis=1) if columns else np.zeros((int(open_.sum()), 0))
 
 
 def _shapes(driver: Array | float) -> Sequence[Array]:
@@ -105,19 +105,19 @@ def _shapes(driver: Array | float) -> Sequence[Array]:
 # Errors of sensors: slow ones within their class, and those of inputs that are held.
 
 
-def moving_sensors(plain: Fitted, seen: NDArray[np.bool_]) -> Array:
+def moving_sensors(plain: Fitted, open_: NDArray[np.bool_]) -> Array:
     """Rows of sensor errors that move slowly within their class, shape (rows, errors)."""
     rows, system = plain.rows, plain.rows.system
     lasting = {ERROR + name for name in system.shared}
     errors = [i for i, name in enumerate(plain.prior.names) if name in lasting]
     if not (system.data.timed and errors):
-        return np.zeros((int(seen.sum()), 0))
-    course = _smooth_in_time(system.data.time, system.data.source)[rows.point[seen]]
-    tables = [plain.jacobian[seen][:, [i]] * course for i in errors]
+        return np.zeros((int(open_.sum()), 0))
+    course = _smooth_in_time(system.data.time, system.data.source)[rows.point[open_]]
+    tables = [plain.jacobian[open_][:, [i]] * course for i in errors]
     return fewest(np.concatenate(tables, axis=1), common.MOVING_SHARES[-1])
 
 
-def held_inputs(plain: Fitted, seen: NDArray[np.bool_]) -> Array:
+def held_inputs(plain: Fitted, open_: NDArray[np.bool_]) -> Array:
     """Rows of the errors of inputs that are held over several points, shape (rows, errors)."""
     rows, data = plain.rows, plain.rows.system.data
     flows = rows.system.flows(Configuration())
@@ -130,7 +130,7 @@ def held_inputs(plain: Fitted, seen: NDArray[np.bool_]) -> Array:
             noise = np.nan_to_num(data.noise[name][rows.point])
             shown = rows.column(plain.maps, slopes) * noise
             columns.append(shown[:, None] * (visit[rows.point, None] == longer))
-    return np.asarray(np.concatenate(columns, axis=1)[seen])
+    return np.asarray(np.concatenate(columns, axis=1)[open_])
 
 
 def _smooth_over(correlation: Array, least: float) -> Array:
@@ -158,10 +158,10 @@ def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
 
 @dataclass(frozen=True)
 class SteadyPoint:
-    """A fit to settled points, reduced to its open rows, flags `seen` of shape (all rows,)."""
+    """A fit to settled points, reduced to its open rows, flags `open` of shape (all rows,)."""
 
     fitted: Fitted
-    seen: NDArray[np.bool_]
+    open: NDArray[np.bool_]
 
     @property
     def setting(self) -> Configuration:
@@ -171,12 +171,12 @@ class SteadyPoint:
     @cached_property
     def residual(self) -> Array:
         """Residual, shape (rows,), in units of its noise."""
-        return self.fitted.residual[self.seen]
+        return self.fitted.residual[self.open]
 
     @cached_property
     def jacobian(self) -> Array:
         """Slopes of the residual, shape (rows, values)."""
-        return self.fitted.jacobian[self.seen]
+        return self.fitted.jacobian[self.open]
 
 
 def fit_of(point: Point) -> Fitted:
@@ -204,16 +204,16 @@ class SteadyEvidence(Evidence):
         self.candidates = system.candidates
         inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
         self.term_count = len(system.builder.locations) * max(len(inputs) + system.data.timed, 1)
-        self.seen = system.data.open[rows.point]
-        self.point = rows.point[self.seen]
+        self.open = system.data.open[rows.point]
+        self.point = rows.point[self.open]
         self.count = len(self.point)
         prior = prior_of(system, Configuration())
         plain = evaluated(rows, Configuration(), prior, prior.mean, system.data.open)
         laws = () if exact else system.builder.laws
-        self.forms, self.law = errors_of_form(plain, self.seen, laws)
-        self.moving = np.zeros((self.count, 0)) if exact else moving_sensors(plain, self.seen)
-        self.held = held_inputs(plain, self.seen)
-        self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
+        self.forms, self.law = errors_of_form(plain, self.open, laws)
+        self.moving = np.zeros((self.count, 0)) if exact else moving_sensors(plain, self.open)
+        self.held = held_inputs(plain, self.open)
+        self.group: NDArray[np.intp] = np.unique(rows.group[self.open], return_inverse=True)[1]
         self.rank = np.bincount(self.group).astype(float)
         freedom = limits.FREEDOM
         constants = gammaln((freedom + self.rank) / 2) - self.rank / 2 * np.log(freedom)
@@ -231,7 +231,7 @@ class SteadyEvidence(Evidence):
 
     def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> SteadyPoint:
         used = self.system.data.open
-        return SteadyPoint(evaluated(self.rows, setting, prior, at, used), self.seen)
+        return SteadyPoint(evaluated(self.rows, setting, prior, at, used), self.open)
 
     def columns(self, point: Point, candidates: Iterable[Candidate]) -> list[Column]:
         """Columns at several shapes and, of faults, at several onsets."""
@@ -250,7 +250,7 @@ class SteadyEvidence(Evidence):
                     continue
                 found += [
                     Column(candidate=candidate, amplitude=u, values=own, fixed=fixed, rows=rows)
-                    for u, rows in zip(amplitudes, table[self.seen].T, strict=True)
+                    for u, rows in zip(amplitudes, table[self.open].T, strict=True)
                     if rows.any()
                 ]
         return [*found, *self._begun(found)] if system.data.timed else found
@@ -272,7 +272,7 @@ class SteadyEvidence(Evidence):
                     yield replace(column, course=own, values={f"{name}#0": null}, rows=rows)
 
     def terms_of_any_size(self, point: Point) -> list[Term]:
-        return terms_at(fit_of(point), self.seen)
+        return terms_at(fit_of(point), self.open)
 
     def starting_points(
         self, setting: Configuration, every: Sequence[Column], proposals: Sequence[Proposal]
@@ -283,12 +283,12 @@ class SteadyEvidence(Evidence):
             there = one.joined_to(setting)
             yield one.names, there
             new = [column.candidate for column, _ in one.starts]
-            opened = with_open_references(self.system, there, new)
-            if opened is not None:
-                yield one.names, opened
+            free = with_open_references(self.system, there, new)
+            if free is not None:
+                yield one.names, free
 
     def effect_forms(self, now: Point) -> Array:
-        return errors_of_effects(fit_of(now), self.seen)
+        return errors_of_effects(fit_of(now), self.open)
 
     def alike(self, noise: Noise) -> Array:
         return np.full(self.count, noise[0] ** -2)
@@ -300,7 +300,7 @@ class SteadyEvidence(Evidence):
         squares: dict[str, float] = {}
         for column in columns.T:
             whole = np.zeros(len(self.rows))
-            whole[self.seen] = column
+            whole[self.open] = column
             for cell in self.rows.cells:
                 off = np.linalg.solve(cell.whitener, cell.table(whole).T[:, :, None])[:, :, 0]
                 off = off[self.rows.system.data.open[cell.points]]

@@ -351,32 +351,32 @@ def with_open_references(
     """
     there = None
     for candidate in new:
-        opened = {u.id: _opened(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
-        if not opened or setting.in_periods & {u.id for u in candidate.unknowns}:
+        free = {u.id: _as_unknown(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
+        if not free or setting.in_periods & {u.id for u in candidate.unknowns}:
             continue
-        unknowns = tuple(opened.get(u.id, u) for u in candidate.unknowns)
+        unknowns = tuple(free.get(u.id, u) for u in candidate.unknowns)
         values = {u.id: setting.values[u.id] for u in unknowns if u.id in setting.values}
-        values |= {n: v for n, v in setting.fixed.items() if n in opened}
-        fixed = {n: v for n, v in setting.fixed.items() if n not in opened}
+        values |= {n: v for n, v in setting.fixed.items() if n in free}
+        fixed = {n: v for n, v in setting.fixed.items() if n not in free}
         bare = (there or setting).leaving(candidate.id)
         there = bare.joining(replace(candidate, unknowns=unknowns), values, fixed)
     return there
 
 
-def _opened(system: System, unknown: Unknown) -> Unknown:
+def _as_unknown(system: System, unknown: Unknown) -> Unknown:
     """A reference as an unknown, within the readings of its driver and half their span beyond."""
     low, middle, high = _readings(system, unknown, (0.0, 0.5, 1.0))
     beyond = 0.5 * (high - low)
     # A positive reference stays positive.
     lowest = max(low - beyond, limits.NEAR_ZERO * middle) if low > 0.0 else low - beyond
-    opened = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
+    free = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
     derived = system.builder.fluid_drivers.get(unknown.driver or "")
     if derived is not None:
-        return replace(opened, unit=derived.unit.text, factor=derived.unit.factor)
+        return replace(free, unit=derived.unit.text, factor=derived.unit.factor)
     signal = system.ruleset.signal_by_id.get(unknown.driver or "")
     if signal is None:
-        return opened
-    return replace(opened, unit=signal.unit, factor=signal.factor, offset=signal.offset)
+        return free
+    return replace(free, unit=signal.unit, factor=signal.factor, offset=signal.offset)
 
 
 def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:

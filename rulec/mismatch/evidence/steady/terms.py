@@ -27,7 +27,7 @@ def driver_of(system: System, name: str) -> Array:
 
 def term_of(
     rows: Rows,
-    seen: NDArray[np.bool_],
+    open_: NDArray[np.bool_],
     location: str,
     changing: Changing,
     driver: str,
@@ -35,15 +35,15 @@ def term_of(
 ) -> Term | None:
     """A term with functions of a driver; None where it does not show.
 
-    `location` is its id; `seen` flags the rows that count.
+    `location` is its id; `open_` flags the rows that count.
     """
     (changed, slopes), values = changing, driver_of(rows.system, driver)
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[rows.point[seen]]
-    table = slopes[seen][:, None] * basis.at(known)
-    return term_with(table, location, changed, driver, basis, slopes[seen])
+    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[rows.point[open_]]
+    table = slopes[open_][:, None] * basis.at(known)
+    return term_with(table, location, changed, driver, basis, slopes[open_])
 
 
-def terms_at(fitted: Fitted, seen: NDArray[np.bool_]) -> list[Term]:
+def terms_at(fitted: Fitted, open_: NDArray[np.bool_]) -> list[Term]:
     """Terms for each place and each driver that a model does not predict."""
     rows, system = fitted.rows, fitted.rows.system
     found: list[Term | None] = []
@@ -55,10 +55,10 @@ def terms_at(fitted: Fitted, seen: NDArray[np.bool_]) -> list[Term]:
         for way in ways if system.data.timed else ():
             turns = (turn for name in inputs for turn in _by_the_way(system, name))
             bases = [*_over(system, TIME), *turns]
-            found += [term_of(rows, seen, location.id, way, TIME, basis) for basis in bases]
+            found += [term_of(rows, open_, location.id, way, TIME, basis) for basis in bases]
         for name in drivers:
             bases = _over(system, name)
-            found += [term_of(rows, seen, location.id, ways[0], name, basis) for basis in bases]
+            found += [term_of(rows, open_, location.id, ways[0], name, basis) for basis in bases]
     return [term for term in found if term is not None]
 
 

@@ -90,11 +90,11 @@ def visible_outputs(scene: Scene) -> VisibleOutputs:
 def settled_of(scene: Scene) -> dict[str, np.ndarray]:
     """Return the settled samples of the recording by module, shape (n,): none of its readings
     changes from one sample to the next by more than its class."""
-    seen = scene.running.copy()
-    seen[: scene.first] = False
+    running = scene.running.copy()
+    running[: scene.first] = False
     found: dict[str, np.ndarray] = {}
     for place in scene.rig.sensors:
-        rests = found.setdefault(place.partition(".")[0], seen.copy())
+        rests = found.setdefault(place.partition(".")[0], running.copy())
         if place in scene.plain and not place.endswith((".T", ".l")):
             class_ = noise_of(scene, place) / SENSING.statistical
             moves = np.abs(np.diff(scene.plain[place])) > class_[1:]

@@ -39,7 +39,7 @@ class Difficulty:
     wobble: Mapping[str, float]
 
     @property
-    def told(self) -> dict[str, dict[str, float]]:
+    def sizes(self) -> dict[str, dict[str, float]]:
         """Their sizes in the sealed answer."""
         found = {
             "form": {law: form.rms for law, form in self.form.items()},

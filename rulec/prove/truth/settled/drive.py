@@ -122,7 +122,7 @@ def density(random: np.random.Generator, samples: int) -> Array:
 
 
 def _followed(values: Array, samples: float) -> Array:
-    """What follows a course within `memory` samples, settled at the first one."""
+    """What follows a course within so many `samples`, settled at the first one."""
     last, result = float(values[0]), np.empty(values.size)
     for k, now in enumerate(values.tolist()):
         last += (now - last) / samples

@@ -19,7 +19,7 @@ LEAST = 4.0
 """Least expected gain of an effect."""
 
 
-def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made:
+def sized(visible: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made:
     """Search the size at which an effect has the target gain; one without a size stays as it is.
 
     Raises Stalled if there is none, or if the plant cannot have the effect.
@@ -27,9 +27,9 @@ def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made:
     low, high = placed.effect.low, placed.effect.high
     size, best, least, reached = math.sqrt(low * high), None, math.inf, 0.0
     for _ in range(TRIES):
-        found = made_of(seen.scene, placed, size, seed)
+        found = made_of(visible.scene, placed, size, seed)
         try:
-            gain = seen.gain(found.changes)
+            gain = visible.gain(found.changes)
         except Stalled:
             high, size = size, math.sqrt(low * size)
             continue

@@ -127,17 +127,17 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
     slow = any(effect_of(name).slow for name in plan.effects)
     pace = round(between(stream(seed, "pace"), PACES)) if slow else 1.0
     drawn = scene(rig, seed, samples, plan.profile, correlated, before, plan.difficulties, pace)
-    seen = visible_outputs(drawn)
-    found = [(one, sized(seen, one, plan.aim, seed)) for one in placed]
+    visible = visible_outputs(drawn)
+    found = [(one, sized(visible, one, plan.aim, seed)) for one in placed]
     terms = tuple(t for _, made in found for t in made.changes)
     if terms:
         drawn.truly(terms)  # Stalled if it cannot run with all of them
     if plan.group == "hiding":
-        alone = sum(seen.gain(made.changes) for _, made in found)
-        if math.sqrt(seen.gain(terms) / alone) > HIDES:
+        alone = sum(visible.gain(made.changes) for _, made in found)
+        if math.sqrt(visible.gain(terms) / alone) > HIDES:
             raise Stalled("the effects do not hide each other")
     planted = tuple((one, made.size) for one, made in found)
-    return SettledCase(plan, drawn, terms, _answer_of(plan, seen, found), planted)
+    return SettledCase(plan, drawn, terms, _answer(plan, visible, found), planted)
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
@@ -167,9 +167,9 @@ def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> li
     return found
 
 
-def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed, Made]]) -> Answer:
+def _answer(plan: Planned, visible: VisibleOutputs, found: Sequence[tuple[Placed, Made]]) -> Answer:
     """The report of a perfect analysis."""
-    scene, unrecorded = seen.scene, plan.group == "unrecorded"
+    scene, unrecorded = visible.scene, plan.group == "unrecorded"
     planted = [
         Planted(
             effect=placed.effect.name,
@@ -180,7 +180,7 @@ def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed
             names=tuple(placed.effect.entries),
             places=(*placed.places, *made.elsewhere),
             parameters=made.parameters,
-            gain=seen.gain(made.changes, [m.changes for p, m in found if p is not placed]),
+            gain=visible.gain(made.changes, [m.changes for p, m in found if p is not placed]),
         )
         for placed, made in found
     ]
@@ -194,5 +194,5 @@ def _answer_of(plan: Planned, seen: VisibleOutputs, found: Sequence[tuple[Placed
         verdict="unnamed" if unrecorded else verdict_of([p.sort for p in planted]),
         effects=tuple(planted),
         unrecorded=found[0][0].effect.driver if unrecorded else "",
-        difficulties=scene.hard.told,
+        difficulties=scene.hard.sizes,
     )

@@ -59,14 +59,14 @@ class Setup:
     Attributes
     ----------
     shown : the recorded input, without the noise of a meter
-    told : the difficulties in the sealed answer, sizes by law or sensor
+    difficulties : the difficulties in the sealed answer, sizes by law or sensor
     """
 
     plant: Plant
     profile: str
     time: Array
     shown: Array
-    told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    difficulties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @cached_property
     def course(self) -> Course:
@@ -118,8 +118,8 @@ def build(
     shown = np.round(course * flow / plant.feed["gain"], 3 if layout.metered else 4)
     # A flow meter has no law.
     ranges = levels if layout.metered else {**levels, layout.feed: voltage}
-    plant, told = _hardened(plant, difficulties, seed, ranges)
-    return Setup(plant, kind, time, shown, told)
+    plant, sizes = _hardened(plant, difficulties, seed, ranges)
+    return Setup(plant, kind, time, shown, sizes)
 
 
 def recorded_input(setup: Setup, seed: int) -> Array:
@@ -188,24 +188,24 @@ def _hardened(
 ) -> tuple[Plant, dict[str, dict[str, float]]]:
     """Draw the named difficulties, and their sizes; `ranges` has the largest settled level of each
     tank, cm, and the largest input of a pump, V, by its name."""
-    told: dict[str, dict[str, float]] = {}
+    sizes: dict[str, dict[str, float]] = {}
     layout = plant.layout
     if "form" in names:
         laws = ((law, ((0.0, ABOVE * most),)) for law, most in ranges.items())
         for law, form in form_errors(seed, laws).items():
-            told.setdefault("form", {})[law] = form.rms
+            sizes.setdefault("form", {})[law] = form.rms
             plant = plant.with_(law, form=form)
     parts = {tank: f"{tank}{SENSOR}" for tank in layout.measured}
     parts |= {layout.feed: layout.feed} if layout.metered else {}
     if "coloured" in names:
-        told["coloured"] = colours(seed, parts)
-        for place, colour in told["coloured"].items():
+        sizes["coloured"] = colours(seed, parts)
+        for place, colour in sizes["coloured"].items():
             plant = plant.with_(parts[place], colour=colour)
     if "drift" in names:
-        for place, wander in drifts(seed, parts).items():
-            told.setdefault("drift", {})[place] = wander.extent
-            plant = plant.with_(parts[place], wander=wander)
+        for place, drift in drifts(seed, parts).items():
+            sizes.setdefault("drift", {})[place] = drift.extent
+            plant = plant.with_(parts[place], wander=drift)
     for name in layout.tanks if "starts" in names else ():
         plant = _begun(plant, name, float(stream(seed, f"start {name}").uniform(*STARTS)))
-        told.setdefault("starts", {})[name] = plant.tanks[name]["start"]
-    return plant, told
+        sizes.setdefault("starts", {})[name] = plant.tanks[name]["start"]
+    return plant, sizes

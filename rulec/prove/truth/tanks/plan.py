@@ -129,7 +129,7 @@ class Case:
             samples=setup.time.size,
             verdict=sealed.verdict_of([one.sort for one in effects]),
             effects=tuple(effects),
-            difficulties=setup.told,
+            difficulties=setup.difficulties,
         )
 
     def write(self, folder: Path) -> None:
