@@ -47,12 +47,12 @@ class FlowGraph:
         ends = {m: (inlet.get(m, SURROUNDINGS), outlet.get(m, SURROUNDINGS)) for m in names}
         return FlowGraph(ends)
 
-    def without(self, known: Set[str]) -> nx.MultiGraph:
+    def without(self, measured: Set[str]) -> nx.MultiGraph:
         """Junctions as nodes, modules of unknown flow as edges between them."""
         unknown = nx.MultiGraph()
         unknown.add_nodes_from([SURROUNDINGS, *(n for pair in self.ends.values() for n in pair)])
         for name, (tail, head) in self.ends.items():
-            if name not in known and tail != head:
+            if name not in measured and tail != head:
                 unknown.add_edge(tail, head, key=name)
         return unknown
 
@@ -74,8 +74,8 @@ class FlowGraph:
         return dict(sorted(result.items()))
 
 
-def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, FixedFlow]:
-    """Flows of further modules that the flows of `known` determine.
+def flows_by_continuity(graph: FlowGraph, measured: Iterable[str]) -> dict[str, FixedFlow]:
+    """Flows of further modules that the flows of `measured` determine.
 
     A sum of flows that enter upstream is preferred. Modules whose flow stays unknown, or is always
     zero, are left out.
@@ -84,7 +84,7 @@ def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, Fix
     >>> flows_by_continuity(graph, ["A", "B"])
     {'C': FixedFlow(terms={'A': 1, 'B': 1}, upstream=True)}
     """
-    given = set(known)
+    given = set(measured)
     cuts = _Cuts(graph, given)
     return {name: flow for name in graph.ends if name not in given and (flow := cuts.flow(name))}
 
@@ -101,11 +101,11 @@ class _Cuts:
     `below` maps a bridge to its end that is farther from the root of its part.
     """
 
-    def __init__(self, graph: FlowGraph, known: Set[str]) -> None:
+    def __init__(self, graph: FlowGraph, measured: Set[str]) -> None:
         self._ends = graph.ends
-        unknown = graph.without(known)
+        unknown = graph.without(measured)
         enters: dict[int, Terms] = {node: {} for node in unknown}
-        for name in (n for n in graph.ends if n in known):
+        for name in (n for n in graph.ends if n in measured):
             tail, head = graph.ends[name]
             if tail != head:
                 enters[head][name], enters[tail][name] = 1, -1

@@ -16,7 +16,7 @@ class Graph:
         self._inputs: list[str] = list(inputs)
         self._kinds: list[tuple[str, int, int]] = []
         self._constants: dict[float, Node] = {}
-        self._known: dict[tuple[str, int, int], Node] = {}
+        self._nodes: dict[tuple[str, int, int], Node] = {}
         self._values: dict[Node, float] = {}
         self._named = {name: self._append(("input", i, 0)) for i, name in enumerate(self._inputs)}
         self.outputs: dict[str, Node] = {}
@@ -48,14 +48,14 @@ class Graph:
         elif name in ("add", "mul", "min", "max") and a > b:
             a, b = b, a
         key = (name, a, b)
-        node = self._known.get(key)
+        node = self._nodes.get(key)
         if node is None:
             kinds, values = self._kinds, self._values
             if a in values or b in values or "neg" in (kinds[a][0], kinds[b][0]):
                 node = self._folded(name, a, b)
             if node is None:
                 node = self._append(key)
-            self._known[key] = node
+            self._nodes[key] = node
         return node
 
     def _folded(self, name: str, a: Node, b: Node) -> Node | None:
@@ -138,9 +138,9 @@ class Graph:
 
     def signed_sum(self, terms: Iterable[tuple[int, Node]]) -> Node:
         """Sum with signs +1 and -1, positive terms first."""
-        known = list(terms)
-        total = self.sum(node for sign, node in known if sign > 0)
-        for sign, node in known:
+        every = list(terms)
+        total = self.sum(node for sign, node in every if sign > 0)
+        for sign, node in every:
             if sign < 0:
                 total = self.apply("sub", total, node)
         return total

@@ -53,13 +53,13 @@ def recipe_of(expressions: tuple[sympy.Expr, ...]) -> tuple[tuple[Step, ...], tu
 class _Writer:
     def __init__(self) -> None:
         self.steps: list[Step] = []
-        self._known: dict[sympy.Expr, int] = {}
+        self._numbers: dict[sympy.Expr, int] = {}
 
     def write(self, expression: sympy.Expr) -> int:
         """Number of the step that gives an expression."""
-        if expression not in self._known:
-            self._known[expression] = self._new(expression)
-        return self._known[expression]
+        if expression not in self._numbers:
+            self._numbers[expression] = self._new(expression)
+        return self._numbers[expression]
 
     def _append(self, kind: str, a: Any, b: int = 0) -> int:
         self.steps.append((kind, a, b))

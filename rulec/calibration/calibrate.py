@@ -189,10 +189,10 @@ def local_readings(models: Compilation, points: Points, module: Module) -> Local
     n = len(next(iter(points.values.values())))
     for name in module.type.gathers:
         ids = [f"{m}.{s}" for m, s in models.network.gathers[module.name, name]]
-        known = all(i in points.values for i in ids)
-        parts = [points.values[i] for i in ids] if known else [np.full(n, np.nan)]
-        shared = [systematic_u(ruleset.signal_by_id[i], points.values[i]) for i in ids if known]
-        new = [points.statistical(i) for i in ids if known]
+        complete = all(i in points.values for i in ids)
+        parts = [points.values[i] for i in ids] if complete else [np.full(n, np.nan)]
+        shared = [systematic_u(ruleset.signal_by_id[i], points.values[i]) for i in ids if complete]
+        new = [points.statistical(i) for i in ids if complete]
         values[GATHERED + name] = np.sum(parts, axis=0) if parts else np.zeros(n)
         systematic[GATHERED + name] = _root_of_squares(shared, n)
         statistical[GATHERED + name] = _root_of_squares(new, n)

@@ -96,7 +96,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     # The parameters of the true flow itself stay as they are.
     of_references = (e for o, e in model.observers.items() if module.type.observers[o].is_reference)
     fixed = {s.name for e in of_references for s in e.free_symbols}
-    kept_all = np.zeros(len(readings.true.values), dtype=bool)
+    flags = np.zeros(len(readings.true.values), dtype=bool)
     for observer in model.observers:
         if module.type.observers[observer].is_reference:
             continue
@@ -110,7 +110,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         current.update(zip(free, part.values, strict=True))
         names += free
         parts.append(part)
-        kept_all[part.rows] = True
+        flags[part.rows] = True
     return ModuleFit(
         module=module.name,
         parameters=tuple(names),
@@ -118,7 +118,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         covariance=_joint_covariance(parts),
         untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
-        valid=_range(model, readings, kept_all),
+        valid=_range(model, readings, flags),
         states_set_aside=tuple(p.state_set_aside for p in parts if p.state_set_aside),
     )
 
@@ -156,59 +156,59 @@ def _fit_observer(
         read=readings_of(model, observer),
         free=free,
         readings=readings,
-        known=SheetPriors.of([module.stated[name] for name in free]),
+        priors=SheetPriors.of([module.stated[name] for name in free]),
         size=size,
     )
-    known = law.known
-    best, kept, own_variance = robust(law, rows)
-    usual = law.points(best, kept)[2]
-    begun = law.near(best, kept, own_variance, usual)
-    _must_be_determined(module, observer, free, begun, known.near(best)[1])
+    priors = law.priors
+    best, bulk, own_variance = robust(law, rows)
+    usual = law.points(best, bulk)[2]
+    begun = law.near(best, bulk, own_variance, usual)
+    _must_be_determined(module, observer, free, begun, priors.near(best)[1])
     best, _ = min(
         # A prior with long tails may have two optima; one may be the error of a bench meter.
         (
-            joined(lambda at: law.near(at, kept, own_variance, usual, begun.noise), start, known)
-            for start in (known.begin, best)
+            joined(lambda at: law.near(at, bulk, own_variance, usual, begun.noise), start, priors)
+            for start in (priors.begin, best)
         ),
         key=lambda way: way[1],
     )
-    found = law.near(best, kept, own_variance, law.points(best, kept)[2], begun.noise)
-    _, precision = known.near(best)
+    found = law.near(best, bulk, own_variance, law.points(best, bulk)[2], begun.noise)
+    _, precision = priors.near(best)
     covariance = np.asarray(np.linalg.inv(found.precision + precision), dtype=float)
-    factor = known.spreads(best, covariance)
+    factor = priors.spreads(best, covariance)
     sensitivity = -covariance @ found.weighing.T @ found.inward
     noisy = found.noise * covariance @ found.weighing.T @ found.inward
     statistical = noisy @ noisy.T + covariance @ precision @ covariance
-    true = readings.true.values[kept]
+    true = readings.true.values[bulk]
     total = float(np.sum((true - true.mean()) ** 2))
     return _Part(
-        values=known.values(best),
-        rows=kept,
+        values=priors.values(best),
+        rows=bulk,
         statistical=statistical * np.outer(factor, factor),
         sensitivity=sensitivity * factor[:, None],
         errors=found.errors,
-        untold=tuple(n for n, u in zip(free, known.left(covariance), strict=True) if u > UNTOLD),
+        untold=tuple(n for n, u in zip(free, priors.left(covariance), strict=True) if u > UNTOLD),
         summary=ObserverFit(
             observer=observer,
-            misfit=own_misfit(found, best, known, readings.noise(found.slopes, kept)),
+            misfit=own_misfit(found, best, priors, readings.noise(found.slopes, bulk)),
             r2=max(1.0 - float(np.sum(found.off**2)) / total, 0.0) if size == varied else 0.0,
-            points=len(kept),
-            set_aside=len(rows) - len(kept),
+            points=len(bulk),
+            set_aside=len(rows) - len(bulk),
         ),
-        state_set_aside=_state_set_aside(model, observer, readings, rows, kept),
+        state_set_aside=_state_set_aside(model, observer, readings, rows, bulk),
     )
 
 
 def _state_set_aside(
-    model: TypeModel, observer: str, readings: Readings, rows: np.ndarray, kept: np.ndarray
+    model: TypeModel, observer: str, readings: Readings, rows: np.ndarray, bulk: np.ndarray
 ) -> StateSetAside | None:
-    """Where most of the `rows` that are not `kept` lie beyond all that are, in one input."""
-    kept_flags = np.zeros(len(readings.true.values), dtype=bool)
-    kept_flags[kept] = True
-    aside, found = np.setdiff1d(rows, kept), list[StateSetAside]()
-    for name, known in _range(model, readings, kept_flags).items():
+    """Where most of the `rows` outside the `bulk` lie beyond all of it, in one input."""
+    flags = np.zeros(len(readings.true.values), dtype=bool)
+    flags[bulk] = True
+    aside, found = np.setdiff1d(rows, bulk), list[StateSetAside]()
+    for name, bounds in _range(model, readings, flags).items():
         values = readings.own.values[name][aside]
-        beyond = values[(values < known.low) | (values > known.high)]
+        beyond = values[(values < bounds.low) | (values > bounds.high)]
         if model.type.signals[name].is_input and 2 * len(beyond) > len(aside):
             ends = float(beyond.min()), float(beyond.max())
             found.append(
@@ -270,7 +270,7 @@ def _joint_covariance(parts: Sequence[_Part]) -> Array:
     return np.asarray(covariance)
 
 
-def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, CalibratedRange]:
+def _range(model: TypeModel, readings: Readings, flags: np.ndarray) -> dict[str, CalibratedRange]:
     """Ranges over which the laws were fitted, for signals of the module that they use.
 
     A flow meter that only serves as reference has no law with a range.
@@ -281,7 +281,7 @@ def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, 
     for name in model.type.signals:
         values = readings.own.values.get(name)
         if name in used and values is not None:
-            inside = kept & np.isfinite(values)
+            inside = flags & np.isfinite(values)
             if inside.any():
                 low, high = float(values[inside].min()), float(values[inside].max())
                 bound = COVERAGE * float(np.max(readings.own.systematic[name][inside]))

@@ -45,8 +45,8 @@ class Readings:
         """Mean variance of points about the law by the noise of readings, (m3/s)^2."""
         moved = _moved(slopes, self.own.statistical, self.true.noise, rows)
         variance: Array = sum((part**2 for part in moved), np.zeros(len(rows)))
-        known = variance[np.isfinite(variance)]
-        return float(np.mean(known)) if len(known) else 0.0
+        finite = variance[np.isfinite(variance)]
+        return float(np.mean(finite)) if len(finite) else 0.0
 
 
 def _moved(
@@ -63,7 +63,7 @@ def _moved(
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """An observer as a function of its `free` parameters, in the coordinates of `known`.
+    """An observer as a function of its `free` parameters, in the coordinates of `priors`.
 
     `size`, m3/s, is the spread of the true flow.
     """
@@ -73,13 +73,13 @@ class Law:
     read: Sequence[str]
     free: Sequence[str]
     readings: Readings
-    known: SheetPriors
+    priors: SheetPriors
     size: float
 
     def points(self, at: Array, rows: np.ndarray) -> tuple[Array, dict[str, Array], float]:
         """Errors of points, their slopes by each reading, and their variance by noise."""
         local = {n: v[rows] if isinstance(v, np.ndarray) else v for n, v in self.inputs.items()}
-        values = zip(self.free, self.known.values(at).tolist(), strict=True)
+        values = zip(self.free, self.priors.values(at).tolist(), strict=True)
         out = self.plan.run({**local, **dict(values)})
         true = self.readings.true.values[rows]
         off = np.broadcast_to(out["Q"], (len(rows),)) - true
@@ -152,8 +152,8 @@ class Near:
     @property
     def cost(self) -> float:
         """Sum of the squared errors of all points, in standard uncertainties."""
-        within = self.off @ self.across @ self.across.T
-        beyond = (self.off - within) / self.noise
+        followed = self.off @ self.across @ self.across.T
+        beyond = (self.off - followed) / self.noise
         return float(np.sum(beyond**2) + np.sum((self.inward @ self.off) ** 2))
 
     @property
@@ -162,28 +162,28 @@ class Near:
         return self.weighing.T @ self.weighing
 
 
-def joined(near: Callable[[Array], Near], at: Array, known: SheetPriors) -> tuple[Array, float]:
+def joined(near: Callable[[Array], Near], at: Array, priors: SheetPriors) -> tuple[Array, float]:
     """Values by recording and data sheet, and their cost.
 
     Slopes are updated at each optimum, as an observer may be nonlinear in between.
     """
     for _ in range(JOINING_STEPS if len(at) else 0):
-        found, (mean, precision) = near(at), known.near(at)
+        found, (mean, precision) = near(at), priors.near(at)
         if not np.isfinite(found.weighing).all():
             return at, float("inf")  # a step led to where the law has no value
         root = np.sqrt(np.diag(precision))
         change = lsq_linear(
             np.vstack([found.weighing, np.diag(root)]),
             np.concatenate([-(found.inward @ found.off), root * (mean - at)]),
-            (known.lowest - at, known.highest - at),
+            (priors.lowest - at, priors.highest - at),
         ).x
         at = at + change
         if np.allclose(change, 0.0, rtol=0.0, atol=1e-10):
             break
-    return at, near(at).cost + float(np.sum(known.far(at) ** 2))
+    return at, near(at).cost + float(np.sum(priors.far(at) ** 2))
 
 
-def own_misfit(near: Near, at: Array, known: SheetPriors, noise: float) -> float:
+def own_misfit(near: Near, at: Array, priors: SheetPriors, noise: float) -> float:
     """Scatter, m3/s, that neither the parameters nor the errors of the calibrating sensors explain,
     nor the `noise` of the readings, (m3/s)^2, which a diagnosis knows from its own recording.
 
@@ -196,7 +196,7 @@ def own_misfit(near: Near, at: Array, known: SheetPriors, noise: float) -> float
     Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
     """
     slopes = np.column_stack([near.jacobian, *near.errors])
-    mean, precise = known.near(at)
+    mean, precise = priors.near(at)
     precision = np.concatenate([np.diag(precise), np.ones(len(near.errors))])
     centre = np.concatenate([mean - at, np.zeros(len(near.errors))])
     squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
@@ -222,21 +222,21 @@ def robust(law: Law, rows: np.ndarray) -> tuple[Array, np.ndarray, float]:
     constrained, a nonlinear law may find another bulk. The likelier of the two fits counts. Also
     returns the variance of the error of the law beyond the noise of readings, (m3/s)^2.
     """
-    known, size = law.known, law.size
-    if not len(known.begin):
-        return known.begin, rows, 0.0
+    priors, size = law.priors, law.size
+    if not len(priors.begin):
+        return priors.begin, rows, 0.0
     ways = []
     for weight in (1.0, np.sqrt(len(rows))):
-        best, kept, scatter = known.begin, rows, ROBUST_WIDTH * size
+        best, bulk, scatter = priors.begin, rows, ROBUST_WIDTH * size
         loss, width, own, noise = "soft_l1", ROBUST_WIDTH, scatter**2, law.points(best, rows)[2]
         for _ in range(ROBUST_ROUNDS):
             best = least_squares(
                 # In units of the flow's own spread: the solver's tolerances expect numbers near 1.
-                lambda p, chosen=kept, by=weight * scatter, own=own, noise=noise: (
-                    np.concatenate([law.even(p, chosen, own, noise), by * known.far(p)]) / size
+                lambda p, chosen=bulk, by=weight * scatter, own=own, noise=noise: (
+                    np.concatenate([law.even(p, chosen, own, noise), by * priors.far(p)]) / size
                 ),
                 best,
-                bounds=(known.lowest, known.highest),
+                bounds=(priors.lowest, priors.highest),
                 loss=loss,
                 f_scale=width,
                 x_scale="jac",
@@ -246,8 +246,8 @@ def robust(law: Law, rows: np.ndarray) -> tuple[Array, np.ndarray, float]:
             off, _, noise = law.points(best, rows)
             centre = float(np.median(off))
             scatter = max(spread_about(off, centre), LEAST_SCATTER * size)
-            kept = rows[np.abs(off - centre) <= FAR_POINT * scatter]
+            bulk = rows[np.abs(off - centre) <= FAR_POINT * scatter]
             loss, width, own = "linear", 1.0, max(scatter**2 - noise, 0.0)
-        unlikely = len(rows) * float(np.log(scatter)) + 0.5 * float(np.sum(known.far(best) ** 2))
-        ways.append((unlikely, best, kept, own))
+        unlikely = len(rows) * float(np.log(scatter)) + 0.5 * float(np.sum(priors.far(best) ** 2))
+        ways.append((unlikely, best, bulk, own))
     return min(ways, key=lambda way: way[0])[1:]

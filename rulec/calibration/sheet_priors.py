@@ -19,7 +19,7 @@ class SheetPriors:
     """Priors of n parameters; all arrays have shape (n,).
 
     Values are those of `coordinates` at points times `size`. `belief` is the prior of the
-    parameters at the indices `places`, which have an uncertainty.
+    parameters at the indices `uncertain`, which have an uncertainty.
     """
 
     coordinates: Coordinates
@@ -27,7 +27,7 @@ class SheetPriors:
     begin: Array
     lowest: Array
     highest: Array
-    places: np.ndarray
+    uncertain: np.ndarray
     belief: Belief
 
     @classmethod
@@ -43,7 +43,7 @@ class SheetPriors:
         with np.errstate(divide="ignore"):
             lowest = own.of(np.where(positive, np.maximum(low, 0.0), low)) / size
             highest = own.of(np.array([p.highest for p in stated])) / size
-        places = np.flatnonzero(u > 0.0)
+        index = np.flatnonzero(u > 0.0)
         sheet = {p.name: (p.value, p.u) for p in stated if p.u > 0.0}
         return cls(
             coordinates=own,
@@ -51,9 +51,9 @@ class SheetPriors:
             begin=own.of(values) / size,
             lowest=lowest,
             highest=highest,
-            places=places,
+            uncertain=index,
             belief=belief_in(
-                tuple(sheet), positive[places], values[places], np.diag(u[places] ** 2), sheet
+                tuple(sheet), positive[index], values[index], np.diag(u[index] ** 2), sheet
             ),
         )
 
@@ -75,11 +75,11 @@ class SheetPriors:
         At its centre a Student distribution is sharper than its standard uncertainty. Here the
         latter holds there: what a recording does not determine stays as uncertain as stated.
         """
-        size, n = self.size[self.places], len(at)
-        prior = self.belief.near(at[self.places] * size)
+        size, n = self.size[self.uncertain], len(at)
+        prior = self.belief.near(at[self.uncertain] * size)
         mean, precision = at.copy(), np.zeros((n, n))
-        mean[self.places] = prior.mean / size
-        precision[np.ix_(self.places, self.places)] = (
+        mean[self.uncertain] = prior.mean / size
+        precision[np.ix_(self.uncertain, self.uncertain)] = (
             prior.precision * np.outer(size, size) * BELIEF_FREEDOM / (BELIEF_FREEDOM + 1.0)
         )
         return mean, precision

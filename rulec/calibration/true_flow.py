@@ -99,8 +99,8 @@ def _by_equation(module: Module, model: TypeModel, reference: str, local: Local)
     uncertain = {n: p.u for n, p in module.parameters.items() if n in gradient and p.u}
     plan = observer_plan(model, reference, [*read, *uncertain])
     out = plan.run({**{n: p.value for n, p in module.parameters.items()}, **values})
-    known = np.all([np.isfinite(values[name]) for name in read], axis=0)
-    flow = np.where(known & np.isfinite(out["Q"]), out["Q"], np.nan)
+    finite = np.all([np.isfinite(values[name]) for name in read], axis=0)
+    flow = np.where(finite & np.isfinite(out["Q"]), out["Q"], np.nan)
     errors = {name: out[f"d:{name}"] * local.systematic[name] for name in read}
     noise = {name: out[f"d:{name}"] * local.statistical[name] for name in read}
     errors |= {

@@ -38,7 +38,7 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import counted, listed
 
 from rulec.limits import MOST_RULES
-from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant, saved_of_plant
 from rulec.study.sensors_needed import Without, show_without, without_each
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _without(ruleset: Ruleset, plant: Path) -> Without:
     """What each sensor is needed for; cached if that takes longer than to look it up."""
     if ruleset.dynamics is None and len(ruleset.observers) <= limits.NEAREST_ESTIMATES:
         return without_each(ruleset)
-    found: Without = kept_of_plant(plant, "without", lambda: without_each(ruleset))
+    found: Without = saved_of_plant(plant, "without", lambda: without_each(ruleset))
     return found
 
 
@@ -172,7 +172,7 @@ def _of_stores(ruleset: Ruleset, plant: Path) -> Mapping[str, Any] | None:
         found = signature_of(ruleset)
         return {} if found is None else dataclasses.asdict(found)
 
-    found: Mapping[str, Any] = kept_of_plant(plant, "stores", followed)
+    found: Mapping[str, Any] = saved_of_plant(plant, "stores", followed)
     return found or None
 
 

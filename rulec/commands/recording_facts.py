@@ -22,7 +22,7 @@ from rulec_runtime.recordings.recording_file import files_of, form_of
 from rulec_runtime.report.parts import Table, shown
 
 from rulec.limits import FAR_READING
-from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant, saved_of_plant
 
 if TYPE_CHECKING:
     from rulec.effects.match_effects import Matches
@@ -47,7 +47,7 @@ def sought_in(plant: Path) -> Sought:
         ruleset_of_plant(plant, lambda: ruleset)
         return sought_of(builder.matches)
 
-    found: Sought = kept_of_plant(plant, "sought", sought)
+    found: Sought = saved_of_plant(plant, "sought", sought)
     return found
 
 
@@ -220,8 +220,8 @@ def tell(out: Console, name: str, facts: Facts) -> None:
             parts.append(f"mismatch cannot find {_some(lack['effects'])}")
         waiting = "; ".join(parts) or "its balance cannot be followed"
         out.print(styled("  without {} ({}): {}", lack["signal"], lack["why"], waiting))
-    known = "this recording could reveal {} of {} known effects (`rulec show effects PLANT`)"
-    out.print(styled(known, *facts["effects"]))
+    reveals = "this recording could reveal {} of {} known effects (`rulec show effects PLANT`)"
+    out.print(styled(reveals, *facts["effects"]))
     for quantity, names in facts["unread"].items():
         out.print(styled("  with a sensor for {} also: {}", quantity, _some(names)))
 

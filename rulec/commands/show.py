@@ -12,7 +12,7 @@ from rulec_runtime.commands.destinations import console
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.output.refusal import Misused
 
-from rulec.passes.compile_cache import kept_of_plant
+from rulec.passes.compile_cache import saved_of_plant
 
 if TYPE_CHECKING:
     from rulec.knowledge.layers import Layer
@@ -38,7 +38,7 @@ def _lines(step: str, plant: Path | None) -> Iterable[str]:
         return _printer(step, plant)()
     # Lines name places of files relative to the working folder.
     here = hashlib.sha256(str(Path.cwd()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
-    lines: Iterable[str] = kept_of_plant(
+    lines: Iterable[str] = saved_of_plant(
         plant, f"shown-{step}-{here}", lambda: list(_printer(step, plant)())
     )
     return lines

@@ -24,18 +24,18 @@ def lines_of(step: str, plant: Path) -> Iterator[str]:
         yield from _LINES[field](run_passes(Compilation(path=plant), field))
 
 
-def _sources(known: Compilation) -> Iterator[str]:
-    for layer in known.sources.layers:
+def _sources(models: Compilation) -> Iterator[str]:
+    for layer in models.sources.layers:
         yield f"layer {layer.name}: {layer.folder}"
-    for kind, documents in known.sources.by_kind.items():
+    for kind, documents in models.sources.by_kind.items():
         for document in documents:
             yield f"{kind}: {document.path}"
-    yield f"digest {known.sources.digest()}"
+    yield f"digest {models.sources.digest()}"
 
 
-def _plant(known: Compilation) -> Iterator[str]:
-    yield f"{known.plant.name}: {known.plant.title}"
-    for module in known.plant.modules.values():
+def _plant(models: Compilation) -> Iterator[str]:
+    yield f"{models.plant.name}: {models.plant.title}"
+    for module in models.plant.modules.values():
         yield f"\n{module.name}: {module.type.name}, {module.title}"
         for p in module.parameters.values():
             value, u = p.unit.from_si(p.value), p.u / p.unit.factor
@@ -43,26 +43,26 @@ def _plant(known: Compilation) -> Iterator[str]:
             yield f"  {p.name} = {value:.6g} +- {u:.2g} {p.unit.text}   [{where}]"
 
 
-def _network(known: Compilation) -> Iterator[str]:
-    for balance in known.network.balances:
+def _network(models: Compilation) -> Iterator[str]:
+    for balance in models.network.balances:
         yield f"{' + '.join(balance.outlets)} = {' + '.join(balance.inlets)}   (flows)"
-    for (module, name), signals in known.network.gathers.items():
+    for (module, name), signals in models.network.gathers.items():
         parts = " + ".join(f"{m}.{s}" for m, s in signals) or "0"
         yield f"{module}: downstream({name}) = {parts}"
-    for (module, kind), flow in known.network.sums.items():
+    for (module, kind), flow in models.network.sums.items():
         terms = ((sign, f"{m}.{kind}") for m, sign in flow.terms.items())
         yield f"{module}.{kind} = {signed_sum(terms)}"
-    for module, end in known.network.ends:
-        yield f"{module}.{end} = {flow_text(known.network, module, end)}"
+    for module, end in models.network.ends:
+        yield f"{module}.{end} = {flow_text(models.network, module, end)}"
 
 
-def _residuals(known: Compilation) -> Iterator[str]:
-    for residual in known.residuals:
+def _residuals(models: Compilation) -> Iterator[str]:
+    for residual in models.residuals:
         yield f"{residual.id} = {residual}"
 
 
-def _types(known: Compilation) -> Iterator[str]:
-    for model in known.types.values():
+def _types(models: Compilation) -> Iterator[str]:
+    for model in models.types.values():
         yield f"\n{model.type.key}"
         for name, expression in model.observers.items():
             yield f"  Q_{name} = {expression}"
@@ -73,17 +73,17 @@ def _types(known: Compilation) -> Iterator[str]:
             yield f"  {fault.id}: degree = {fault.rule.degree}, wrong: {', '.join(fault.affects)}"
 
 
-def _assembly(known: Compilation) -> Iterator[str]:
-    yield f"{len(known.assembly.observers)} observers, {len(known.residuals)} residuals"
-    for hypothesis in known.assembly.hypotheses:
+def _assembly(models: Compilation) -> Iterator[str]:
+    yield f"{len(models.assembly.observers)} observers, {len(models.residuals)} residuals"
+    for hypothesis in models.assembly.hypotheses:
         yield f"{hypothesis.id} makes wrong: {', '.join(hypothesis.affects)}"
 
 
-def _signatures(known: Compilation) -> Iterator[str]:
+def _signatures(models: Compilation) -> Iterator[str]:
     yield "reference point (m3/s)"
-    for observer, flow in known.signatures.flows.items():
+    for observer, flow in models.signatures.flows.items():
         yield f"  {observer} = {flow:.6g}"
-    for cell in known.signatures.cells:
+    for cell in models.signatures.cells:
         sign = "+" if cell.sign > 0 else "-"
         yield (
             f"{cell.fault} {sign} {cell.residual}: dR/dg = {cell.gain:.4g}, "
@@ -91,24 +91,24 @@ def _signatures(known: Compilation) -> Iterator[str]:
         )
 
 
-def _rules(known: Compilation) -> Iterator[str]:
-    for rule in known.rules:
+def _rules(models: Compilation) -> Iterator[str]:
+    for rule in models.rules:
         yield f"{rule.fault}: {rule.equation}   [{', '.join(rule.forms)}]"
 
 
-def _isolability(known: Compilation) -> Iterator[str]:
-    for group in known.isolability.groups:
+def _isolability(models: Compilation) -> Iterator[str]:
+    for group in models.isolability.groups:
         yield f"{group.kind}: {', '.join(group.faults)}: {group.advice}"
-    for name in known.isolability.unobserved:
+    for name in models.isolability.unobserved:
         yield f"unobserved: {name}"
 
 
-def _simulation(known: Compilation) -> Iterator[str]:
-    if known.simulation.refused:
-        yield known.simulation.refused
+def _simulation(models: Compilation) -> Iterator[str]:
+    if models.simulation.refused:
+        yield models.simulation.refused
         return
-    yield f"given: {', '.join(known.simulation.given)}"
-    for number, step in enumerate(known.simulation.steps, 1):
+    yield f"given: {', '.join(models.simulation.given)}"
+    for number, step in enumerate(models.simulation.steps, 1):
         yield f"step {number} finds {', '.join((*step.readings, *step.flows))}"
         for terms in step.zeros:
             yield f"  0 = {_signed(terms)}"
@@ -121,18 +121,18 @@ def _signed(terms: Mapping[str, float]) -> str:
     return signed_sum((c, f"{sizes[name]}{name}") for name, c in terms.items())
 
 
-def _balanced(known: Compilation) -> Iterator[str]:
-    dynamics = known.balanced.dynamics
+def _balanced(models: Compilation) -> Iterator[str]:
+    dynamics = models.balanced.dynamics
     if dynamics is None:
         yield "nothing is stored"
         return
     yield f"given: {', '.join(dynamics.inputs) or 'nothing'}"
-    for module in known.plant.modules.values():
-        yield from balances_text(known.network, module)
+    for module in models.plant.modules.values():
+        yield from balances_text(models.network, module)
 
 
-def _ruleset(known: Compilation) -> Iterator[str]:
-    plan = known.ruleset.plan
+def _ruleset(models: Compilation) -> Iterator[str]:
+    plan = models.ruleset.plan
     yield f"plan: {len(plan.inputs)} inputs, {len(plan.operations)} operations"
     numbered = [*plan.inputs, *(f"{c:.6g}" for c in plan.constants)]
     for i, (name, a, b) in enumerate(plan.operations[:2000], plan.first_operation):

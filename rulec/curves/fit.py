@@ -80,7 +80,7 @@ def fit_curve(
     free = list(dict.fromkeys(n for law, _ in pairs for n in law.free if n not in given))
     rows = [_rows(law, name, readings, set(given)) for law, name in pairs]
     plan = plan_of(kind, [law for law, _ in pairs])
-    known = SheetPriors.of([kind.parameters[name] for name in free])
+    priors = SheetPriors.of([kind.parameters[name] for name in free])
 
     def off(values: Array) -> list[Array]:
         """Deviations of each law, shares of the points, shape (rows,) each."""
@@ -91,26 +91,26 @@ def fit_curve(
             for (law, name), chosen in zip(pairs, rows, strict=True)
         ]
 
-    at, covariance = known.begin, np.zeros((len(free), len(free)))
+    at, covariance = priors.begin, np.zeros((len(free), len(free)))
     if free:
         alone = _by_points_alone(off, [kind.parameters[name] for name in free])
-        at = known.nearest(alone)
+        at = priors.nearest(alone)
         scatter = [max(_root_mean_square(part), SHEET_SCATTER) for part in off(alone)]
         weights = 1.0 / np.repeat(scatter, [len(chosen) for chosen in rows])
 
         def errors(p: Array) -> Array:
-            return np.concatenate([weights * np.concatenate(off(known.values(p))), known.far(p)])
+            return np.concatenate([weights * np.concatenate(off(priors.values(p))), priors.far(p)])
 
-        found = least_squares(errors, at, bounds=(known.lowest, known.highest), x_scale="jac")
+        found = least_squares(errors, at, bounds=(priors.lowest, priors.highest), x_scale="jac")
         at, covariance = found.x, np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
     return FittedCurve(
         kind=kind,
         points=points,
-        parameters={**given, **dict(zip(free, known.values(at).tolist(), strict=True))},
-        untold=tuple(n for n, u in zip(free, known.left(covariance), strict=True) if u > UNTOLD),
+        parameters={**given, **dict(zip(free, priors.values(at).tolist(), strict=True))},
+        untold=tuple(n for n, u in zip(free, priors.left(covariance), strict=True) if u > UNTOLD),
         laws=tuple(
             _compared(kind, law, name, part, readings, chosen, grade)
-            for (law, name), part, chosen in zip(pairs, off(known.values(at)), rows, strict=True)
+            for (law, name), part, chosen in zip(pairs, off(priors.values(at)), rows, strict=True)
         ),
     )
 

@@ -95,12 +95,12 @@ def learn(
         raise CalibrationRefused(f"{what}: {over} stood, {why}")
     if not np.any(chosen.flow):
         raise CalibrationRefused(f"{what}: nothing flows through {module.name} while it is settled")
-    knots, values, kept = _fitted(chosen)
-    final, rows = chosen.at(kept), usable[kept]
-    known: dict[str, Array | float] = {n: p.u for n, p in module.parameters.items()}
-    known |= {n: u[rows] for n, u in own.systematic.items()}
+    knots, values, bulk = _fitted(chosen)
+    final, rows = chosen.at(bulk), usable[bulk]
+    u_of: dict[str, Array | float] = {n: p.u for n, p in module.parameters.items()}
+    u_of |= {n: u[rows] for n, u in own.systematic.items()}
     errors = {n: e[rows] for n, e in true.errors.items()}
-    u, accuracy = _band(final, values, knots, known, errors)
+    u, accuracy = _band(final, values, knots, u_of, errors)
     return Learnt(
         module=module,
         name=definition,
@@ -109,8 +109,8 @@ def learn(
         values=values,
         u=u,
         accuracy=accuracy,
-        points=len(kept),
-        set_aside=len(usable) - len(kept),
+        points=len(bulk),
+        set_aside=len(usable) - len(bulk),
         gaps=tuple(_gaps(final.driver, kind.signals.get(over))),
         sensors=settled.sensors,
     )
@@ -182,9 +182,9 @@ def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
     spread = spread_about(off, float(np.median(off)))
     near = np.maximum(FAR_POINT * spread, LEARNT_FAR * np.abs(samples.flow))
     rows = np.flatnonzero(np.abs(off) <= near)
-    kept = samples.at(rows)
-    knots = _knots(kept.driver)
-    return knots, _monotone(kept, knots, "linear"), rows
+    bulk = samples.at(rows)
+    knots = _knots(bulk.driver)
+    return knots, _monotone(bulk, knots, "linear"), rows
 
 
 def _monotone(samples: Samples, knots: Array, loss: str) -> Array:
@@ -222,23 +222,23 @@ def _band(
     samples: Samples,
     values: Array,
     knots: Array,
-    known: Mapping[str, Array | float],
+    u_of: Mapping[str, Array | float],
     errors: Mapping[str, Array],
 ) -> tuple[Array, float]:
-    """Standard uncertainties of the values, by the scatter of the points, those `known` of readings
-    and parameters, and `errors` of the true flow; and the share by which 95 % of the points deviate
-    at most."""
+    """Standard uncertainties of the values, by the scatter of the points, those of readings and
+    parameters (`u_of`), and `errors` of the true flow; and the share by which 95 % of the points
+    deviate at most."""
     weights = _between(samples.driver, knots)
     curve = weights @ values
     at = {**samples.inputs, CURVE: curve}
-    out, slopes = run_with_slopes(samples.plan, at, [CURVE, *known])
+    out, slopes = run_with_slopes(samples.plan, at, [CURVE, *u_of])
     off, by = out["Q"] - samples.flow, slopes["Q"]
     inverse = np.linalg.pinv(by[CURVE][..., None] * weights)
     variance = float(np.sum(off**2)) / max(len(off) - len(knots), 1)
     variance *= memory_of(off, np.ones(len(off), dtype=bool))
     total = variance * np.sum(inverse**2, axis=1)
-    for name in dict.fromkeys([*known, *errors]):
-        moved = by.get(name, 0.0) * known.get(name, 0.0) - errors.get(name, np.zeros(len(off)))
+    for name in dict.fromkeys([*u_of, *errors]):
+        moved = by.get(name, 0.0) * u_of.get(name, 0.0) - errors.get(name, np.zeros(len(off)))
         total += (inverse @ np.where(np.isfinite(moved), moved, 0.0)) ** 2
     share = np.abs(off / by[CURVE]) / np.abs(curve)
     return np.sqrt(total), float(np.nanquantile(share, 0.95))

@@ -40,19 +40,19 @@ class Column:
 
 
 def columns_of(
-    path: Path, units: UnitTable, known: Collection[str], given: str | None = None
+    path: Path, units: UnitTable, names: Collection[str], given: str | None = None
 ) -> list[Column]:
     """The columns of a file in any format of recordings, in SI.
 
     Parameters
     ----------
-    known : names by which the row of titles is found.
+    names : names by which the row of titles is found.
     given : titles that replace those of the file, separated by commas. An empty title leaves a
         column out; a repeated title begins a block of columns with points of its own.
 
     Raises `CurveRefused`, or what reading a recording raises.
     """
-    form = FileForm(time=(*known, *(name.lower() for name in known)))
+    form = FileForm(time=(*names, *(name.lower() for name in names)))
     with opened_table(path, form) as sheet:
         titles, beside = list(sheet.titles), list(sheet.units)
         bare = all(is_value(t) or t.strip() == "1" for t in titles if t.strip())
@@ -171,9 +171,9 @@ def grade_of(text: str) -> Grade:
 
     Raises `CurveRefused`.
     """
-    known: Mapping[str, Any] = _words()["grades"]
-    if text in known:
-        entry = dict(known[text])
+    grades: Mapping[str, Any] = _words()["grades"]
+    if text in grades:
+        entry = dict(grades[text])
         source = str(entry.pop("source"))
         return Grade(text, {word: share / 100.0 for word, share in entry.items()}, source)
     share, percent, source = text.partition("%")
@@ -183,7 +183,7 @@ def grade_of(text: str) -> Grade:
         value = -1.0
     if not (percent and 0.0 < value < 1.0 and source.strip(" ,")):
         raise CurveRefused(
-            f"--grade '{text[:40]}': give {', '.join(known)}, or a share with its source, "
+            f"--grade '{text[:40]}': give {', '.join(grades)}, or a share with its source, "
             "as in '10 %, IEC 60534-2-4'"
         )
     return Grade(f"{100 * value:g} %", {"": value}, source.strip(" ,"))

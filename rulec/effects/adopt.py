@@ -147,16 +147,16 @@ def _instance(
         candidate, unknown = sources[input_]
         if input_ not in values:
             raise AdoptRefused(f"the repair has no value for '{input_}'; run rulec mismatch again")
-        known = amended.type.parameters[local]
+        parameter = amended.type.parameters[local]
         source = (
             f"{candidate.source}; fitted to {repair.recording or 'a recording'} by rulec mismatch"
         )
         brought[local] = replace(
-            known,
+            parameter,
             value=values[input_],
             u=0.0 if unknown.fixed else u.get(input_, 0.0),
-            unit=_shown_in(plant, known, unknown),
-            origin=Origin(known.origin.file, known.origin.line, source),
+            unit=_shown_in(plant, parameter, unknown),
+            origin=Origin(parameter.origin.file, parameter.origin.line, source),
         )
     kind = replace(
         amended.type,

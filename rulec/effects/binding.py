@@ -204,9 +204,9 @@ class FluidDriver:
 
     def knows(self, temperature: Array) -> bool:
         """Are the equations of the fluid valid at all readings?"""
-        known = temperature[np.isfinite(temperature)]
-        inside = (known >= self.fluid.lowest) & (known <= self.fluid.highest)
-        return len(known) > 0 and bool(inside.all())
+        finite = temperature[np.isfinite(temperature)]
+        inside = (finite >= self.fluid.lowest) & (finite <= self.fluid.highest)
+        return len(finite) > 0 and bool(inside.all())
 
 
 def drivers_at(plant: Plant, name: str, module: str, like: str = "") -> list[FluidDriver]:

@@ -51,10 +51,10 @@ def _location(around: Survey, module: Module, site: Site) -> DisturbanceLocation
 
 def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[DisturbanceLocation]:
     """Laws of a module, each with its accuracy; one may lie within a place of `locations_of`."""
-    known = {(f"{site.kind}s", site.name): site for site in sites}
+    by_path = {(f"{site.kind}s", site.name): site for site in sites}
     for path, stated in module.type.laws().items():
         share = stated.share if stated else ASSUMED_ACCURACY
-        yield replace(_location(around, module, known[path]), accuracy=share)
+        yield replace(_location(around, module, by_path[path]), accuracy=share)
 
 
 def stores_of(

@@ -121,7 +121,7 @@ class Gathering:
     def __init__(self, network: Network) -> None:
         self._network = network
         self._provides = {m.type.name: dict(m.type.provides) for m in self._modules}
-        self._known: dict[tuple[str, str], str] = {}
+        self._names: dict[tuple[str, str], str] = {}
 
     @property
     def _modules(self) -> list[Module]:
@@ -129,9 +129,9 @@ class Gathering:
 
     def name(self, module: str, source: str) -> str:
         """The name under which a module gathers this one signal; empty if it cannot."""
-        if (module, source) not in self._known:
-            self._known[module, source] = self._found(module, source)
-        return self._known[module, source]
+        if (module, source) not in self._names:
+            self._names[module, source] = self._found(module, source)
+        return self._names[module, source]
 
     def _found(self, module: str, source: str) -> str:
         owner, signal = source.split(".")

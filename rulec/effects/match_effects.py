@@ -133,8 +133,8 @@ class _Matcher:
                 choices, lacks = self._binder.bindings(self._module.name, site, effect, join)
                 if lacks:
                     asked = list(self._missing(effect, site, lacks))
-                    known = lacking.setdefault(site.name, asked)
-                    lacking[site.name] = min(known, asked, key=len)
+                    before = lacking.setdefault(site.name, asked)
+                    lacking[site.name] = min(before, asked, key=len)
                 # Readings get the plain id, even if the fluid offers another driver.
                 several = sum(not is_of_fluid(signals) for signals in choices) > 1
                 for signals in choices:

@@ -60,11 +60,11 @@ def reference_readings(models: Compilation, ruleset: Ruleset) -> dict[str, float
     result = {}
     for module in models.plant.modules.values():
         for signal in module.type.signals.values():
-            known = module.reference.get(signal.name)
-            if known is None:
-                known = ((signal.lowest or 0.0) + (signal.highest or 2.0)) / 2
+            reading = module.reference.get(signal.name)
+            if reading is None:
+                reading = ((signal.lowest or 0.0) + (signal.highest or 2.0)) / 2
             name = f"{module.name}.{signal.name}"
-            result[name] = solved.get(name, known)
+            result[name] = solved.get(name, reading)
     return result
 
 

@@ -76,16 +76,16 @@ def survey(network: Network, readings: Mapping[str, float]) -> Survey:
 def _stored(network: Network, inputs: Mapping[str, float]) -> dict[str, float]:
     """States at their start, and the flows there, by the inputs of a module's plan."""
     plan = lower_states(Lowering(network, {}, {}, network.ends))
-    known = dict(inputs)
+    result = dict(inputs)
     for _ in network.plant.modules:
-        values = plan.run({name: known.get(name, 0.0) for name in plan.inputs})
+        values = plan.run({name: result.get(name, 0.0) for name in plan.inputs})
         for output, value in values.items():
             kind, _, name = output.partition(":")
             if kind == "start":
-                known[name] = float(value[0])
+                result[name] = float(value[0])
             elif kind in ENDS:
-                known[f"{name}.{kind}"] = float(value[0])
-    return known
+                result[f"{name}.{kind}"] = float(value[0])
+    return result
 
 
 def sites_of(around: Survey, module: Module) -> tuple[Site, ...]:
@@ -222,10 +222,10 @@ class _Surveyor:
 def dimensions(network: Network, kind: ModuleType) -> dict[tuple[str, str], Dimension]:
     """Dimensions of definitions and observers, by kind of place and name."""
     gathered = {name: _provided(network, name) for name in kind.gathers}
-    known = dimensions_of(kind, gathered)
-    result = {("definition", name): known[name] for name in kind.definitions}
+    own = dimensions_of(kind, gathered)
+    result = {("definition", name): own[name] for name in kind.definitions}
     for observer in kind.observers.values():
-        result["observer", observer.name] = dimension(observer.expression, known, gathered)
+        result["observer", observer.name] = dimension(observer.expression, own, gathered)
     return result
 
 
@@ -244,8 +244,8 @@ def _readers(network: Network) -> dict[str, tuple[str, ...]]:
         kind = network.plant.modules[reader].type
         asking = [o.name for o in kind.observers.values() if _asks(kind, o.expression, name)]
         for owner, signal in signals:
-            known = found.setdefault(f"{owner}.{signal}", {})
-            known.update(dict.fromkeys(f"{reader}.{o}" for o in asking))
+            readers = found.setdefault(f"{owner}.{signal}", {})
+            readers.update(dict.fromkeys(f"{reader}.{o}" for o in asking))
     return {signal: tuple(observers) for signal, observers in found.items()}
 
 
@@ -266,7 +266,7 @@ def _is_turned(slopes: _Slopes, stated: _Slopes) -> bool:
 
 
 def _reference_of(
-    around: Survey, module: Module, known: Mapping[str, float]
+    around: Survey, module: Module, readings: Mapping[str, float]
 ) -> tuple[dict[str, float], _Slopes]:
     """Definitions and observers, and their derivatives by own signals and errors of all places."""
     kind = module.type
@@ -275,7 +275,7 @@ def _reference_of(
     ]
     shifts = {(module.name, *place): "shift:{}:{}".format(*place) for place in places}
     plan = lower_module(Lowering(around.network, {}, shifts), module.name, definitions=True)
-    inputs = {name: known.get(name, 0.0) for name in plan.inputs}
+    inputs = {name: readings.get(name, 0.0) for name in plan.inputs}
     signals = {f"{module.name}.{s}": s for s in (*kind.signals, *kind.states)}
     values, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
     return {name: float(v) for name, v in values.items()}, {

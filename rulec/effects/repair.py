@@ -175,8 +175,8 @@ def _repair(recording: str, part: Mapping[str, Any]) -> Repair:
     u = np.sqrt(np.diag(covariance)).tolist()
     fixed: dict[str, float] = {}
     for entry in part["joined"]:
-        known = {**entry["unknowns"], **(entry.get("fixed") or {})}
-        fixed |= {str(k): _number(v) for k, v in known.items()}
+        entries = {**entry["unknowns"], **(entry.get("fixed") or {})}
+        fixed |= {str(k): _number(v) for k, v in entries.items()}
     curves: tuple[CurveTerm, ...] = built(tuple[CurveTerm, ...])(part.get("curves") or [])
     for curve in curves:
         if len(curve.points) < 2 or any(a >= b for (a, _), (b, _) in pairwise(curve.points)):

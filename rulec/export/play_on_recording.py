@@ -65,8 +65,8 @@ def played(
             if name.partition(":")[0] in KINDS:
                 columns.setdefault(name, values)
             if name.startswith("q:"):
-                known = name.replace("q:", "known:", 1)
-                both = np.logical_and(early[known], late[known])
+                flag = name.replace("q:", "known:", 1)
+                both = np.logical_and(early[flag], late[flag])
                 apart = np.where(both, late[name] - early[name], np.nan)
                 columns[name.replace("q:", "apart:", 1)] = apart
     return columns

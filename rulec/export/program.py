@@ -214,22 +214,22 @@ LOGIC: Mapping[str, Callable[..., Value]] = {
 def run(routine: Routine, values: Mapping[str, Value]) -> dict[str, Value]:
     """Outputs of a routine by name; `values` are those of its inputs, or arrays of shape (n,), in
     the units of the inputs."""
-    known: dict[str, Value] = {v.name: values[v.name] for v in routine.inputs}
-    known |= {p.name: p.value for p in routine.parameters}
+    defined: dict[str, Value] = {v.name: values[v.name] for v in routine.inputs}
+    defined |= {p.name: p.value for p in routine.parameters}
     # Readings are compared before the routine knows that they are not numbers.
     with np.errstate(all="ignore"):
         for statement in routine.statements:
-            known[statement.name] = evaluated(statement.expression, known)
-    return {v.name: known[v.name] for v in routine.outputs}
+            defined[statement.name] = evaluated(statement.expression, defined)
+    return {v.name: defined[v.name] for v in routine.outputs}
 
 
-def evaluated(expression: Expression, known: Mapping[str, Value]) -> Value:
+def evaluated(expression: Expression, defined: Mapping[str, Value]) -> Value:
     """Value of an expression."""
     match expression:
         case Number(value):
             return value
         case Name(text):
-            return known[text]
+            return defined[text]
         case Apply(operation, operands):
             function = LOGIC.get(operation) or OPERATIONS[operation]
-            return function(*(evaluated(e, known) for e in operands))
+            return function(*(evaluated(e, defined) for e in operands))

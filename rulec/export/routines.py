@@ -107,12 +107,12 @@ class Observe:
         graph = Graph(dict.fromkeys(self.readings))
         plan, undo = self.ruleset.plan, self.ruleset.undo
         # Flows, guards and slopes in one plan; slopes by degrees are those without faults.
-        for part, kinds, known in (
+        for part, kinds, fixed in (
             (plan, ("q", "guard", "s"), {n: 1.0 for n in plan.inputs if n.startswith("u:")}),
             (undo, ("dq",), {n: 0.0 for n in undo.inputs if n.startswith("x:")}),
         ):
             wanted = [n for n in part.outputs if is_output_of(n, self.own, kinds)]
-            put_into(graph, part, wanted, known)
+            put_into(graph, part, wanted, fixed)
         whole = graph.plan()
         names = self.draft.names
         parameters = named_constants(self.ruleset, self.module, whole.constants, names)
@@ -180,7 +180,7 @@ class Observe:
         sound = list(self._sound(observer, writer))
         flow = writer.named(f"q:{id_}", draft.names.new(f"Q_{short}"))
         ok = [self.readings[s].ok for s in observer.signals]
-        known = [*ok, *writer.conditions(f"q:{id_}")]
+        needed = [*ok, *writer.conditions(f"q:{id_}")]
         slopes = self.slopes[id_] = {}
         for name in self.ruleset.plan.outputs:
             if is_output_of(name, {id_}, ("s",)):
@@ -194,8 +194,8 @@ class Observe:
                 wanted = f"{short}_undo_{self._short(fault)}"
                 writer.named(name, draft.output(wanted, name, what, f"{FLOW} per degree"))
         text = f"{short} can be calculated"
-        is_known = draft.flag(f"{short}_known", f"known:{id_}", text, every(known))
-        usable = every([is_known, *(c for c in sound if c not in known), flow > 0.0])
+        is_known = draft.flag(f"{short}_known", f"known:{id_}", text, every(needed))
+        usable = every([is_known, *(c for c in sound if c not in needed), flow > 0.0])
         valid = draft.flag(f"{short}_valid", f"valid:{id_}", f"{short} may be used", usable)
         text = f"{observer.equation}; 0 where not known"
         draft.number(short, f"q:{id_}", text, select(is_known, flow, 0.0))

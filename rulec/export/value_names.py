@@ -26,10 +26,10 @@ def named_constants(
     ruleset: Ruleset, module: str, constants: Iterable[float], names: Identifiers
 ) -> tuple[Parameter, ...]:
     """Those constants that equal exactly one parameter of the module."""
-    known = list(_values(ruleset, module))
+    parameters = list(_values(ruleset, module))
     found = []
     for value in constants:
-        same = [p for p, si in known if isclose(si, value, rel_tol=limits.SAME_CONSTANT)]
+        same = [p for p, si in parameters if isclose(si, value, rel_tol=limits.SAME_CONSTANT)]
         if len(same) == 1 and abs(value) != 1.0 and value != 0.0:
             (own,) = same
             unit = "" if own.unit == "1" else f" {own.unit}"
@@ -93,11 +93,11 @@ def is_output_of(output: str, observers: set[str], kinds: tuple[str, ...]) -> bo
     return kind in kinds and rest.partition(":")[0] in observers
 
 
-def put_into(graph: Graph, plan: Plan, outputs: Iterable[str], known: Mapping[str, float]) -> None:
-    """Add outputs of a plan to a graph, whose nodes are shared; inputs in `known` become
+def put_into(graph: Graph, plan: Plan, outputs: Iterable[str], fixed: Mapping[str, float]) -> None:
+    """Add outputs of a plan to a graph, whose nodes are shared; inputs in `fixed` become
     constants."""
     part = plan.select(tuple(outputs)).narrowed()
-    nodes = [graph.constant(known[n]) if n in known else graph.input(n) for n in part.inputs]
+    nodes = [graph.constant(fixed[n]) if n in fixed else graph.input(n) for n in part.inputs]
     nodes += [graph.constant(value) for value in part.constants]
     for name, a, b in part.operations:
         nodes.append(graph.apply(name, nodes[a], 0 if name in UNARY else nodes[b]))

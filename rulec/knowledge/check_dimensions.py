@@ -37,25 +37,25 @@ def check_equations(reader: Reader, module: ModuleType, provided: Mapping[str, D
     gives those of downstream sums."""
     if reader.is_refused:
         return
-    known = {**_declared(module), **dict.fromkeys(ENDS, VOLUME_FLOW)}
+    dimensions = {**_declared(module), **dict.fromkeys(ENDS, VOLUME_FLOW)}
     gathered = {name: provided.get(name, UNKNOWN) for name in module.gathers}
     for path, expression in module.equations_at():
         group, name, key = path[0], str(path[1]), str(path[2])
         for used, column in expression.gathered():
             reader.knows(path, provided, "KB056", "no module type provides '{}'", used, column)
-        own = reader.dimension(path, expression, known, gathered)
+        own = reader.dimension(path, expression, dimensions, gathered)
         wanted, code = VOLUME_FLOW, "KB057"
         if group == "definitions":
-            known[name] = own
+            dimensions[name] = own
             wanted = VOLUME_FLOW if name in ENDS else UNKNOWN
             template = f"'{name}' is a volume flow, but this is {{own}}"
         elif group == "observers":
             template = "an observer gives a volume flow ({wanted}), but this is {own}"
         else:
-            per = {"der": known[name] / SECOND, "after": SECOND}
+            per = {"der": dimensions[name] / SECOND, "after": SECOND}
             # A bare number fits every dimension.
             is_bare = constant(expression, {}) is not None
-            wanted = UNKNOWN if is_bare else per.get(key, known[name])
+            wanted = UNKNOWN if is_bare else per.get(key, dimensions[name])
             code, template = "KB112", "this is {own}, but should be {wanted}"
         if not own.fits(wanted):
             message = template.format(own=own, wanted=wanted)
@@ -63,7 +63,7 @@ def check_equations(reader: Reader, module: ModuleType, provided: Mapping[str, D
     for regime in module.regimes.values():
         for i, condition in enumerate(regime.when):
             try:
-                dimension(condition.margin, known, {})
+                dimension(condition.margin, dimensions, {})
             except Rejected:
                 path = ("regimes", regime.name, "when", i)
                 message = f"'{condition.text}' compares what is of different kinds"
@@ -81,7 +81,7 @@ def dimensions_of(
 ) -> dict[str, Dimension]:
     """Dimension of each signal, parameter, state and definition; `gathered`: of downstream sums."""
     sums = dict.fromkeys(kind.gathers, UNKNOWN) if gathered is None else gathered
-    known = {**_declared(kind), **(dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {})}
+    dimensions = {**_declared(kind), **(dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {})}
     for definition in kind.definitions.values():  # in order of use
-        known[definition.name] = dimension(definition.expression, known, sums)
-    return known
+        dimensions[definition.name] = dimension(definition.expression, dimensions, sums)
+    return dimensions

@@ -42,14 +42,14 @@ _OF_PLACE = re.compile(rf"{PLAIN}(?=$|[*/])")
 
 @dataclass
 class EffectReader(Reader):
-    """Reads one effect document; `known` holds the dimensions of drivers and parameters.
+    """Reads one effect document; `dimensions` holds the dimensions of drivers and parameters.
 
     Parameters `of_place` have the dimension of the joined signal, times the one given here.
     """
 
     drivers: Mapping[str, Driver] = field(default_factory=dict)
     states: Mapping[str, Stored] = field(default_factory=dict)
-    known: dict[str, Dimension] = field(default_factory=dict)
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
     of_place: Mapping[str, Dimension] = field(default_factory=dict)
 
     def read(self) -> Effect:
@@ -100,19 +100,19 @@ class EffectReader(Reader):
         quantity, own = part["quantity"], SECOND
         if quantity != TIME:
             own = self.quantity("drivers", name, "quantity", also=(TIME,)) or UNKNOWN
-        self.known[name] = own
+        self.dimensions[name] = own
         return Driver(name, quantity, part.get("where", "own"), part.get("title", quantity))
 
     def _state(self, name: str, part: Mapping[str, Any]) -> Stored:
         """A state of the effect; an equation with an unknown name is reported and replaced by 0."""
-        known, equations = {PLAIN, *self.known, *self._group("states")}, {}
+        names, equations = {PLAIN, *self.dimensions, *self._group("states")}, {}
         for key in part:
             path, before = ("states", name, key), len(self.found)
             expression = self.expression(*path)
             hint = "declare a driver of that quantity"
             self.check_own(path, expression, "a state of an effect", hint)
             what = "driver, parameter nor state of this effect"
-            self.check_names(path, expression, known, what)
+            self.check_names(path, expression, names, what)
             equations[key] = expression if len(self.found) == before else parse("0")
         return Stored(rate=equations.pop("der"), **equations)
 
@@ -123,14 +123,14 @@ class EffectReader(Reader):
         reads_place = driver == PLAIN and self._joins_signals()
         if driver is not None and not reads_place:
             driver = self._asked((*path, "of" if "of" in part else "driver"), driver)
-        own = self.known.get(driver or "", UNKNOWN)
+        own = self.dimensions.get(driver or "", UNKNOWN)
         fixed = "of" in part
         if fixed:
             unit = Unit(PLAIN, 1.0, NONE) if reads_place else self.units.plain(own)
-            of_place, self.known[name] = reads_place, own
+            of_place, self.dimensions[name] = reads_place, own
         else:
             unit, of_place = self._unit((*path, "unit"))
-            self.known[name] = UNKNOWN if of_place else unit.dimension
+            self.dimensions[name] = UNKNOWN if of_place else unit.dimension
             if driver and not own.fits(unit.dimension):
                 message = f"'{unit.text}' is not a unit of {self.drivers[driver].quantity}"
                 self.report((*path, "unit"), "KB053", message, self.units.like(own))
@@ -153,8 +153,8 @@ class EffectReader(Reader):
 
     def _asked(self, path: Path_, name: str) -> str | None:
         """The driver that a parameter names; an unknown one is reported and gives None."""
-        known = self.knows(path, self.drivers, "KB102", "there is no driver '{}'", name)
-        return name if known else None
+        exists = self.knows(path, self.drivers, "KB102", "there is no driver '{}'", name)
+        return name if exists else None
 
     def _unit(self, path: Path_) -> tuple[Unit, bool]:
         """The unit of a parameter; whether it begins with ``law``, that of the joined signal."""
@@ -242,31 +242,31 @@ class EffectReader(Reader):
             self.report_error(path, error)
             return parse_law(PLAIN)
         parts: list[tuple[Expression, set[str]]]
-        parts = [(law.expression, {PLAIN, *law.substitutes, *self.known, *self.states})]
+        parts = [(law.expression, {PLAIN, *law.substitutes, *self.dimensions, *self.states})]
         for replaced in law.substitutes.values():
             for driver, value in replaced.items():
                 at = re.search(rf"\b{driver}\s*=", law.text)
                 self._check_own_driver(path, driver, at.start() if at else 0)
-                parts.append((value, {*self.known}))
-        for expression, known in parts:
+                parts.append((value, {*self.dimensions}))
+        for expression, names in parts:
             hint = "declare a driver of that quantity"
             self.check_own(path, expression, "the law of an effect", hint)
-            self.check_names(path, expression, known, "driver nor parameter of this effect")
+            self.check_names(path, expression, names, "driver nor parameter of this effect")
         return law
 
-    def _known_at(self, own: Dimension, *laws: str) -> dict[str, Dimension]:
+    def _dimensions_at(self, own: Dimension, *laws: str) -> dict[str, Dimension]:
         """Dimensions of all names at a place of dimension `own`; `laws` are further plain laws."""
         there = dict.fromkeys((PLAIN, *laws, *self.states), own)
-        return {**self.known, **there, **{n: own * each for n, each in self.of_place.items()}}
+        return {**self.dimensions, **there, **{n: own * each for n, each in self.of_place.items()}}
 
     def _check_dimensions(self, path: Path_, law: EffectLaw, own: Dimension) -> None:
         """Check the dimension of a law, and of whatever replaces a driver in it."""
-        known, before = self._known_at(own, *law.substitutes), len(self.found)
+        dimensions, before = self._dimensions_at(own, *law.substitutes), len(self.found)
         parts = [(law.expression, own, "the place")]
         for replaced in law.substitutes.values():
-            parts += [(value, self.known[n], f"'{n}'") for n, value in replaced.items()]
+            parts += [(value, self.dimensions[n], f"'{n}'") for n, value in replaced.items()]
         for expression, wanted, what in parts:
-            given = self.dimension(path, expression, known)
+            given = self.dimension(path, expression, dimensions)
             if not given.fits(wanted):
                 message = f"this is {given}, but {what} is {wanted}"
                 error = rejected_at(expression.tree, "KB101", message, "check each factor")
@@ -276,12 +276,12 @@ class EffectReader(Reader):
 
     def _check_states(self, own: Dimension) -> None:
         """Check that the states have the dimension of their place."""
-        known = self._known_at(own)
+        dimensions = self._dimensions_at(own)
         for name, state in self.states.items():
             for key, expression in state.equations():
                 path = ("states", name, key)
                 wanted = {"der": own / SECOND, "after": SECOND}.get(key, own)
-                given = self.dimension(path, expression, known)
+                given = self.dimension(path, expression, dimensions)
                 if not given.fits(wanted) and constant(expression, {}) is None:
                     message = f"this is {given}, but should be {wanted}"
                     self.report(path, "KB101", message, "check each factor")
@@ -305,16 +305,16 @@ class EffectReader(Reader):
 
     def _check_text(self, effect: Effect) -> None:
         """Check that the slots of the text are known wherever the effect joins."""
-        known = {*SLOTS, *set.intersection(*(effect.needed_by(join) for join in effect.joins))}
+        names = {*SLOTS, *set.intersection(*(effect.needed_by(join) for join in effect.joins))}
         if re.search("[{}]", _SLOT.sub("", effect.text)):
             message, hint = "a brace in the text has no partner", "write slots as {module}"
             self.report(("text",), "KB107", message, hint)
         for slot in _SLOT.finditer(effect.text):
             name, parameter = slot[1], effect.parameters.get(slot[1])
-            if name not in known:
+            if name not in names:
                 some = name in effect.drivers or name in effect.parameters
                 message = f"{'not every join has' if some else 'there is no'} '{name}'"
-                hint = did_you_mean(name, known)
+                hint = did_you_mean(name, names)
             elif slot[2] and not (parameter and parameter.unit.text.startswith("1")):
                 message, hint = f"'{name}' is not a fraction", "':%' needs a unit such as 1 or 1/K"
             else:

@@ -17,9 +17,9 @@ from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimensi
 
 @dataclass
 class FluidReader(Reader):
-    """Reads one fluid document; `known` holds the dimensions of the names so far."""
+    """Reads one fluid document; `dimensions` holds the dimensions of the names so far."""
 
-    known: dict[str, Dimension] = field(default_factory=lambda: {"T": TEMPERATURE})
+    dimensions: dict[str, Dimension] = field(default_factory=lambda: {"T": TEMPERATURE})
 
     def read(self) -> Fluid:
         """The fluid, in SI."""
@@ -46,12 +46,12 @@ class FluidReader(Reader):
 
     def _coefficient(self, name: str) -> float:
         unit = self.unit("coefficients", name, "unit")
-        self.known.setdefault(name, unit.dimension)
+        self.dimensions.setdefault(name, unit.dimension)
         return unit.to_si(self.part(("coefficients", name, "value")))
 
     def _definition(self, name: str) -> Expression:
         expression, own = self._equation("definitions", name, "is")
-        self.known.setdefault(name, own)
+        self.dimensions.setdefault(name, own)
         return expression
 
     def _property(self, name: str) -> Property:
@@ -59,7 +59,7 @@ class FluidReader(Reader):
         if not own.fits(PROPERTIES[name]):
             message = f"a {name} is {PROPERTIES[name]}, but this is {own}"
             self.report((name, "is"), "KB060", message, "check each factor")
-        self.known[name] = PROPERTIES[name]
+        self.dimensions[name] = PROPERTIES[name]
         part = self.document.data[name]
         unit = self.unit(name, "error", "unit")
         if not unit.dimension.fits(NONE):
@@ -74,10 +74,10 @@ class FluidReader(Reader):
         expression = self.expression(*path)
         hint = "what stands above is known by its name alone"
         self.check_own(path, expression, "an equation of a fluid", hint)
-        self.check_names(path, expression, self.known, "T, coefficient nor definition above")
+        self.check_names(path, expression, self.dimensions, "T, coefficient nor definition above")
         if len(self.found) > before:
             return expression, UNKNOWN
-        return expression, self.dimension(path, expression, self.known)
+        return expression, self.dimension(path, expression, self.dimensions)
 
     def _check_used(self, fluid: Fluid) -> None:
         used = {name for _, e in _equations(fluid) for name, _ in e.names()}
@@ -89,10 +89,10 @@ class FluidReader(Reader):
     def _check_positive(self, fluid: Fluid) -> None:
         """Evaluate the equations over the valid range, to find slips of sign or unit."""
         for T in np.linspace(fluid.lowest, fluid.highest, FLUID_POINTS):
-            known: dict[str, float] = {"T": float(T), **fluid.coefficients}
+            values: dict[str, float] = {"T": float(T), **fluid.coefficients}
             for path, expression in _equations(fluid):
                 try:
-                    known[str(path[-2])] = value = constant(expression, known) or 0.0
+                    values[str(path[-2])] = value = constant(expression, values) or 0.0
                 except Rejected as error:
                     error.code, error.message = "KB067", f"at {T:.4g} K this is no number"
                     error.hint = "is it the sign of a coefficient, or its unit? T counts in K"

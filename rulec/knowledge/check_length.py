@@ -44,14 +44,14 @@ def check_lengths(
 
     The last but one key of its path is the name of a definition.
     """
-    known: dict[str, Length] = {}
+    lengths: dict[str, Length] = {}
     for path, expression in definitions:
-        known[str(path[-2])] = length = _length_of(expression, known)
+        lengths[str(path[-2])] = length = _length_of(expression, lengths)
         if _is_refused(reader, path, length, MAX_WORK):
             return
     total = 0
     for path, expression in equations:
-        length = _length_of(expression, known)
+        length = _length_of(expression, lengths)
         if _is_refused(reader, path, length, MAX_WORK - total):
             return
         total += length.work
@@ -75,11 +75,11 @@ def _is_refused(reader: Reader, path: Path_, length: Length, most: int) -> bool:
     return True
 
 
-def _length_of(expression: Expression, known: Mapping[str, Length]) -> Length:
+def _length_of(expression: Expression, lengths: Mapping[str, Length]) -> Length:
     """Length of an equation, given those of the definitions it uses; other names count as 1."""
 
     def leaf(node: ast.expr) -> Length:
-        return known.get(node.id, _ONE) if isinstance(node, ast.Name) else _ONE
+        return lengths.get(node.id, _ONE) if isinstance(node, ast.Name) else _ONE
 
     def operation(name: str, _: ast.expr, parts: list[Any]) -> Length:
         if name == "neg":

@@ -63,10 +63,10 @@ class ModuleReader(Reader):
         )
         flows = kind.flows or "readings" in data
         compared = {*signals, *parameters, *kind.definitions}
-        known = compared | kind.states.keys() | ({*ENDS} if flows else set())
+        names = compared | kind.states.keys() | ({*ENDS} if flows else set())
         for path, expression in kind.equations_at():
             what = "signal, parameter nor definition of this module"
-            self.check_names(path, expression, known, what)
+            self.check_names(path, expression, names, what)
         kind = replace(
             kind,
             definitions=self._ordered(kind.definitions),
@@ -247,17 +247,17 @@ class ModuleReader(Reader):
 
     def _check_constants(self, kind: ModuleType) -> None:
         """Refuse invalid numbers that appear only once definitions are combined, such as 1/zero."""
-        known: dict[str, float] = {}
+        values: dict[str, float] = {}
         for path, expression in kind.equations_at():
             if path[0] not in ("definitions", "observers"):
                 continue
             try:
-                value = constant(expression, known)
+                value = constant(expression, values)
             except Rejected as error:
                 self.report_error(path, error)
                 return
             if value is not None:
-                known[str(path[1])] = value
+                values[str(path[1])] = value
 
     def _check_used(self, kind: ModuleType) -> None:
         """Refuse parameters that no equation uses, and observers that use no signal."""

@@ -138,17 +138,17 @@ class _PlantReader(Reader):
 
     def fill(self, modules: dict[str, Module]) -> dict[str, Module]:
         """Modules with their own fluid or the plant's, which is put into equations that use it."""
-        data, known = self.document.data, self.knowledge.fluids
+        data, fluids = self.document.data, self.knowledge.fluids
         named = [(("modules", n, "fluid"), m.get("fluid")) for n, m in data["modules"].items()]
         for path, fluid in (*named, (("fluid",), data.get("fluid"))):
-            if fluid is not None and fluid not in known:
+            if fluid is not None and fluid not in fluids:
                 self.knows(path, self.fluids - {fluid}, "KB065", "there is no fluid '{}'", fluid)
         result = dict(modules)
         for name, module in modules.items():
             fluid = data["modules"][name].get("fluid", data.get("fluid"))
-            if fluid in known:
-                there = replace(module, fluid=known[fluid])
-                result[name] = fill(there, known[fluid]) if module.type.asks else there
+            if fluid in fluids:
+                there = replace(module, fluid=fluids[fluid])
+                result[name] = fill(there, fluids[fluid]) if module.type.asks else there
             elif fluid is None and module.type.asks:
                 used = " and ".join(module.type.asks)
                 message = f"'{module.type.name}' asks for {used}, but no fluid is named"

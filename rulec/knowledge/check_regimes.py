@@ -20,14 +20,14 @@ MINIMUM = "minimum"
 
 
 def read_regimes(
-    reader: Reader, signals: Mapping[str, Signal], known: Collection[str]
+    reader: Reader, signals: Mapping[str, Signal], names: Collection[str]
 ) -> dict[str, Regime]:
-    """All regimes of a module document by name; `known` are the names they may use."""
+    """All regimes of a module document by name; `names` are the names they may use."""
     found = {}
     for name, part in reader.document.data.get("regimes", {}).items():
         path: Path_ = ("regimes", name)
         places = ((*path, "when", i) for i in range(len(part["when"])))
-        compared = [_comparison(reader, place, signals, known) for place in places]
+        compared = [_comparison(reader, place, signals, names) for place in places]
         found[name] = Regime(
             name=name,
             title=part["title"],
@@ -41,7 +41,7 @@ def read_regimes(
 
 
 def _comparison(
-    reader: Reader, path: Path_, signals: Mapping[str, Signal], known: Collection[str]
+    reader: Reader, path: Path_, signals: Mapping[str, Signal], names: Collection[str]
 ) -> Comparison | None:
     """A comparison such as ``loss < 0``; a mistake is reported and gives None."""
     text: str = reader.part(path)
@@ -66,6 +66,6 @@ def _comparison(
         reader.report_error(path, error)
         return None
     what = "signal, parameter nor definition of this module"
-    reader.check_names(path, margin, known, what)
+    reader.check_names(path, margin, names, what)
     reader.check_own(path, margin, "a regime", "give it a definition")
     return Comparison(text, margin) if len(reader.found) == before else None

@@ -68,11 +68,11 @@ def doubts_of_redundancy(
     document: Document, plant: Plant, unchecked: Iterable[str], types: Iterable[ModuleType]
 ) -> Iterator[Diagnostic]:
     """Modules whose only estimate nothing in the plant checks; `types` show what could."""
-    known = tuple(types)
+    every = tuple(types)
     for name in unchecked:
         kind = plant.modules[name].type
         message = f"'{name}' estimates its flow in one way, and no neighbour in another"
-        needed = " or ".join(instruments(kind, known))
+        needed = " or ".join(instruments(kind, every))
         hint = f"none of its faults shows; type '{kind.name}' would need a reading of {needed}"
         if not needed:
             hint = "none of its faults shows; connect it to what it feeds, or add a flow meter"
@@ -131,14 +131,14 @@ def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, floa
 
 def _flows(kind: ModuleType, parameters: Values, reference: Values) -> dict[str, float]:
     """Estimates at the typical readings, SI; those that need other modules are left out."""
-    known = {**parameters}
+    given = {**parameters}
     for signal in kind.signals.values():
         value = reference.get(signal.name)
         if value is None and signal.lowest is not None and signal.highest is not None:
             value = (signal.lowest + signal.highest) / 2
         if value is not None:
-            known[signal.name] = value
-    values = values_at(kind, known)
+            given[signal.name] = value
+    values = values_at(kind, given)
     return {name: values[name] for name in kind.observers if name in values}
 
 
@@ -168,8 +168,8 @@ def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...
 def unread(kind: ModuleType) -> Iterable[str]:
     """Signals and definitions with a fault that no estimate, state or reading uses."""
     reached = kind.reached("observers", "states", "readings") | kind.readings.keys() | {*ENDS}
-    known = kind.signals.keys() | kind.definitions.keys()
-    return sorted({use.target for use in kind.faults if use.target in known - reached})
+    own = kind.signals.keys() | kind.definitions.keys()
+    return sorted({use.target for use in kind.faults if use.target in own - reached})
 
 
 def _quantities(kind: ModuleType, observers: Iterable[Observer]) -> set[str]:

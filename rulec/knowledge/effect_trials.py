@@ -32,10 +32,10 @@ def _are_plain(laws: Iterable[EffectLaw], trials: Iterable[tuple[Values, Values]
     """Whether laws give the plain law in every trial, except for rounding; None if half of the
     trials give no number."""
     judged = 0
-    for known, plain in trials:
+    for inputs, plain in trials:
         most = EFFECT_TOLERANCE * max(map(abs, plain.values()))
         try:
-            values = [constant(law.expression, {**known, **plain}) for law in laws]
+            values = [constant(law.expression, {**inputs, **plain}) for law in laws]
         except Rejected:
             continue
         if any(value is None or not abs(value - plain[PLAIN]) <= most for value in values):
@@ -56,13 +56,13 @@ def _trials(
     nulls = {n: p.null for n, p in effect.parameters.items() if p.null is not None}
     of_law = [n for n, p in effect.parameters.items() if p.driver == PLAIN]
     for _ in range(EFFECT_TRIES):
-        known = readings(effect, draw)
-        known |= parameters(effect, known, draw) | (nulls if at_null else {})
-        known |= {name: known[at] for name, at in (equal or {}).items() if at in known}
-        plain = plain_laws(join, known, draw)
-        known |= {n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in of_law}
-        known |= {name: plain[PLAIN] for name, at in (equal or {}).items() if at == PLAIN}
-        yield known | (dict.fromkeys(effect.states, plain[PLAIN]) if at_null else {}), plain
+        inputs = readings(effect, draw)
+        inputs |= parameters(effect, inputs, draw) | (nulls if at_null else {})
+        inputs |= {name: inputs[at] for name, at in (equal or {}).items() if at in inputs}
+        plain = plain_laws(join, inputs, draw)
+        inputs |= {n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in of_law}
+        inputs |= {name: plain[PLAIN] for name, at in (equal or {}).items() if at == PLAIN}
+        yield inputs | (dict.fromkeys(effect.states, plain[PLAIN]) if at_null else {}), plain
 
 
 def readings(effect: Effect, draw: random.Random) -> Values:
@@ -70,13 +70,13 @@ def readings(effect: Effect, draw: random.Random) -> Values:
     return {name: math.exp(draw.uniform(*TRIED_READINGS)) for name in effect.drivers}
 
 
-def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> Values:
+def parameters(effect: Effect, inputs: Mapping[str, float], draw: random.Random) -> Values:
     """Parameters near the reading of their driver, the others anywhere in their range.
 
     Those that are readings of the joined signal itself are left out.
     """
     return {
-        name: known[p.driver] * draw.uniform(0.5, 2.0)
+        name: inputs[p.driver] * draw.uniform(0.5, 2.0)
         if p.driver
         else draw.uniform(p.lowest, p.highest)
         for name, p in effect.parameters.items()
@@ -84,14 +84,14 @@ def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) 
     }
 
 
-def plain_laws(join: Join, known: Mapping[str, float], draw: random.Random) -> Values:
+def plain_laws(join: Join, inputs: Mapping[str, float], draw: random.Random) -> Values:
     """Values of ``law`` and of each ``law(...)``: one smooth positive function of the drivers.
 
     A replacement of a driver that is no number counts as 0.
     """
     size = math.exp(draw.uniform(-7.0, 7.0))
     drivers = {name for replaced in join.law.substitutes.values() for name in replaced}
-    bent = {name: (draw.uniform(-2.0, 2.0), abs(known[name]) or 1.0) for name in sorted(drivers)}
+    bent = {name: (draw.uniform(-2.0, 2.0), abs(inputs[name]) or 1.0) for name in sorted(drivers)}
 
     def law(at: Mapping[str, float]) -> float:
         shapes = ((at[name], slope, scale) for name, (slope, scale) in bent.items())
@@ -99,11 +99,11 @@ def plain_laws(join: Join, known: Mapping[str, float], draw: random.Random) -> V
 
     def number(value: Expression) -> float:
         try:
-            return constant(value, known) or 0.0
+            return constant(value, inputs) or 0.0
         except Rejected:
             return 0.0
 
-    result = {PLAIN: law(known)}
+    result = {PLAIN: law(inputs)}
     for key, replaced in join.law.substitutes.items():
-        result[key] = law({**known, **{name: number(value) for name, value in replaced.items()}})
+        result[key] = law({**inputs, **{name: number(value) for name, value in replaced.items()}})
     return result

@@ -70,6 +70,6 @@ def _longest(reader: Reader, part: Mapping[str, Any]) -> float | None:
         unit = reader.units.parse(name or "s")
         if unit.dimension.fits(SECOND):
             return float(number) * float(unit.factor)
-    known = reader.units.like(SECOND)
-    reader.report(path, "KB152", f"'{text[:20]}' is no length of time", known)
+    hint = reader.units.like(SECOND)
+    reader.report(path, "KB152", f"'{text[:20]}' is no length of time", hint)
     return None

@@ -369,16 +369,16 @@ class ModuleType:
         definitions = {
             n: d for n, d in self.definitions.items() if n not in ENDS and still(d.expression)
         }
-        kept = {*self.signals, *definitions, *self.components()}
-        faults = tuple(use for use in self.faults if use.target in kept - self.readings.keys())
-        known = {*self.signals, *self.parameters, *definitions}
+        targets = {*self.signals, *definitions, *self.components()}
+        faults = tuple(use for use in self.faults if use.target in targets - self.readings.keys())
+        names = {*self.signals, *self.parameters, *definitions}
         return replace(
             self,
             definitions=definitions,
             states={},
             readings={},
             faults=faults,
-            regimes={n: r for n, r in self.regimes.items() if r.stands_on(known)},
+            regimes={n: r for n, r in self.regimes.items() if r.stands_on(names)},
         )
 
     def components(self) -> dict[str, list[str]]:

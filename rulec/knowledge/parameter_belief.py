@@ -28,8 +28,8 @@ def peak_of(freedom: Array) -> Array:
     """
     # From the standard library: to report a strain needs no scipy.
     of = np.vectorize(math.lgamma, otypes=[float])
-    known = of((freedom + 1) / 2) - of(freedom / 2)
-    return np.asarray(known - 0.5 * np.log(0.5 * freedom))
+    norm = of((freedom + 1) / 2) - of(freedom / 2)
+    return np.asarray(norm - 0.5 * np.log(0.5 * freedom))
 
 
 _PEAK = peak_of(np.asarray(BELIEF_FREEDOM))

@@ -113,9 +113,9 @@ def table_of(lists: Iterable[Document], found: list[Diagnostic]) -> UnitTable:
     for document in lists:
         for group, entries in merged.items():
             for name, part in document.data.get(group, {}).items():
-                known = entries.setdefault(name, part)
+                before = entries.setdefault(name, part)
                 other = first.setdefault((group, name), document)
-                if _meaning(known) != _meaning(part):
+                if _meaning(before) != _meaning(part):
                     what = "unit" if group == "units" else "quantity"
                     message = f"the {what} '{name}' is described in two files, and not alike"
                     place, second = document.key(group, name), other.key(group, name)

@@ -13,20 +13,20 @@ def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
     parameters that it does not hold are those of the type. Equations with an unknown name are left
     out.
     """
-    known = {p.name: p.value for p in kind.parameters.values()} | dict(given)
+    defined = {p.name: p.value for p in kind.parameters.values()} | dict(given)
     for definition in kind.definitions.values():
-        if (value := _value(definition.expression, known)) is not None:
-            known[definition.name] = value
+        if (value := _value(definition.expression, defined)) is not None:
+            defined[definition.name] = value
     parts = {o.name: o.expression for o in kind.observers.values()}
     parts |= {r.name: r.expression for r in kind.readings.values()}
     parts |= {s.name: s.rate for s in kind.states.values()}
-    values = {name: _value(expression, known) for name, expression in parts.items()}
-    found = {name: known[name] for name in kind.definitions if name in known} | values
+    values = {name: _value(expression, defined) for name, expression in parts.items()}
+    found = {name: defined[name] for name in kind.definitions if name in defined} | values
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _value(expression: Expression, known: Mapping[str, float]) -> float | None:
+def _value(expression: Expression, defined: Mapping[str, float]) -> float | None:
     try:
-        return constant(expression, known)
+        return constant(expression, defined)
     except Rejected:  # not every equation has a value everywhere
         return None

@@ -13,7 +13,7 @@ from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimensi
 
 def dimension(
     expression: Expression,
-    known: Mapping[str, Dimension],
+    dimensions: Mapping[str, Dimension],
     gathered: Mapping[str, Dimension],
 ) -> Dimension:
     """Dimension of an expression; raises `Rejected` where two dimensions do not fit.
@@ -26,7 +26,7 @@ def dimension(
             case ast.Constant(value=value):
                 return UNKNOWN if value == 0 else NONE
             case ast.Name(id=name):
-                return known[name]
+                return dimensions[name]
             case ast.Call(args=[ast.Name(id=name)]):
                 return gathered[name]
         raise AssertionError(ast.dump(node))

@@ -298,7 +298,7 @@ def fold(
     return leaf(node)
 
 
-def constant(expression: Expression, known: Mapping[str, float]) -> float | None:
+def constant(expression: Expression, values: Mapping[str, float]) -> float | None:
     """Value of an expression of known names only, else None; raises `Rejected` if a part has none.
 
     A fluid property that is known by its name has that value, whatever its temperature. sympy would
@@ -308,13 +308,13 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
     def leaf(node: ast.expr) -> float | None:
         if isinstance(node, ast.Constant):
             return bounded(node, float, node.value)
-        return known.get(node.id) if isinstance(node, ast.Name) else None
+        return values.get(node.id) if isinstance(node, ast.Name) else None
 
     def operation(name: str, node: Any, parts: list[Any]) -> float | None:
         if name == "div" and parts[1] == 0:
             raise rejected_at(node.right, "KB041", "this divides by zero")
         if name in PROPERTIES:
-            return known.get(name)
+            return values.get(name)
         if None in parts:
             return None
         return bounded(node, ARITHMETIC.get(name) or FUNCTIONS[name].value, *parts)

@@ -70,7 +70,7 @@ class Reader:
         self.found.append(Diagnostic(place, error.code, error.message, error.hint))
 
     def knows(
-        self, path: Path_, known: Collection[str], code: str, message: str, name: str = "",
+        self, path: Path_, names: Collection[str], code: str, message: str, name: str = "",
         column: int = 0,
     ) -> bool:  # fmt: skip
         """Whether a name is known; if not, it is reported with the nearest known one.
@@ -79,9 +79,9 @@ class Reader:
         In `message`, ``{}`` is the name.
         """
         word = name or str(path[-1])
-        if word in known:
+        if word in names:
             return True
-        text, hint = message.replace("{}", word), did_you_mean(word, known)
+        text, hint = message.replace("{}", word), did_you_mean(word, names)
         if name:
             self.report_word(path, column, name, code, text, hint)
         else:
@@ -118,11 +118,11 @@ class Reader:
     def quantity(self, *path: str | int, also: Iterable[str] = ()) -> Dimension | None:
         """Dimension of the quantity at a path; an unknown one is reported and gives None."""
         name = self.part(path)
-        known = self.units.quantities.get(name)
-        if known is None:
+        found = self.units.quantities.get(name)
+        if found is None:
             hint = did_you_mean(name, {*self.units.quantities, *also})
             self.report(path, "KB054", f"there is no quantity '{name}'", hint)
-        return known
+        return found
 
     def measured_unit(self, path: Path_) -> Unit:
         """The unit of a part, which must fit its ``quantity``; without one, every unit fits."""
@@ -156,11 +156,11 @@ class Reader:
             return parse("0")
 
     def check_names(
-        self, path: Path_, expression: Expression, known: Collection[str], what: str
+        self, path: Path_, expression: Expression, names: Collection[str], what: str
     ) -> None:
         """Report unknown names in an equation; `what` says what they could be."""
         for name, column in expression.names():
-            self.knows(path, known, "KB036", f"'{{}}' is neither {what}", name, column)
+            self.knows(path, names, "KB036", f"'{{}}' is neither {what}", name, column)
 
     def check_own(self, path: Path_, expression: Expression, what: str, hint: str) -> None:
         """Report fluid properties and downstream sums in an equation that cannot use them."""
@@ -172,12 +172,12 @@ class Reader:
         self,
         path: Path_,
         expression: Expression,
-        known: Mapping[str, Dimension],
+        dimensions: Mapping[str, Dimension],
         gathered: Mapping[str, Dimension] | None = None,
     ) -> Dimension:
         """Dimension of an equation; a misfit is reported and gives `UNKNOWN`."""
         try:
-            return dimension(expression, known, gathered or {})
+            return dimension(expression, dimensions, gathered or {})
         except Rejected as error:
             self.report_error(path, error)
             return UNKNOWN

@@ -187,9 +187,9 @@ def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
 
 def _strain(found: Explained[Any], values: Mapping[str, float]) -> tuple[Strain, ...]:
     """Values, SI, that lie far from the data sheets."""
-    known = found.model.builder.parameters
-    units = dict(zip(known.ids, zip(known.units, known.factors.tolist(), strict=True), strict=True))
-    return strain_of(values, known.sheet, units)
+    base = found.model.builder.parameters
+    units = dict(zip(base.ids, zip(base.units, base.factors.tolist(), strict=True), strict=True))
+    return strain_of(values, base.sheet, units)
 
 
 def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:

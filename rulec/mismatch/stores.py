@@ -152,8 +152,8 @@ class Explanation(Explained[Fitted]):
         """
         problem, plain, best = self._problem, self.found.plain, self.model.fitted
         before = problem.record.time < until_of(problem, best, [c for c, _ in left_out])
-        known = {n: flags & before for n, flags in problem.known.items()}
-        judged = replace(independent(problem, best.noise), known=known)
+        earlier = {n: flags & before for n, flags in problem.counted.items()}
+        judged = replace(independent(problem, best.noise), counted=earlier)
         first = repaired = _refitted(problem, (), [plain.values, {}], judged)
         if taken:
             values = dict(best.values)
@@ -243,11 +243,11 @@ def prove(plain: Fitted, best: Fitted) -> list[Proof]:
 
 def _proof(problem: SimulationProblem, name: str, errors: list[Array]) -> Proof:
     record, measured = problem.record, problem.record.measured[name]
-    known = np.isfinite(measured) & np.all([np.isfinite(e) for e in errors], axis=0)
-    noise = noise_floor(measured[known])
-    parts = (known & record.open, known & ~record.open)
+    finite = np.isfinite(measured) & np.all([np.isfinite(e) for e in errors], axis=0)
+    noise = noise_floor(measured[finite])
+    parts = (finite & record.open, finite & ~record.open)
     fit = fit_of(problem.ruleset.signal_by_id[name], errors, (noise, noise), parts)
-    return Proof(fit, Predicted(*(e + measured for e in errors)), known)
+    return Proof(fit, Predicted(*(e + measured for e in errors)), finite)
 
 
 def _worse(proof: Proof) -> float:

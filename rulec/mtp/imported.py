@@ -74,7 +74,7 @@ def _imported(package: Package, knowledge: Knowledge, taken: set[str]) -> Import
 def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge) -> dict[str, int]:
     """A tag counts as found if its class is known, a unit if its code is, a node if its id is."""
     attributes = [(n, a) for tag in package.tags for n, a in tag.attributes.items()]
-    units = [a for n, a in attributes if n.endswith("Unit") and (a.known or a.refers)]
+    units = [a for n, a in attributes if n.endswith("Unit") and (a.value or a.refers)]
     unknown = [a for a in units if not unit_of(a, knowledge.units).text]
     return {
         "tags": sum(bool(tag.kind) for tag in package.tags),

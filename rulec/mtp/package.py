@@ -32,7 +32,7 @@ class Attribute:
     place: str
 
     @property
-    def known(self) -> str:
+    def value(self) -> str:
         """The best known value."""
         return self.text or self.default
 

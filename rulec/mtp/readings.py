@@ -74,7 +74,7 @@ def _reading(
     span, default = _range(tag, where["scale"], odd)
     proposal = propose(tag.name, tag.title, unit.unit, where.get("usual", ""), units)
     sensor, range_is_needed = _sensor(proposal.quantity, span, unit, sensors)
-    known = {name: attribute.known for name, attribute in tag.attributes.items()}
+    values = {name: attribute.value for name, attribute in tag.attributes.items()}
     if unit.raw.strip("0.") and not unit.text:
         text = f"{tag.name} has the unit '{unit.raw[:40]}', which is no unit code that is known"
         remedy = "write the unit into the skeleton" + ", or import with --online" * unit.online
@@ -90,7 +90,7 @@ def _reading(
         unit=unit,
         range=span,
         range_is_default=default,
-        limits={name: known[name] for name in tables().limits if known.get(name)},
+        limits={name: values[name] for name in tables().limits if values.get(name)},
         proposal=proposal,
         sensor=sensor,
         is_input=bool(where.get("input")),
@@ -118,11 +118,11 @@ def _lacks(unit: FoundUnit, quantity: str, sensor: str, range_is_needed: bool) -
 def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float] | None, bool]:
     """The range that the file gives, and whether it is a default that may be replaced."""
     low, high = (tag.attributes.get(f"{scale}Scl{end}") for end in ("Min", "Max"))
-    if low is None or high is None or not low.known or not high.known:
+    if low is None or high is None or not low.value or not high.value:
         return None, False
-    first, last = _number(low.known), _number(high.known)
+    first, last = _number(low.value), _number(high.value)
     if first is None or last is None:
-        text = f"{tag.name} ranges from '{low.known[:30]}' to '{high.known[:30]}'"
+        text = f"{tag.name} ranges from '{low.value[:30]}' to '{high.value[:30]}'"
         remedy = "take the range from the data sheet"
     elif first >= last:
         text = f"{tag.name} ranges from {first:g} to {last:g}"
@@ -223,7 +223,7 @@ class FoundUnit:
 
 def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
     """The unit that an attribute gives by a code or by a text."""
-    raw = attribute.known.strip() if attribute is not None else ""
+    raw = attribute.value.strip() if attribute is not None else ""
     key = raw[:-2] if raw.endswith(".0") else raw
     text = tables().codes.get(key, "")
     if not text and key and _number(key) is None:

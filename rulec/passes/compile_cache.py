@@ -46,16 +46,16 @@ def ruleset_of_plant(
 
         return compile_plant(plant)
 
-    found: Ruleset = _kept(plant, "ruleset", now, make or compiled, Ruleset.to_json, parse_ruleset)
+    found: Ruleset = _saved(plant, "ruleset", now, make or compiled, Ruleset.to_json, parse_ruleset)
     return found
 
 
-def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any]) -> Any:
+def saved_of_plant(plant: Path, kind: str, make: Callable[[], Any]) -> Any:
     """JSON data that depend only on a plant: those of an earlier start, else made by `make`."""
-    return _kept(plant, kind, None, make, json.dumps, lambda data: data)
+    return _saved(plant, kind, None, make, json.dumps, lambda data: data)
 
 
-def _kept(
+def _saved(
     plant: Path,
     kind: str,
     now: str | None,
@@ -64,7 +64,7 @@ def _kept(
     read: Callable[[Any], Any],
 ) -> Any:
     """A result of an earlier start, else a new one, which is kept for later ones."""
-    now = now or known_print(plant)
+    now = now or saved_print(plant)
     found = None if now is None else kept(f"{now}.{kind}")
     if found is not None:
         try:
@@ -80,7 +80,7 @@ def _kept(
     return made
 
 
-def known_print(plant: Path) -> str | None:
+def saved_print(plant: Path) -> str | None:
     """Hash of all sources of a plant; None if its file has changed since it was last read."""
     file = plant_file(plant)
     try:
@@ -223,8 +223,8 @@ class OpenedPlant:
         from rulec.passes.pipeline import run_passes
         from rulec.passes.types import Compilation
 
-        known = Compilation(path=self.path, sources=self.sources, ruleset=ruleset)
-        return run_passes(known, "types")
+        models = Compilation(path=self.path, sources=self.sources, ruleset=ruleset)
+        return run_passes(models, "types")
 
     @cached_property
     def _compiled(self) -> Compilation:
@@ -241,5 +241,5 @@ def open_plant(path: Path, effects: bool = False) -> OpenedPlant:
     """
     from rulec.knowledge.read import read_plant  # loads a reader of YAML
 
-    now = known_print(path)
+    now = saved_print(path)
     return OpenedPlant(path, read_plant(path, effects), now)

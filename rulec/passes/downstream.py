@@ -83,7 +83,7 @@ class _Ways:
         if any(len(names) > 1 for names in self._leaving.values()):
             back = places.subgraph(useful).reverse()
             self._meeting = nx.immediate_dominators(back, goal)
-        self._known: dict[tuple[int, str], Gathered] = {}
+        self._sums: dict[tuple[int, str], Gathered] = {}
 
     def sum(self, start: int, name: str, provided: Mapping[str, str]) -> Gathered:
         """Sum from a place to the goal; the sums from all places passed are cached."""
@@ -92,13 +92,13 @@ class _Ways:
                 return ()
             raise Undefined("the way never ends", "connect a module that leads out of the loop")
         passed, place = [], start
-        while (place, name) not in self._known and place in self._leaving:
+        while (place, name) not in self._sums and place in self._leaving:
             step, following = self._step(place, provided)
             passed.append((place, step))
             place = following
-        found = self._known.get((place, name), ())
+        found = self._sums.get((place, name), ())
         for place, step in reversed(passed):
-            found = self._known[place, name] = (*step, *found)
+            found = self._sums[place, name] = (*step, *found)
         return found
 
     def _step(self, place: int, provided: Mapping[str, str]) -> tuple[Gathered, int]:

@@ -150,7 +150,7 @@ def observed_through_states(network: Network) -> set[str]:
     upstream: dict[str, set[str]] = {}
     for (module, end), terms in network.ends.items():
         if end in network.plant.modules[module].type.read:
-            upstream.setdefault(module, set()).update(known.module for _, known in terms)
+            upstream.setdefault(module, set()).update(flow.module for _, flow in terms)
     for (module, _), signals in network.gathers.items():
         upstream.setdefault(module, set()).update(m for m, _ in signals)
     mapped = {column.signal for column in network.plant.columns}
@@ -198,8 +198,8 @@ def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
         return {}
     edges, every = _edges(plant, graph)
     split = FlowGraph(edges)
-    known = _independent(plant, split, every)
-    by_continuity = flows_by_continuity(split, known)
+    laws = _independent(plant, split, every)
+    by_continuity = flows_by_continuity(split, laws)
     result: dict[tuple[str, str], Sum] = {}
     for module in plant.modules.values():
         for end in ENDS:
@@ -207,11 +207,11 @@ def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
                 continue
             edge = f"{module.name}|{end}" if module.type.cuts else module.name
             tail, head = edges[edge]
-            if edge in known:
-                result[module.name, end] = ((1, known[edge]),)
+            if edge in laws:
+                result[module.name, end] = ((1, laws[edge]),)
             elif edge in by_continuity:
                 terms = by_continuity[edge].terms
-                result[module.name, end] = tuple((sign, known[e]) for e, sign in terms.items())
+                result[module.name, end] = tuple((sign, laws[e]) for e, sign in terms.items())
             elif tail == head or _is_closed(split, edge):
                 result[module.name, end] = ()
             elif end in module.type.read:
@@ -230,7 +230,7 @@ def _edges(
 ) -> tuple[dict[str, tuple[int, int]], dict[str, KnownFlow]]:
     """Edges between junctions, and those with a law."""
     edges: dict[str, tuple[int, int]] = {}
-    known: dict[str, KnownFlow] = {}
+    laws: dict[str, KnownFlow] = {}
     for name, (tail, head) in graph.ends.items():
         kind = plant.modules[name].type
         if kind.cuts:
@@ -238,12 +238,12 @@ def _edges(
             edges[f"{name}|{OUTFLOW}"] = (SURROUNDINGS, head)
             for end in ENDS:
                 if end in kind.definitions:
-                    known[f"{name}|{end}"] = KnownFlow(name, "end", end)
+                    laws[f"{name}|{end}"] = KnownFlow(name, "end", end)
             continue
         edges[name] = (tail, head)
         if law := law_of(kind):
-            known[name] = KnownFlow(name, "observer", law)
-    return edges, known
+            laws[name] = KnownFlow(name, "observer", law)
+    return edges, laws
 
 
 def law_of(kind: ModuleType) -> str:
@@ -265,14 +265,14 @@ def _independent(
     plant: Plant, graph: FlowGraph, every: Mapping[str, KnownFlow]
 ) -> dict[str, KnownFlow]:
     """Laws without contradiction: if flows are measured twice, later measurements are dropped."""
-    known = dict(every)
-    while balances := graph.measured_balances(known):
+    laws = dict(every)
+    while balances := graph.measured_balances(laws):
         signs = next(iter(balances.values()))
-        measured = [edge for edge in signs if known[edge].kind == "observer"]
+        measured = [edge for edge in signs if laws[edge].kind == "observer"]
         if not measured:
             names = ", ".join(f"'{edge.partition('|')[0]}'" for edge in signs)
             message = f"the flow between {names} is given more than once"
             hint = "leave one law out; it must follow from the others"
             raise Refused([Diagnostic(plant.place, "KB114", message, hint)])
-        del known[measured[-1]]
-    return known
+        del laws[measured[-1]]
+    return laws

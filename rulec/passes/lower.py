@@ -133,8 +133,8 @@ def lower_states(what: Lowering) -> Plan:
                 graph.outputs[f"{key}:{module}.{name}"] = node
         for name in kind.readings:
             graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
-        known = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]
-        graph.outputs |= {f"{end}:{module}": scope.value(end) for end in known}
+        ends = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]
+        graph.outputs |= {f"{end}:{module}": scope.value(end) for end in ends}
     return graph.plan()
 
 
@@ -170,12 +170,12 @@ class _Scope:
     ) -> None:
         self._graph, self._what, self._module, self._pending = graph, what, module, pending
         self._amended, self._instance = what.of(module), what.network.plant.modules[module]
-        self._known: dict[str, Node] = {}
+        self._nodes: dict[str, Node] = {}
 
     def value(self, name: str) -> Node:
-        if name not in self._known:
-            self._known[name] = self._new(name)
-        return self._known[name]
+        if name not in self._nodes:
+            self._nodes[name] = self._new(name)
+        return self._nodes[name]
 
     def _new(self, name: str) -> Node:
         kind, graph = self._amended.type, self._graph
@@ -209,20 +209,20 @@ class _Scope:
         """A reading: an input, or in the balances of a whole plant what its sensor shows."""
         if self._what.ends is None or name not in self._amended.type.readings:
             return self._graph.input(f"{self._module}.{name}")
-        return self._within(self._module, f"what shows in '{name}' of").shown(name)
+        return self._scope_of(self._module, f"what shows in '{name}' of").shown(name)
 
     def _end(self, end: str) -> Node:
         """The flow at an end without a law of its own."""
         if self._what.ends is None:
             return self._graph.input(f"{self._module}.{end}")
         terms = []
-        for sign, known in self._what.ends[self._module, end]:
-            other = self._within(known.module, f"what flows {WAY[end]}")
-            flow = other.observer if known.kind == "observer" else other.value
-            terms.append((sign, flow(known.name)))
+        for sign, source in self._what.ends[self._module, end]:
+            other = self._scope_of(source.module, f"what flows {WAY[end]}")
+            flow = other.observer if source.kind == "observer" else other.value
+            terms.append((sign, flow(source.name)))
         return self._graph.signed_sum(terms)
 
-    def _within(self, module: str, what: str) -> _Scope:
+    def _scope_of(self, module: str, what: str) -> _Scope:
         """The scope of a module that gives some part of this module."""
         if (self._module, what) in self._pending:
             message = f"{what} '{self._module}' depends on itself"
@@ -268,8 +268,8 @@ def lower_property(fluid: Fluid, name: str) -> Plan:
 
 def _of_fluid(graph: Graph, fluid: Fluid, temperature: Node) -> ClosedNames:
     equations = {n: part.expression for n, part in fluid.properties.items()}
-    known = {"T": temperature, **{n: graph.constant(c) for n, c in fluid.coefficients.items()}}
-    return ClosedNames(graph, {**fluid.definitions, **equations}, known)
+    nodes = {"T": temperature, **{n: graph.constant(c) for n, c in fluid.coefficients.items()}}
+    return ClosedNames(graph, {**fluid.definitions, **equations}, nodes)
 
 
 @dataclass(frozen=True)
@@ -281,16 +281,16 @@ class ClosedNames:
 
     graph: Graph
     equations: Mapping[str, Expression]
-    known: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, Node] = field(default_factory=dict)
 
     def value(self, name: str) -> Node:
-        if name not in self.known:
+        if name not in self.nodes:
             part = self.equations.get(name)
             node = (
                 self.graph.input(name) if part is None else lower_tree(self.graph, part.tree, self)
             )
-            self.known[name] = node
-        return self.known[name]
+            self.nodes[name] = node
+        return self.nodes[name]
 
     def gathered(self, name: str) -> Node:
         raise AssertionError(name)

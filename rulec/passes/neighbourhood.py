@@ -108,8 +108,8 @@ class Neighbourhood:
         differences = [self.plant.gradients[s.existing] for s in sensors]
         slopes = _table(differences, self.inputs)
         effects = _table([self.plant.effects[f] for f in faults], [s.existing for s in sensors])
-        known = set(self.inputs)
-        beyond = [sum(v**2 for n, v in d.items() if n not in known) for d in differences]
+        inputs = set(self.inputs)
+        beyond = [sum(v**2 for n, v in d.items() if n not in inputs) for d in differences]
         own = np.array([s.u**2 for s in sensors]) + beyond
         size = np.sqrt(own + np.sum(slopes**2, axis=1))
         size[size == 0] = 1.0

@@ -48,24 +48,24 @@ PASSES: Mapping[str, Callable[..., Any]] = {
 """Each pass by the field that it fills."""
 
 
-def run_passes(known: Compilation, until: str = "ruleset") -> Compilation:
+def run_passes(models: Compilation, until: str = "ruleset") -> Compilation:
     """Run the passes that have not run, up to the one that fills the field `until`.
 
     Raises `Refused` with all mistakes of the first pass that finds any.
     """
     with without_collector():
         for field, step in PASSES.items():
-            if getattr(known, field) is None:
+            if getattr(models, field) is None:
                 # A pass reads the fields named by its parameters without a default.
                 parameters = inspect.signature(step).parameters.values()
                 names = [p.name for p in parameters if p.default is inspect.Parameter.empty]
-                parts = {name: getattr(known, name) for name in names}
-                known = replace(known, **{field: step(**parts)})
+                parts = {name: getattr(models, name) for name in names}
+                models = replace(models, **{field: step(**parts)})
                 if checks_are_on():
-                    check_invariants(field, known)
+                    check_invariants(field, models)
             if field == until:
                 break
-    return known
+    return models
 
 
 @contextmanager

@@ -26,13 +26,13 @@ def further_of(
     answer: Answer, first: Judged, recipe: Form, before: Form, after: Mapping[str, Form]
 ) -> Further:
     """Judge a second round; `after` has the answers with a second recording by arm."""
-    known = {
+    effects = {
         str(one["id"]): str(one["effect"])
         for form in (before, *after.values())
         for effect in form.get("effects", ())
         for one in (effect, *effect["alternatives"])
     }
-    sure_before = sure_of(answer, before, known)
+    sure_before = sure_of(answer, before, effects)
     # The tool's message without the text that the proof adds around it.
     error = str(recipe.get("error", ""))
     message = error.rpartition("rulec experiment: ")[2].rpartition(" (")[0].removeprefix("rulec: ")
@@ -48,7 +48,7 @@ def further_of(
     sure, again = {}, {}
     for arm, form in after.items():
         stalled = "not_run" in form
-        sure[arm] = sure_before if stalled else sure_of(answer, form, known)
+        sure[arm] = sure_before if stalled else sure_of(answer, form, effects)
         again[arm] = first if stalled else judge(answer, form)
     covers = all(step["covers"] for step in recipe["steps"])
     return replace(
@@ -61,13 +61,13 @@ def further_of(
     )
 
 
-def sure_of(answer: Answer, form: Form, known: Mapping[str, str]) -> float:
+def sure_of(answer: Answer, form: Form, effects: Mapping[str, str]) -> float:
     """Return the probability of the true explanation in an answer; 0 if it is not reported."""
     sets = form.get("standing", ())
-    return float(sum(s["probability"] for s in sets if right_set(answer, s["names"], known)))
+    return float(sum(s["probability"] for s in sets if right_set(answer, s["names"], effects)))
 
 
-def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) -> bool:
+def right_set(answer: Answer, names: Sequence[str], effects: Mapping[str, str]) -> bool:
     """Return whether a candidate set contains what is planted, and nothing else.
 
     An effect without a name must be nameless in the set, at a right place. An unrecorded driver
@@ -83,7 +83,7 @@ def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) ->
         id_ = name.rstrip(PERIODS)
         module, _, rest = id_.partition(".")
         entry, _, place = rest.partition("@")
-        found = {"effect": known.get(id_, entry), "id": id_, "modules": (module,), "place": place}
+        found = {"effect": effects.get(id_, entry), "id": id_, "modules": (module,), "place": place}
         return NAMELESS not in name and is_named(planted, found)
 
     planted = [p for p in answer.effects if p.names]

@@ -38,16 +38,16 @@ def read_limits(path: Path, ruleset: Ruleset) -> Allowed:
 
 
 def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, Range]:
-    known = {s.id: s for s in ruleset.signals if s.is_input and s.id in ruleset.simulation.given}
+    inputs = {s.id: s for s in ruleset.signals if s.is_input and s.id in ruleset.simulation.given}
     read = {}
     for name, part in reader.document.data["inputs"].items():
         path = ("inputs", name)
-        if name not in known:
+        if name not in inputs:
             reading = name in ruleset.signal_by_id
             message = f"'{name}' is no input" if reading else f"this plant has no input '{name}'"
-            reader.report_key(path, "KB131", message, did_you_mean(name, known))
+            reader.report_key(path, "KB131", message, did_you_mean(name, inputs))
             continue
-        signal = known[name]
+        signal = inputs[name]
         unit, ends = _ends(reader, path, part, signal)
         if ends is None:
             continue

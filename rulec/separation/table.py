@@ -104,11 +104,11 @@ def separate_pairs(ruleset: Ruleset, allowed: Allowed) -> Iterator[Separated]:
     equations = equations_of(ruleset)
     signals = equations.given_signals
     shown = {s.id: s.shown(s.reference) for s in signals}
-    known: dict[frozenset[str], tuple[tuple[str, str], str]] = {}
+    pairs: dict[frozenset[str], tuple[tuple[str, str], str]] = {}
     for group in ruleset.ambiguous:
         for pair in itertools.combinations(group.faults, 2):
-            known.setdefault(frozenset(pair), (pair, group.kind))
-    for pair, kind in known.values():
+            pairs.setdefault(frozenset(pair), (pair, group.kind))
+    for pair, kind in pairs.values():
         a, b = (ruleset.fault_by_id[name] for name in pair)
         measure = FaultMeasure(
             equations=equations,

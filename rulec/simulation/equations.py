@@ -81,10 +81,10 @@ class Equations:
         sums = (*step.zeros, *step.flows.values())
         terms = dict.fromkeys(name for part in sums for name in part)
         observers = tuple(name for name in terms if name in self.ruleset.observer_by_id)
-        known = tuple(name for name in terms if name not in observers)
+        others = tuple(name for name in terms if name not in observers)
         plan = self.ruleset.undo.select(f"q:{name}" for name in observers).narrowed()
-        order = (*observers, *known)
-        modules = [*(self.ruleset.observer_by_id[name].module for name in observers), *known]
+        order = (*observers, *others)
+        modules = [*(self.ruleset.observer_by_id[name].module for name in observers), *others]
         zeros = _rows(step.zeros, order)
         # Each sum in units of the largest flow in it.
         size = [self.flow_scales[name] for name in modules]
@@ -96,7 +96,7 @@ class Equations:
             flows=tuple(step.flows),
             observers=observers,
             plan=plan,
-            known_flows=known,
+            known_flows=others,
             known_readings=tuple(
                 n for n in plan.inputs if n not in step.readings and not n.startswith(DEGREE)
             ),

@@ -22,16 +22,16 @@ def predict_settled(
     equations: Equations,
     files: Sequence[RecordingFile],
     injected: Sequence[Injected] = (),
-    known: Mapping[str, Array] = NOTHING,
+    computed: Mapping[str, Array] = NOTHING,
 ) -> Prediction:
     """Predict the readings that follow from others of the same row.
 
-    `known` readings, shape (n,), SI, replace recorded ones. Raises `SimulationRefused` if a given
-    reading has no column, or if the plant has no such fault.
+    `computed` readings, shape (n,), SI, replace recorded ones. Raises `SimulationRefused` if a
+    given reading has no column, or if the plant has no such fault.
     """
     time = times_of(files)
-    asked = [name for name in equations.given if name not in known]
-    recorded = {**known, **recorded_of(equations.ruleset, files, asked)}
+    asked = [name for name in equations.given if name not in computed]
+    recorded = {**computed, **recorded_of(equations.ruleset, files, asked)}
     running = dict(recorded)
     for s in equations.given_signals:
         if s.minimum is not None:  # below it the module is stopped, and the equations do not hold
@@ -85,10 +85,10 @@ def _gains(
     faulty: Simulated,
 ) -> dict[str, Array]:
     """Factors by which faults in sensors scale predicted readings, with their errors."""
-    known = equations.ruleset.fault_by_id
+    faults = equations.ruleset.fault_by_id
     # An offset of a reading does not change the errors of its sensor.
-    scaling = (n for n in degrees if known[n].in_sensor and not known[n].unit)
-    sensors = {n: known[n].scales[0] for n in scaling}
+    scaling = (n for n in degrees if faults[n].in_sensor and not faults[n].unit)
+    sensors = {n: faults[n].scales[0] for n in scaling}
     if not sensors:
         return {}
     others = {name: degree for name, degree in degrees.items() if name not in sensors}

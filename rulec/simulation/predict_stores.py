@@ -64,11 +64,11 @@ def predict_stored(
     at_once = [part for part in injected if ruleset.fault_by_id[part.fault].affects]
     if before:
         first = predict_settled(settled, files, at_once)
-        known = {name: first.values[name] for name in before}
-        return _joined(first, _stored(ruleset, dynamics, files, injected, known, starts=starts))
+        computed = {name: first.values[name] for name in before}
+        return _joined(first, _stored(ruleset, dynamics, files, injected, computed, starts=starts))
     first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind, starts=starts)
-    known = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
-    return _joined(first, predict_settled(settled, files, at_once, known))
+    computed = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
+    return _joined(first, predict_settled(settled, files, at_once, computed))
 
 
 def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injected]) -> None:
@@ -103,12 +103,12 @@ def _stored(
     dynamics: Dynamics,
     files: Sequence[RecordingFile],
     injected: Sequence[Injected],
-    known: Mapping[str, Array],
+    computed: Mapping[str, Array],
     notes: tuple[str, ...] = (),
     all_of: Sequence[str] = (),
     starts: Sequence[Mapping[str, float]] = (),
 ) -> Prediction:
-    """Readings of states; `known` are inputs that other equations predict."""
+    """Readings of states; `computed` are inputs that other equations predict."""
     names = tuple(n for n in dynamics.outputs if n in (*all_of, *_asked(ruleset, dynamics, files)))
     faulty = [part for part in injected if part.fault in dynamics.faults]
     courses = degrees_of(faulty, times_of(files)) if faulty else {}
@@ -120,8 +120,8 @@ def _stored(
         every,
         tuple(f"{SHOWN}{name}" for name in names),
     )
-    given = [name for name in dynamics.inputs if name not in known]
-    inputs = {**recorded_of(ruleset, files, given), **known, **degrees}
+    given = [name for name in dynamics.inputs if name not in computed]
+    inputs = {**recorded_of(ruleset, files, given), **computed, **degrees}
     signals = ruleset.signal_by_id
     held = np.array([n in degrees or signals[n].between == "hold" for n in every], bool)
     found, remarks, first = [], list(notes), 0

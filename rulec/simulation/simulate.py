@@ -73,14 +73,14 @@ def simulate_with(
         **{f"{OFFSET}{name}": offset for name, offset in offsets.items()},
     }
     (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in ends.values()))
-    known = {k: np.broadcast_to(np.asarray(v, dtype=float), (n,)) for k, v in ends.items()}
-    course = _Course(equations, known, np.full(n, -1), np.ones(n), np.full((n, 2), -1.0))
+    values = {k: np.broadcast_to(np.asarray(v, dtype=float), (n,)) for k, v in ends.items()}
+    course = _Course(equations, values, np.full(n, -1), np.ones(n), np.full((n, 2), -1.0))
     for number, step in enumerate(equations.steps):
         course.take(number, step)
-    found = [known[name] for name in (*equations.predicted, *equations.flows)]
+    found = [values[name] for name in (*equations.predicted, *equations.flows)]
     return Simulated(
-        {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
-        {m: known[m] for m in equations.flows},
+        {s.id: values[s.id] for s in equations.ruleset.signals if s.id in values},
+        {m: values[m] for m in equations.flows},
         np.isfinite(found).all(axis=0) & np.ones(n, dtype=bool),
         course.failed,
         course,
@@ -95,13 +95,13 @@ OFFSET = "offset:"
 class _Course:
     """The steps taken so far.
 
-    `known` are readings, SI, flows, degrees and offsets. `failed` and `reached`, shape (n,), are
+    `values` are readings, SI, flows, degrees and offsets. `failed` and `reached`, shape (n,), are
     the number of the first step without solution, and the share of the way on which it has one.
     `worst`, shape (n, 2), is its smallest flow: number, and share of its scale.
     """
 
     equations: Equations
-    known: dict[str, Array]
+    values: dict[str, Array]
     failed: NDArray[np.intp]
     reached: Array
     worst: Array
@@ -112,10 +112,10 @@ class _Course:
         Flows that are not positive are no operating point.
         """
         n = len(self.failed)
-        needed = [self.known[name] for name in (*step.known_readings, *step.known_flows)]
+        needed = [self.values[name] for name in (*step.known_readings, *step.known_flows)]
         index = np.flatnonzero(np.isfinite(needed).all(axis=0) & np.ones(n, dtype=bool))
-        points = OperatingPoints(step, self.known, self.equations.reference)
-        self.known.update({name: np.full(n, np.nan) for name in (*step.readings, *step.flows)})
+        points = OperatingPoints(step, self.values, self.equations.reference)
+        self.values.update({name: np.full(n, np.nan) for name in (*step.readings, *step.flows)})
         if not index.size:
             return
         at, reached = np.tile(step.start, (len(index), 1)), np.ones(len(index))
@@ -124,9 +124,9 @@ class _Course:
         flows = points.flows(at, np.maximum(reached, 0.0), index)
         found = (reached == 1.0) & (flows > 0).all(axis=1)
         for j, name in enumerate(step.readings):
-            self.known[name][index[found]] = at[found, j] * step.scales[j]
+            self.values[name][index[found]] = at[found, j] * step.scales[j]
         for j, name in enumerate(step.flows):
-            self.known[name][index[found]] = flows[found, j] * step.flow_scales[j]
+            self.values[name][index[found]] = flows[found, j] * step.flow_scales[j]
         first = ~found & (self.failed[index] < 0)
         lost = index[first]
         self.failed[lost], self.reached[lost] = number, reached[first]
@@ -136,10 +136,10 @@ class _Course:
     def why(self, sample: int) -> str:
         """Why the failed step has no solution."""
         step, reached = self.equations.steps[self.failed[sample]], float(self.reached[sample])
-        acting = {n: d for n, d in self.known.items() if n.startswith(DEGREE)}
+        acting = {n: d for n, d in self.values.items() if n.startswith(DEGREE)}
         what = [f"{n.removeprefix(DEGREE)} {degree[sample]:g}" for n, degree in acting.items()]
         for signal in self.equations.given_signals:
-            shown = signal.shown(self.known[signal.id][sample])
+            shown = signal.shown(self.values[signal.id][sample])
             what.append(f"{signal.id} {shown:.4g} {signal.unit}")
         text = f"no operating point at {', '.join(what)}: "
         if reached < 0:

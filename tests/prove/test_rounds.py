@@ -51,10 +51,10 @@ def test_a_further_recording_is_of_the_same_plant(fault: SettledCase) -> None:
     what was planted is as large."""
     scene = fault.scene
     on = longer(scene, repeated(scene, 400))
-    assert on.known == slice(scene.time.size)
+    assert on.shaping == slice(scene.time.size)
     assert on.length == scene.length
     for name, values in scene.plain.items():
-        assert on.plain[name][on.known] == pytest.approx(values, rel=1e-9)
+        assert on.plain[name][on.shaping] == pytest.approx(values, rel=1e-9)
         assert len(on.plain[name]) == scene.time.size + 400
     before = scene.recorded(scene.truly(fault.terms), fault.terms)
     again = further_recording.recorded_further(

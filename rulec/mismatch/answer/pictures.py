@@ -98,8 +98,8 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
 
     NaN where there are too few values.
     """
-    known = np.isfinite(driver) & np.isfinite(values)
-    x, y = driver[known], values[known]
+    finite = np.isfinite(driver) & np.isfinite(values)
+    x, y = driver[finite], values[finite]
     if not len(x) or x.min() == x.max():
         return np.array([]), np.array([])
     edges = np.linspace(x.min(), x.max(), BINS + 1)
@@ -125,8 +125,8 @@ def _drivers(mismatch: Mismatch, drawn: ReadingCourses) -> tuple[list[str], list
 
 def span(values: Array) -> float:
     """Distance from the smallest to the largest known value, shape (n,); 0 if none is known."""
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if len(known) else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Figure]:

@@ -162,11 +162,11 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
 
 
 def _latent(latent: LatentInput, brief: bool) -> Iterator[Fact]:
-    known = np.isfinite(latent.course)
+    finite = np.isfinite(latent.course)
     rows: list[str] = []
-    if brief and known.any():
-        course = latent.course[known]
-        rows = text_plot(latent.time[known], course, 0.0 * course, ("s", latent.unit))
+    if brief and finite.any():
+        course = latent.course[finite]
+        rows = text_plot(latent.time[finite], course, 0.0 * course, ("s", latent.unit))
     yield "course", [latent.text, *rows]
     if latent.candidates:
         yield "could be", [listed(latent.candidates)]
@@ -253,16 +253,16 @@ def explained_words(mismatch: Mismatch) -> str:
 
 
 def _rivals_words(finding: Finding) -> str:
-    known = [r for r in finding.rivals if np.isfinite(r.gain)]
+    finite = [r for r in finding.rivals if np.isfinite(r.gain)]
     free = finding.sort == "free"
     title = "What has no name" if free else titled(finding)
     words = f"{title}: gains {number(finding.gain)} in log likelihood"
-    if not known:
+    if not finite:
         return f"{words}."
-    best = max(known, key=lambda r: r.gain)
+    best = max(finite, key=lambda r: r.gain)
     if free:
         return f"{words}; the best known effect gains {number(best.gain)} ({best.title})."
-    rivals = f"of {len(known)} rivals" if len(known) > 1 else "rival"
+    rivals = f"of {len(finite)} rivals" if len(finite) > 1 else "rival"
     return f"{words}; strongest {rivals}: {best.title} ({number(best.gain, 2)})."
 
 

@@ -94,8 +94,8 @@ def region_words(region: Region) -> str:
 
 def hysteresis(shape: Shape) -> str:
     """Whether it matters from which side the driver came, and why."""
-    known = "undecided" if shape.memory == UNDECIDED else shape.memory
-    return f"{known}: {shape.memory_text}"
+    answer = "undecided" if shape.memory == UNDECIDED else shape.memory
+    return f"{answer}: {shape.memory_text}"
 
 
 def periods_words(periods: Sequence[tuple[float, float]]) -> str:

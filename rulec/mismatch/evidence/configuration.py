@@ -127,15 +127,15 @@ class Configuration:
     """Joined candidates and values, SI.
 
     `values` has base parameters, sensor errors (`ERROR`), unknowns and degrees of periods; `fixed`
-    has references of joined candidates. `known` has mean, scale and degrees of freedom of the prior
-    of unknowns, if any.
+    has references of joined candidates. `priors` has mean, scale and degrees of freedom of the
+    prior of unknowns, if any.
     """
 
     joined: tuple[Candidate, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
     courses: tuple[Course, ...] = ()
-    known: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    priors: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     @property
     def ids(self) -> tuple[str, ...]:

@@ -263,7 +263,7 @@ class Evidence(ABC):
         and ranges of their shapes."""
         plain, odds = self.plain_prior(setting), 0.0
         own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
-        mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
+        mean, precision, freedom = plain.mean.copy(), plain.precision.copy(), plain.freedom.copy()
         for i, name in enumerate(plain.names):
             stem = name.partition("#")[0]
             if stem not in own:
@@ -272,18 +272,18 @@ class Evidence(ABC):
             if unknown.null is None:
                 driver = None if unknown.driver is None else self.driven_by(unknown.driver)
                 mean[i], width = range_over(unknown, setting.values[name], driver)
-                known[i] = 12.0 / width**2
+                precision[i] = 12.0 / width**2
                 continue
             size = self.size(candidate, unknown)
             freedom[i] = size.freedom
             if np.isfinite(size.width):
                 off = setting.values[name] - unknown.null
                 mean[i] = unknown.null + np.copysign(size.usual, off)
-                known[i] = size.width**-2
+                precision[i] = size.width**-2
                 odds -= log_inside(size, unknown)
             else:
-                mean[i], known[i] = unknown.null, size.scale**-2
-        return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
+                mean[i], precision[i] = unknown.null, size.scale**-2
+        return replace(plain, mean=mean, precision=precision, freedom=freedom, odds=odds)
 
     @abstractmethod
     def plain_prior(self, setting: Configuration) -> Prior:

@@ -23,9 +23,9 @@ from rulec.mismatch.result import Finding, Location, Period
 
 def coarse_step(values: Array, u: float) -> float:
     """The step of a display, if that is far beyond its uncertainty `u`; else 0."""
-    known = values[np.isfinite(values)]
-    levels = np.unique(known)
-    if not limits.COARSE_LEVELS <= len(levels) <= len(known) / limits.COARSE_SHOWN:
+    finite = values[np.isfinite(values)]
+    levels = np.unique(finite)
+    if not limits.COARSE_LEVELS <= len(levels) <= len(finite) / limits.COARSE_SHOWN:
         return 0.0
     steps = np.diff(levels)
     step = float(np.min(steps))
@@ -44,16 +44,16 @@ def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
         values = recording.values.get(signal.id)
         if values is None or signal.lowest is None or signal.highest is None:
             continue
-        known = values[np.isfinite(values)]
-        wrong = int(outside_range(signal, known).sum())
-        if wrong >= max(limits.IMPOSSIBLE_READINGS, limits.IMPOSSIBLE_SHARE * len(known)):
+        finite = values[np.isfinite(values)]
+        wrong = int(outside_range(signal, finite).sum())
+        if wrong >= max(limits.IMPOSSIBLE_READINGS, limits.IMPOSSIBLE_SHARE * len(finite)):
             ends, usual = (
                 (np.array(v) - signal.offset) / signal.factor
-                for v in ([signal.lowest, signal.highest], np.median(known))
+                for v in ([signal.lowest, signal.highest], np.median(finite))
             )
             text = (
                 f"{signal.id} reads {usual:.4g} {signal.unit} (median), and {wrong} of "
-                f"{len(known)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
+                f"{len(finite)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
                 f"{signal.unit}, which is all that its sensor can show; they are left out"
             )
             yield _failed(signal, "impossible-reading", "Sensor with impossible readings", text)

@@ -77,8 +77,8 @@ def counted_rows(used: Iterable[str], unused: Iterable[str]) -> tuple[Evidence, 
     """Counts of rows by their use, used ones first, then by falling number."""
     found = []
     for served, texts in ((True, used), (False, unused)):
-        known = sorted(Counter(texts).items(), key=lambda entry: (-entry[1], entry[0]))
-        found += [Evidence(rows, served, because) for because, rows in known]
+        counts = sorted(Counter(texts).items(), key=lambda entry: (-entry[1], entry[0]))
+        found += [Evidence(rows, served, because) for because, rows in counts]
     return tuple(found)
 
 
@@ -172,13 +172,13 @@ def region_of(contribution: Array, variables: Mapping[str, Variable]) -> tuple[R
     contribution : shape (n,), part of each sample in the mismatch, not negative; NaN: unknown.
     variables : by id, courses of shape (n,).
     """
-    known = np.isfinite(contribution)
-    total = float(np.sum(contribution[known]))
+    finite = np.isfinite(contribution)
+    total = float(np.sum(contribution[finite]))
     if total <= 0:
         return ()
     best: tuple[float, Region] | None = None
     for name, variable in variables.items():
-        ends = best_interval(variable.course[known], contribution[known] / total)
+        ends = best_interval(variable.course[finite], contribution[finite] / total)
         if ends is None:
             continue
         gain, low, high, share = ends
@@ -239,10 +239,10 @@ def periods_of(time: Array, contribution: Array) -> tuple[tuple[float, float], .
 
     `time`, s, and `contribution`, not negative, NaN: unknown, have shape (n,).
     """
-    known = np.flatnonzero(np.isfinite(contribution))
-    if len(known) < limits.PERIOD_SAMPLES or np.sum(contribution[known]) <= 0:
+    finite = np.flatnonzero(np.isfinite(contribution))
+    if len(finite) < limits.PERIOD_SAMPLES or np.sum(contribution[finite]) <= 0:
         return ()
-    pieces = np.array_split(known, min(limits.PERIOD_PIECES, len(known) // 5))
+    pieces = np.array_split(finite, min(limits.PERIOD_PIECES, len(finite) // 5))
     level = np.array([float(np.mean(contribution[p])) for p in pieces])
     high = level > limits.PERIOD_LEVEL * float(np.quantile(level, limits.PERIOD_HIGHEST))
     if high.mean() > limits.PERIOD_TIME:

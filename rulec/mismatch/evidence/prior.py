@@ -18,17 +18,16 @@ class Prior:
     """Prior of the free values; arrays have shape (values,).
 
     Values are fitted in `coordinates`, the logarithms of positive parameters. The first ones are
-    parameters of the plant with the prior `belief`. The others have a `mean` and a precision
-    (`known`, 1/u^2; 0: no prior), and are Student distributed where `freedom` is finite. `lowest`
-    and `highest` bound them; `size` is a typical step. `odds` normalise the prior within the
-    bounds.
+    parameters of the plant with the prior `belief`. The others have a `mean` and a `precision`
+    (1/u^2; 0: no prior), and are Student distributed where `freedom` is finite. `lowest` and
+    `highest` bound them; `size` is a typical step. `odds` normalise the prior within the bounds.
     """
 
     names: tuple[str, ...]
     coordinates: Coordinates
     belief: Belief
     mean: Array
-    known: Array
+    precision: Array
     freedom: Array
     lowest: Array
     highest: Array
@@ -49,27 +48,27 @@ class Prior:
         """The prior near some coordinates."""
         k = len(self.belief.names)
         plant = self.belief.near(at[:k])
-        mean, precision = self.mean.copy(), np.diag(self.known + 1e-12 / self.size**2)
+        mean, precision = self.mean.copy(), np.diag(self.precision + 1e-12 / self.size**2)
         mean[:k] = plant.mean
         precision[:k, :k] += plant.precision
-        stated = np.flatnonzero(self.known)
-        known, freedom = self.known[stated], self.freedom[stated]
-        square = known * (at - mean)[stated] ** 2
+        stated = np.flatnonzero(self.precision)
+        precisions, freedom = self.precision[stated], self.freedom[stated]
+        square = precisions * (at - mean)[stated] ** 2
         wide = np.isfinite(freedom)
         tails = np.where(wide, peak_of(np.where(wide, freedom, 1.0)), 0.0) - 0.5 * square
         free = freedom[wide]
         tails[wide] += 0.5 * square[wide] - 0.5 * (free + 1.0) * np.log1p(square[wide] / free)
         at_wide = stated[wide]
         precision[at_wide, at_wide] *= (free + 1.0) / (free + square[wide])
-        density = plant.density + self.odds + float(np.sum(tails + 0.5 * np.log(known)))
+        density = plant.density + self.odds + float(np.sum(tails + 0.5 * np.log(precisions)))
         return LocalBelief(density, mean, precision)
 
 
-def belief_of(known: BaseParameters, at: Sequence[int]) -> Belief:
+def belief_of(base: BaseParameters, at: Sequence[int]) -> Belief:
     """The prior of some parameters of a plant, by number."""
-    rows, names = list(at), [known.ids[i] for i in at]
-    covariance = known.covariance[np.ix_(rows, rows)]
-    return belief_in(names, known.positive[rows], known.values[rows], covariance, known.sheet)
+    rows, names = list(at), [base.ids[i] for i in at]
+    covariance = base.covariance[np.ix_(rows, rows)]
+    return belief_in(names, base.positive[rows], base.values[rows], covariance, base.sheet)
 
 
 def prior_with(
@@ -83,7 +82,7 @@ def prior_with(
     k = len(belief.names)
     first = k + len(errors)
     size = first + len(bounds)
-    mean, known, scale = np.zeros(size), np.zeros(size), np.ones(size)
+    mean, precision, scale = np.zeros(size), np.zeros(size), np.ones(size)
     freedom = np.full(size, np.inf)
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     if k:
@@ -91,21 +90,21 @@ def prior_with(
         scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
         far = np.where(belief.coordinates.positive, limits.FARTHEST, np.inf)
         lowest[:k], highest[:k] = mean[:k] - far, mean[:k] + far
-    known[k:first] = list(errors.values())
+    precision[k:first] = list(errors.values())
     for i, (name, ends) in enumerate(bounds.items(), start=first):
         lowest[i], highest[i] = ends
         width = highest[i] - lowest[i]
         scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
-        if name in setting.known:
-            mean[i], width, freedom[i] = setting.known[name]
-            known[i] = width**-2
+        if name in setting.priors:
+            mean[i], width, freedom[i] = setting.priors[name]
+            precision[i] = width**-2
     rest = np.zeros(size - k, dtype=bool)
     return Prior(
         names=(*belief.names, *errors, *bounds),
         coordinates=Coordinates(np.concatenate([belief.coordinates.positive, rest])),
         belief=belief,
         mean=mean,
-        known=known,
+        precision=precision,
         freedom=freedom,
         lowest=lowest,
         highest=highest,
@@ -153,10 +152,10 @@ def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
     return Size(median / float(stdtrit(freedom, 0.75)), freedom, median, median * spread)
 
 
-def known_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float, float]]:
+def priors_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float, float]]:
     """Mean, scale and degrees of freedom of those unknowns that have a prior."""
     unknowns = set(setting.free_unknowns())
-    each = zip(prior.names, prior.mean, prior.known, prior.freedom, strict=True)
+    each = zip(prior.names, prior.mean, prior.precision, prior.freedom, strict=True)
     return {n: (float(m), float(k**-0.5), float(f)) for n, m, k, f in each if n in unknowns and k}
 
 

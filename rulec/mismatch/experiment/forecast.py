@@ -75,9 +75,9 @@ class Forecast:
         """Covariance of some rows with others by an explanation, broadcast; a row below 0 is
         padding with a variance of its own."""
         gone = self.less * self.shares[explanation] if self.less else 0.0
-        known, same = (rows >= 0) & (others >= 0), rows == others
+        inside, same = (rows >= 0) & (others >= 0), rows == others
         found: Array = self.covariance[explanation][rows, others] - gone * same
-        return np.where(known, found, same)
+        return np.where(inside, found, same)
 
     def held(self, times: float) -> Forecast:
         """The same for means over `times` as many settled samples: only their noise averages."""
@@ -212,7 +212,7 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
     (rows, rows), due to noise, values, terms without a name, errors of form, and new errors of
     sensors."""
     fitted = _evaluated(there.rows, model)
-    solution, known = model.solved
+    solution, posterior = model.solved
     off = fitted.residual[there.open]
     kept, stay, added = _kept(model)
     by_value = fitted.jacobian[there.open]
@@ -228,7 +228,7 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
         numbers += own.tolist()
     slopes = np.concatenate(table, axis=1)
     forms = model.sizes.of(there.law) * there.forms
-    covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
+    covariance: Array = slopes @ posterior[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
     covariance += added * by_value[:, stay] @ by_value[:, stay].T
     covariance[np.diag_indices(len(covariance))] += model.scale**2
     return off, covariance
@@ -307,11 +307,11 @@ Claims = Mapping[Quantity, tuple[Array, Array]]
 
 
 def _claims(system: System, model: Model) -> Claims:
-    solution, known = model.solved
+    solution, posterior = model.solved
     numbers = np.arange(len(model.at))
     numbers = np.concatenate([numbers, *(model.columns_of(term) for term in model.terms)])
     at = np.concatenate([model.at, solution[numbers[len(model.at) :]]])
-    covariance = known[np.ix_(numbers, numbers)]
+    covariance = posterior[np.ix_(numbers, numbers)]
     value = _claimed(system, model, at)
     steps = limits.CLAIM_STEP * np.diag(np.sqrt(np.diag(covariance)))
     moved = [(_claimed(system, model, at + step), step.sum()) for step in steps]

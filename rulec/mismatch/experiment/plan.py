@@ -115,11 +115,11 @@ def certain(odds: Array, factors: Array) -> float:
     return float(SHARES @ sure @ odds / SHARES.sum())
 
 
-def factors(predicted: Forecast, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
+def factors(predicted: Forecast, true: int, taken: Sequence[int], places: Sequence[int]) -> Array:
     """Expected log Bayes factors of the true explanation against each by readings at the known
     places and each of some others; nats, shape (explanations, places)."""
     most = int(np.bincount(predicted.point).max())
-    each = [[*known, place] for place in places]
+    each = [[*taken, place] for place in places]
     # Numbers of the rows that are read, shape (places, rows); negative ones are padding.
     rows = np.tile(-1 - np.arange(len(each[0]) * most), (len(each), 1))
     for line, read in zip(rows, each, strict=True):

@@ -95,8 +95,8 @@ def places_in(system: System, reach: InputRanges) -> Places:
     table = np.vstack([table, [reach.present[name] for name in names]])
     data = system.data
     # Points with the most readings: a sensor may have failed, or is not in every recording.
-    known = np.all([np.isfinite(data.values[name]) for name in names], axis=0)
-    shown = known * np.sum([np.isfinite(v) for v in data.values.values()], axis=0)
+    finite = np.all([np.isfinite(data.values[name]) for name in names], axis=0)
+    shown = finite * np.sum([np.isfinite(v) for v in data.values.values()], axis=0)
     usable = np.flatnonzero(shown == shown.max())
     recorded = np.stack([data.values[name][usable] for name in names], axis=1)
     width = np.maximum(np.maximum(np.ptp(table, axis=0), np.ptp(recorded, axis=0)), 1e-300)
@@ -122,9 +122,9 @@ def surroundings(
     They keep their last value except for the part that followed the inputs in the recording, by
     linear least squares: a temperature may follow the load. All stay within the recorded range.
     """
-    known, found = np.all([np.isfinite(recorded[n]) for n in inputs], axis=0), {}
+    finite, found = np.all([np.isfinite(recorded[n]) for n in inputs], axis=0), {}
     for name in names:
-        usable = known & np.isfinite(recorded[name])
+        usable = finite & np.isfinite(recorded[name])
         if not usable.any():
             continue
         values = recorded[name][usable]

@@ -148,9 +148,9 @@ def fit_of(
     parts : flags of the open and of the held-out samples, shape (n,).
     explained : errors of the whole explanation in both parts, as shown.
     """
-    known = np.all([np.isfinite(e) for e in errors], axis=0)
+    finite = np.all([np.isfinite(e) for e in errors], axis=0)
     shown = [e / signal.factor for e in errors]
-    inside = [part & known for part in parts]
+    inside = [part & finite for part in parts]
     estimation, heldout = (
         Errors(
             shipped=rms(shown[0][part]),

@@ -133,9 +133,9 @@ class Judge:
         """The prior of each amplitude, SI, shape (columns,) each: a Student distribution about a
         usual size of either sign, with a width, and its degrees of freedom."""
         every = [self.evidence.size(c.candidate, c.amplitude) for c in self.columns]
-        known = np.array([np.isfinite(size.width) for size in every], dtype=bool)
-        usual = np.where(known, [size.usual for size in every], 0.0)
-        width = np.where(known, [size.width for size in every], [size.scale for size in every])
+        finite = np.array([np.isfinite(size.width) for size in every], dtype=bool)
+        usual = np.where(finite, [size.usual for size in every], 0.0)
+        width = np.where(finite, [size.width for size in every], [size.scale for size in every])
         return usual, width, np.array([size.freedom for size in every])
 
     @cached_property
@@ -197,7 +197,7 @@ class Judge:
         As in the scan of the search, a prior is as wide as the recording asks, which costs as much
         as the tail of a Student distribution.
         """
-        usual, own, freedom = (known[:, None] for known in self.sizes)
+        usual, own, freedom = (each[:, None] for each in self.sizes)
         (low, high), gram = (end[:, None] for end in self.ends), self._gram[:, None]
         found = np.abs(moment) / gram
         wide = np.maximum((found - usual) / own, 1.0)

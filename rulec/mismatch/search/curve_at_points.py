@@ -47,8 +47,8 @@ def curve_of(posterior: Posterior, term: Term) -> CurveFound:
     weight = np.bincount(evidence.point, term.slopes**2 * model.weights)
     left = model.left + model.table @ solution
     moment = np.bincount(evidence.point, term.slopes * left * model.weights)
-    known = np.flatnonzero((weight > 0.0) & np.isfinite(driver[: len(weight)]))
-    meant = size * term.basis.at(driver[known]) @ solution[own] - moment[known] / weight[known]
+    used = np.flatnonzero((weight > 0.0) & np.isfinite(driver[: len(weight)]))
+    meant = size * term.basis.at(driver[used]) @ solution[own] - moment[used] / weight[used]
     return CurveFound(
         location=term.changed,
         driver=term.driver,
@@ -56,7 +56,7 @@ def curve_of(posterior: Posterior, term: Term) -> CurveFound:
         value=there @ solution[own],
         covariance=there @ covariance[np.ix_(own, own)] @ there.T,
         says=term.basis.says,
-        means=np.stack([driver[known], meant, weight[known] ** -0.5], axis=1),
+        means=np.stack([driver[used], meant, weight[used] ** -0.5], axis=1),
     )
 
 
@@ -109,12 +109,12 @@ def branches_of(
     suspect = suspect_at(bare, curve.location, column)
     z = data.values[driver]
     side, visit = ways_there(z, float(np.nanmedian(data.noise[driver])))
-    known = (suspect.weight > 0) & fitted.used & np.isfinite(z) & (side != 0)
-    if not known.any():
+    used = (suspect.weight > 0) & fitted.used & np.isfinite(z) & (side != 0)
+    if not used.any():
         return None
     # Where the place hardly shows (a pump behind an open relief valve), its course is meaningless.
-    known &= suspect.weight > limits.HARDLY_SHOWN * np.median(suspect.weight[known])
-    left, at, way = means_of_visits(visit, known, suspect.weight, suspect.course, z, side)
+    used &= suspect.weight > limits.HARDLY_SHOWN * np.median(suspect.weight[used])
+    left, at, way = means_of_visits(visit, used, suspect.weight, suspect.course, z, side)
     counts = counted_visits(at, way)
     if counts is None:
         return None

@@ -62,15 +62,15 @@ def axis_of(drawn: FittedCurve) -> tuple[str, Array, Array]:
     return driver, at, at
 
 
-def _covariance(drawn: FittedCurve, table: Array, known: Array) -> Array:
+def _covariance(drawn: FittedCurve, table: Array, precision: Array) -> Array:
     """Covariance of all values, shape (values, values), with correlated errors and the prior of the
-    fit; `table` and `known` are as in `FittedCurve.rows`."""
-    inverse = inverse_of(table, known)
+    fit; `table` and `precision` are as in `FittedCurve.rows`."""
+    inverse = inverse_of(table, precision)
     judged, errors = drawn.fitted.judged, drawn.fitted.errors
     of_readings = int(judged.flags.sum())
-    middle = np.diag(known) + table[of_readings:].T @ table[of_readings:]
+    middle = np.diag(precision) + table[of_readings:].T @ table[of_readings:]
     first = 0
-    for name, flags in judged.known.items():
+    for name, flags in judged.counted.items():
         columns = np.zeros((len(flags), table.shape[1]))
         columns[flags] = table[first : first + int(flags.sum())]
         first += int(flags.sum())
@@ -107,9 +107,9 @@ def _branches(drawn: FittedCurve) -> Branches | None:
         )
     except RanAway:
         return None
-    column, (table, known) = (moved - plain)[:, None] / step, drawn.rows
+    column, (table, precision) = (moved - plain)[:, None] / step, drawn.rows
     column = fitted.fitter.as_rows(column, fitted.judged)
-    whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], known])
+    whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], precision])
     gradient = whole.T @ fitted.fitter.residual(fitted.at, fitted.judged)[0]
     gradient[-len(drawn.amounts) :] += drawn.amounts
     gap = -2.0 * float((inverse_of(whole, prior) @ gradient)[0])

@@ -111,15 +111,15 @@ class Accepted:
 
 
 def means_of_visits(
-    visit: NDArray[np.intp], known: np.ndarray, weight: Array, *courses: Array
+    visit: NDArray[np.intp], used: np.ndarray, weight: Array, *courses: Array
 ) -> Iterator[Array]:
-    """Weighted means of courses over each visit, shape (visits,), by the `known` samples.
+    """Weighted means of courses over each visit, shape (visits,), by the `used` samples.
 
     The number of the `visit` of each, its weight and the courses have shape (n,)."""
-    number = np.unique(visit[known], return_inverse=True)[1]
-    count = np.bincount(number, weight[known])
+    number = np.unique(visit[used], return_inverse=True)[1]
+    count = np.bincount(number, weight[used])
     for course in courses:
-        yield np.bincount(number, course[known] * weight[known]) / count
+        yield np.bincount(number, course[used] * weight[used]) / count
 
 
 def counted_visits(at: Array, way: Array) -> tuple[int, int] | None:

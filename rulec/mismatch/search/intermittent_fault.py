@@ -114,8 +114,8 @@ def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
         begin, level = int(first[i]), float(segments.level[i]) - rest
         near = limits.ONE_LEVEL * abs(level)
         if runs and runs[-1][1] == begin and abs(level - runs[-1][2]) < near:
-            begin, _, known = runs.pop()
-            level = known + (last[i] - first[i]) / (last[i] - begin) * (level - known)
+            begin, _, before = runs.pop()
+            level = before + (last[i] - first[i]) / (last[i] - begin) * (level - before)
         runs.append((begin, int(last[i]), level))
     return [(begin, end) for begin, end, _ in runs]
 
@@ -166,12 +166,12 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
         return None
     degree, weight = degree_course(fitted, columns[:, 0])
     # Held-out points do not count, but a period includes those within it.
-    known = np.flatnonzero(np.isfinite(degree) & fitted.used)
-    if len(known) < 4 * limits.SHORTEST:
+    used = np.flatnonzero(np.isfinite(degree) & fitted.used)
+    if len(used) < 4 * limits.SHORTEST:
         return None
-    edges = np.linspace(0, len(known), min(limits.LONGEST_COURSE, len(known)) + 1).astype(int)
-    sums = np.add.reduceat(weight[known], edges[:-1])
-    value = np.add.reduceat((weight * degree)[known], edges[:-1]) / sums
+    edges = np.linspace(0, len(used), min(limits.LONGEST_COURSE, len(used)) + 1).astype(int)
+    sums = np.add.reduceat(weight[used], edges[:-1])
+    value = np.add.reduceat((weight * degree)[used], edges[:-1]) / sums
     # Robust against steps.
     noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
     course = _Degree(
@@ -180,8 +180,8 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
         candidate=candidate,
         unknown=unknown,
         column=columns[:, 0],
-        first=known[edges[:-1]],
-        last=known[edges[1:] - 1],
+        first=used[edges[:-1]],
+        last=used[edges[1:] - 1],
         value=value,
         weight=sums,
     )

@@ -26,12 +26,12 @@ from rulec.mismatch.search.intermittent_fault import degree_course
 def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     """An error at a place, with a free course in time."""
     data, location = fitted.rows.system.data, suspect.location
-    known = np.flatnonzero((suspect.weight > 0) & fitted.used)
-    levels = _levels_of(suspect.course[known], suspect.weight[known])
+    used = np.flatnonzero((suspect.weight > 0) & fitted.used)
+    levels = _levels_of(suspect.course[used], suspect.weight[used])
     # Held-out points are interpolated; beyond the known points the course is constant.
-    at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
+    at = np.interp(np.arange(len(data)), used, np.linspace(0.0, len(levels) - 1.0, len(used)))
     segment = np.minimum(at.astype(int), len(levels) - 1)
-    knots = data.time[known[np.linspace(0, len(known) - 1, len(levels)).astype(int)]]
+    knots = data.time[used[np.linspace(0, len(used) - 1, len(levels)).astype(int)]]
     ends = [*((knots[1:] + knots[:-1]) / 2.0), knots[-1]]
     edges = itertools.pairwise([float(knots[0]), *map(float, ends)])
     periods = tuple(Span(since, until, i) for i, (since, until) in enumerate(edges))
@@ -140,12 +140,12 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     if column is None:
         return Reconstruction(location, system.data.time, level)
     rest, weight = degree_course(fitted, column)
-    known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
-    values, weight = level[known] + _clipped(rest[known]), weight[known]
-    kernel = np.hanning(2 * max(len(known) // (6 * limits.LATENT_KNOTS[-1]), 1) + 3)[1:-1]
+    finite = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
+    values, weight = level[finite] + _clipped(rest[finite]), weight[finite]
+    kernel = np.hanning(2 * max(len(finite) // (6 * limits.LATENT_KNOTS[-1]), 1) + 3)[1:-1]
     total = np.convolve(values * weight, kernel, mode="same")
     smooth: Array = total / np.convolve(weight, kernel, mode="same")
-    return Reconstruction(location, system.data.time[known], smooth)
+    return Reconstruction(location, system.data.time[finite], smooth)
 
 
 def likeness(first: Reconstruction, second: Reconstruction) -> float:

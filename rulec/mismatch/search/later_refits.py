@@ -73,16 +73,16 @@ def by_recording(
     count = len(recording.sources)
     if count < 2:
         return None
-    known = {frozenset(range(count)): _likely(posterior)}
+    searched = {frozenset(range(count)): _likely(posterior)}
 
     def on(numbers: Collection[int]) -> tuple[str, dict[str, Likely]]:
         chosen = frozenset(numbers)
-        if chosen not in known:
+        if chosen not in searched:
             progress(f"searching {listed([recording.sources[i] for i in sorted(chosen)])} alone")
             rows = _rows_of(part_of(recording, chosen), system, heldout)
             own = None if rows is None else explain(rows, lambda text: None)
-            known[chosen] = ("cannot judge", {}) if own is None else _likely(own)
-        return known[chosen]
+            searched[chosen] = ("cannot judge", {}) if own is None else _likely(own)
+        return searched[chosen]
 
     alone, moved = [], {}
     for number in range(count):
@@ -193,7 +193,7 @@ def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
 
 def possible_sets(posterior: Posterior) -> tuple[CandidateSet, ...]:
     """The sets that are still possible, the likeliest first."""
-    found, known = [], candidates_of(posterior)
+    found, candidates = [], candidates_of(posterior)
     sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
     for names, probability in sets[: limits.SETS_STANDING]:
         if probability < common.REPORTED:
@@ -201,7 +201,7 @@ def possible_sets(posterior: Posterior) -> tuple[CandidateSet, ...]:
         model = posterior.models[names]
         setting, titles = (
             model.setting,
-            {n: titled_with_module(known[n]) for n in names & known.keys()},
+            {n: titled_with_module(candidates[n]) for n in names & candidates.keys()},
         )
         for term in model.terms:
             follows = f"follows {term.driver} in a way without a name"
@@ -265,9 +265,9 @@ def _setting(evidence: SteadyEvidence, one: CandidateSet) -> Configuration:
         end = np.array([spans[-1].level if lasts else -1])
         risen = np.zeros(1) if period.grows else None
         courses.append(Course(period.unknown, end, spans, risen=risen).at_times(time))
-    known = {candidate.id: candidate for candidate in evidence.system.builder.candidates}
+    candidates = {candidate.id: candidate for candidate in evidence.system.builder.candidates}
     return Configuration(
-        joined=tuple(known[id_] for id_ in one.joined),
+        joined=tuple(candidates[id_] for id_ in one.joined),
         values=one.values,
         fixed=one.fixed,
         courses=tuple(courses),

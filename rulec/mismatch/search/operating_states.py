@@ -16,7 +16,7 @@ from rulec.language.expression import Rejected
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.evidence import name_of
-from rulec.mismatch.evidence.prior import known_of
+from rulec.mismatch.evidence.prior import priors_of
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
 from rulec.mismatch.evidence.steady.operating_state_means import rows_of_states
@@ -138,7 +138,7 @@ def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, 
     """The model with terms as courses and curves; candidates by their names in the set."""
     model, reported = posterior.models[posterior.selected], reported_names(posterior)
     setting = reported_setting(posterior)
-    setting = replace(setting, known=known_of(model.prior, setting))
+    setting = replace(setting, priors=priors_of(model.prior, setting))
     fitted = _fitted(rows, setting.at_points(rows.system.data.time))
     for course in fitted.setting.courses:
         fitted = with_refined_onset(fitted, course.unknown)

@@ -140,7 +140,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
     Terms without a name that contain it as a special case are no other explanation.
     """
     best, sets, models = posterior.selected, posterior.sets, posterior.models
-    rest, known, alike = best - {name}, candidates_of(posterior), alike_names(posterior, name)
+    rest, candidates, alike = best - {name}, candidates_of(posterior), alike_names(posterior, name)
     model = models[best]
     here = next((c for c in model.setting.joined if name_of(model.setting, c) == name), None)
     slopes = [] if here is None else slopes_of(model, here)
@@ -155,7 +155,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
             shapeless += probability
             continue
         for other in names - best:
-            if other in known:
+            if other in candidates:
                 others[other] = others.get(other, 0.0) + probability
     ranked = sorted(others.items(), key=lambda o: -o[1])
     same = []
@@ -165,8 +165,8 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
             joined = there.setting.joined
             rival = next(c for c in joined if name_of(there.setting, c) == other)
             if coincide(posterior.evidence, model, here, there, rival):
-                same.append(known[other].id)
-    odds = tuple((known[n], p / own) for n, p in ranked)
+                same.append(candidates[other].id)
+    odds = tuple((candidates[n], p / own) for n, p in ranked)
     stands_out = posterior.tolerance.stand_out.get(candidate.id, 1.0)
     beside = max(odds for names, odds in posterior.odds.items() if names <= rest)
     return Accepted(
@@ -200,8 +200,8 @@ def _rivals(posterior: Posterior, name: str, beside: float) -> tuple[Rival, ...]
     names = max(there, key=lambda n: there[n])
     title = "an unnamed term at the same place"
     if term:
-        known = candidates_of(posterior)
-        title = " and ".join(sorted(titled_with_module(known[n]) for n in names - rest))
+        candidates = candidates_of(posterior)
+        title = " and ".join(sorted(titled_with_module(candidates[n]) for n in names - rest))
     return (Rival(title, there[names] - beside),)
 
 

@@ -204,7 +204,7 @@ def refitted(
     sizes = replace(sizes, terms=tuple(own.get(t.name, 1.0) for t in terms))
     fresh = [len(noise) + 1 + i for i, t in enumerate(terms) if t.name not in own]
     fresh += [0] if near is None else []
-    problem, pressed = _Problem(evidence, prior, random), np.zeros(n, dtype=bool)
+    problem, at_bound = _Problem(evidence, prior, random), np.zeros(n, dtype=bool)
     now = evidence.evaluated(setting, prior, at)
     if not (np.isfinite(now.residual).all() and np.isfinite(now.jacobian).all()):
         raise np.linalg.LinAlgError("the model has no finite slopes where the refit begins")
@@ -218,16 +218,16 @@ def refitted(
         residual = evidence.whitened(now.residual + loads @ forms, noise)
         table = evidence.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
         weights = evidence.weights(residual, noise)
-        known, precision = prior.near(at), np.eye(table.shape[1])
-        precision[:n, :n] = known.precision
+        local, precision = prior.near(at), np.eye(table.shape[1])
+        precision[:n, :n] = local.precision
         normal = table.T @ (table * weights[:, None]) + precision
         slope = table.T @ (weights * residual)
-        slope += precision @ np.concatenate([at - known.mean, forms])
+        slope += precision @ np.concatenate([at - local.mean, forms])
         stopped = np.zeros(len(slope), dtype=bool)
         stopped[:n] = (at <= prior.lowest) & (slope[:n] > 0)
         stopped[:n] |= (at >= prior.highest) & (slope[:n] < 0)
         stopped[:n] |= held
-        free, pressed = np.flatnonzero(~stopped), stopped[:n]
+        free, at_bound = np.flatnonzero(~stopped), stopped[:n]
         size = np.sqrt(np.diag(normal))[free]
         scaled = normal[np.ix_(free, free)] / np.outer(size, size)
         gain = -1.0
@@ -247,7 +247,7 @@ def refitted(
             damping = max(damping, 1e-6) * 8.0
         if gain < evidence.ended:
             break
-    return problem.weighed(now, (at, forms, sizes, noise), pressed)
+    return problem.weighed(now, (at, forms, sizes, noise), at_bound)
 
 
 Begin = tuple[Array, Array, Sizes, Noise]
@@ -272,7 +272,7 @@ class _Problem:
         self,
         now: Point,
         begin: Begin,
-        pressed: NDArray[np.bool_],
+        at_bound: NDArray[np.bool_],
         effects: Array | None = None,
         fresh: Collection[int] = (),
     ) -> _Chosen:
@@ -281,17 +281,17 @@ class _Problem:
         The search climbs from the given noise or from one that the residual makes likely, if that
         is likelier. `effects` are columns of errors of form of effects. `fresh` are axes
         whose sizes are not known from a similar model: all their values are tried, the other axes
-        are climbed. Values that are `pressed` against an end of their range stay there.
+        are climbed. Values `at_bound`, at an end of their range, stay there.
         """
         evidence, prior, random = self.evidence, self.prior, self.random
         at, forms, sizes, noise = begin
         more = np.zeros((evidence.count, 0)) if effects is None else effects
         n = len(at)
-        known = prior.near(at)
-        jacobian, off = now.jacobian * ~pressed, (at - known.mean) * ~pressed
+        local = prior.near(at)
+        jacobian, off = now.jacobian * ~at_bound, (at - local.mean) * ~at_bound
         left = now.residual - jacobian @ off
         table = np.concatenate([jacobian, random.columns, more], axis=1)
-        precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
+        precision = block_diag(local.precision, np.eye(random.count + more.shape[1]))
         start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
         moves = random.moving.shape[1] > 0
         axes: list[tuple[float, ...]] = [*evidence.noises]
@@ -352,25 +352,25 @@ class _Problem:
                 break
         return best
 
-    def weighed(self, now: Point, begin: Begin, pressed: NDArray[np.bool_]) -> Model:
-        """The model at some values, of which some are `pressed` against an end of their range."""
+    def weighed(self, now: Point, begin: Begin, at_bound: NDArray[np.bool_]) -> Model:
+        """The model at some values, of which some are `at_bound`, at an end of their range."""
         evidence, prior, random = self.evidence, self.prior, self.random
         at = begin[0]
         more = evidence.effect_forms(now)
-        found = self.chosen(now, begin, pressed, more)
-        known = prior.near(at)
-        off = (at - known.mean) * ~pressed
+        found = self.chosen(now, begin, at_bound, more)
+        local = prior.near(at)
+        off = (at - local.mean) * ~at_bound
         left = now.residual - now.jacobian @ off
         # Replace the normal density of the linear solution by that of the Student distribution.
-        log_evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
+        log_evidence = found.score + local.density + 0.5 * float(off @ local.precision @ off)
         log_evidence -= len(random.terms) * float(np.log(len(common.TERM_SIZES)))
-        ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
+        ends = np.flatnonzero(at_bound & (prior.lowest < prior.highest))
         if len(ends):
-            log_evidence += _at_ends(evidence, found, now.jacobian[:, ends], known, at, ends)
+            log_evidence += _at_ends(evidence, found, now.jacobian[:, ends], local, at, ends)
         return Model(
             point=now,
             prior=prior,
-            mean=known.mean,
+            mean=local.mean,
             at=at,
             forms=begin[1],
             terms=random.terms,
@@ -379,10 +379,10 @@ class _Problem:
             evidence=log_evidence,
             table=found.weighted.table * found.ratio,
             left=evidence.whitened(left, found.noise),
-            raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1)
+            raw=np.concatenate([now.jacobian * ~at_bound, random.columns, more], axis=1)
             * found.ratio,
             off=left,
-            precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
+            precision=block_diag(local.precision, np.eye(random.count + more.shape[1])),
             weights=found.weighted.weights,
         )
 
@@ -395,19 +395,19 @@ def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
     Source: MacKay 1992, chapter 4: re-estimate by the number of values that the data determine.
     """
     lower, size = found.spread
-    doubt = np.diag(dpotri(lower, lower=True)[0]) / size**2
+    variance = np.diag(dpotri(lower, lower=True)[0]) / size**2
     columns: dict[str, list[int]] = {}
     for i, name in enumerate(law, first):
         columns.setdefault(name, []).append(i)
     most = float(np.log(common.FORM_KNOWN))
-    known, times = most**-2, {}
+    precision, times = most**-2, {}
     for name, at in columns.items():
-        determined = len(at) - float(doubt[at].sum())
+        determined = len(at) - float(variance[at].sum())
         square = float(np.sum(found.solution[at] ** 2))
         before = after = float(np.log(found.sizes.of([name])[0]))
         for _ in range(20):
             now = square * np.exp(-2.0 * (after - before))
-            step = (now - determined - known * after) / (2.0 * now + known)
+            step = (now - determined - precision * after) / (2.0 * now + precision)
             after += float(np.clip(step, -1.0, 1.0))
         times[name] = float(np.exp(np.clip(after, -most, most)))
     return times
@@ -421,7 +421,7 @@ def _at_ends(
     evidence: Evidence,
     found: _Chosen,
     slopes: Array,
-    known: LocalBelief,
+    local: LocalBelief,
     at: Array,
     ends: NDArray[np.intp],
 ) -> float:
@@ -431,8 +431,8 @@ def _at_ends(
     table, (lower, size) = own.table * found.ratio, found.spread
     residual = own.left + table @ found.solution
     pull = shown.T * own.weights
-    before = np.diag(known.precision)[ends]
-    falls = np.abs(pull @ residual + (known.precision @ (at - known.mean))[ends])
+    before = np.diag(local.precision)[ends]
+    falls = np.abs(pull @ residual + (local.precision @ (at - local.mean))[ends])
     # All other values are refitted.
     beside = solve_triangular(lower, (pull @ table / size).T, lower=True)
     own_bends = before + np.einsum("er,re->e", pull, shown)

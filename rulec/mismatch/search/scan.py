@@ -96,8 +96,8 @@ def _scanned(
     own = 1.0 + np.maximum(np.diag(gram), 0.0)
     alone = np.clip(-moment / own, low, high)
     single = -(0.5 * own * alone**2 + moment * alone) - 0.5 * np.log(own) + odds
-    ids, kept = np.array([c.candidate.id for c in every]), np.argsort(-single)[:paired]
-    i, j = (kept[at] for at in np.triu_indices(len(kept), 1))
+    ids, best = np.array([c.candidate.id for c in every]), np.argsort(-single)[:paired]
+    i, j = (best[at] for at in np.triu_indices(len(best), 1))
     one = ids[i] == ids[j]
     legal = ~one
     # Two columns of one candidate are a pair if they are amplitudes of one permanent shape of it.
@@ -232,14 +232,14 @@ def directions_of(model: Model, columns: Array) -> tuple[Array, Array]:
     """Principal directions of whitened columns, shape (rows, functions), weighted, without what a
     model imitates of them, and the information of the rows on each, shape (functions, 1)."""
     alone = model.alone(columns)
-    known, ways = np.linalg.eigh(columns.T @ alone)
-    return alone @ ways, np.maximum(known, 0.0)[:, None]
+    info, ways = np.linalg.eigh(columns.T @ alone)
+    return alone @ ways, np.maximum(info, 0.0)[:, None]
 
 
-def term_gains(term: Term, shown: Array, known: Array, left: Array) -> Array:
+def term_gains(term: Term, shown: Array, info: Array, left: Array) -> Array:
     """Gain of a term of each possible size, nats, shape (sizes, n), by its directions and whitened
     residuals, shape (rows, n)."""
     square = (shown.T @ left) ** 2
-    gains = [square / (known + s**-2.0) - np.log1p(known * s**2) for s in common.TERM_SIZES]
+    gains = [square / (info + s**-2.0) - np.log1p(info * s**2) for s in common.TERM_SIZES]
     odds = np.array([[term.odds(size)] for size in common.TERM_SIZES])
     return np.asarray(0.5 * np.sum(gains, axis=1) + odds)

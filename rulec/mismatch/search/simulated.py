@@ -143,9 +143,9 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
 def _squares(fitted: Fitted) -> Array:
     """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
     total, measured = np.zeros(len(fitted.problem.time)), fitted.problem.record.measured
-    for name, known in fitted.judged.known.items():
+    for name, flags in fitted.judged.counted.items():
         spread = float(np.nanstd(measured[name])) or 1.0
-        total += np.where(known, fitted.errors[name] / spread, 0.0) ** 2
+        total += np.where(flags, fitted.errors[name] / spread, 0.0) ** 2
     return total
 
 
@@ -159,8 +159,8 @@ def _lost(found: Found, first: FittedCurve, own: Array) -> tuple[RejectedCandida
     for setting in [s for s in every if s.joined][: limits.WEIGHED]:
         single = refit(found.plain, setting.joined, {**setting.values, **setting.fixed})
         nats, (candidate,) = float(first.gain - single.gain(found.plain)), single.joined
-        known = lost.get(candidate.name)
-        if nats > 0.0 and (known is None or nats < known.nats):
+        before = lost.get(candidate.name)
+        if nats > 0.0 and (before is None or nats < before.nats):
             worse = np.maximum(_squares(single) - own, 0.0)
             one = RejectedCandidate(candidate, nats, *where_most(driver, worse))
             lost[candidate.name] = one

@@ -185,13 +185,13 @@ def longest(recording: Recording) -> float:
 
 def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
     """The shift near `by` with the largest gain, by ever smaller steps; at most `most` samples."""
-    known = {0: 0.0}
+    gains = {0: 0.0}
     step = max(abs(by) // 4, 1)
     while step:
         for at in (by - step, by, by + step):
-            if at not in known:
-                known[at] = gain(at) if abs(at) <= most else -np.inf
-        near = max((by, by - step, by + step), key=lambda at: known[at])
+            if at not in gains:
+                gains[at] = gain(at) if abs(at) <= most else -np.inf
+        near = max((by, by - step, by + step), key=lambda at: gains[at])
         by, step = near, step if near != by else step // 2
     return by
 

@@ -130,8 +130,8 @@ def hypotheses(
     recording: Recording, ruleset: Ruleset, read: Sequence[SignalSpec]
 ) -> Iterator[Hypothesis]:
     """All hypotheses on the readings that a model reads."""
-    known = [s for s in read if np.isfinite(recording.values.get(s.id, np.zeros(0))).any()]
-    for signal in known:
+    recorded = [s for s in read if np.isfinite(recording.values.get(s.id, np.zeros(0))).any()]
+    for signal in recorded:
         values = recording.values[signal.id]
         noise = noise_of(values)
         scale = recording.scales.get(signal.id, (signal.factor, signal.offset))
@@ -157,7 +157,7 @@ def hypotheses(
                 text=f"{signal.id} has the wrong sign",
                 action=f"reverse the sign of {signal.id} where it is recorded",
             )
-    moving = [s for s in known if not never_moves(recording.values[s.id])]
+    moving = [s for s in recorded if not never_moves(recording.values[s.id])]
     for one, other in exchangeable(moving, ruleset.units):
         yield Hypothesis(
             kind=SWAPPED,

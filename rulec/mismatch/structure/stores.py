@@ -118,7 +118,7 @@ class Stores:
             measured = record.measured[name]
             signal = self.ruleset.signal_by_id[name]
             of_class = median_u(signal, measured[np.isfinite(measured)])
-            off = np.abs(errors[name][problem.known[name]])
+            off = np.abs(errors[name][problem.counted[name]])
             off = off / np.hypot(problem.floors[name], of_class)
             off = np.where(np.isfinite(off), off, limits.UNREAD)
             each.append((np.log(np.maximum(off, 1.0)).mean(), (off > limits.GROSSLY_OFF).mean()))
@@ -127,7 +127,7 @@ class Stores:
         assert dynamics is not None
         shown = [n for n in dynamics.outputs if n in recording.values]
         return Agreement(
-            rows=sum(int(known.sum()) for known in problem.known.values()),
+            rows=sum(int(flags.sum()) for flags in problem.counted.values()),
             count=float(common.BLOCKS * len(problem.signals)) * float(record.open.mean()),
             likelihood=-excess,
             excess=excess,
@@ -151,7 +151,7 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
         n: Noise(limits.STRUCTURE_SCATTER * float(np.nanstd(v)) + 1e-12, 1.0)
         for n, v in problem.record.measured.items()
     }
-    judged = Judged(problem.known, noise, drift, np.zeros(drift.count))
+    judged = Judged(problem.counted, noise, drift, np.zeros(drift.count))
     if not steps:
         return fitter.errors(at, judged)[0], 0.0
     fitted = fitter.finish(at, judged, steps, limits.STRUCTURE_ROUNDS)

@@ -216,13 +216,13 @@ def _in_order(about: Document, rules: Ruleset) -> None:
     for number, figure in enumerate(about.data.get("grey_box", ())):
         named.append((("grey_box", number, "signal"), figure["signal"], figure["unit"]))
     for path, name, unit in named:
-        known = rules.signal_by_id
-        if name not in known:
-            hint = did_you_mean(name, known)
+        signals = rules.signal_by_id
+        if name not in signals:
+            hint = did_you_mean(name, signals)
             message = f"the plant has no reading '{name}'"
             wrong.append(Diagnostic(about.place(*path), "KB023", message, hint))
-        elif unit and unit != known[name].unit:
-            message, hint = f"'{name}' is in {known[name].unit}", "give its error in that unit"
+        elif unit and unit != signals[name].unit:
+            message, hint = f"'{name}' is in {signals[name].unit}", "give its error in that unit"
             wrong.append(Diagnostic(about.place(*path), "KB023", message, hint))
     if wrong:
         raise Refused(wrong)

@@ -171,11 +171,11 @@ def off_of(rules: Ruleset, target: Path, measured: Recording) -> dict[str, Array
 
 
 def _errors(signal: SignalSpec, measured: Recording, off: Mapping[str, Array]) -> dict[str, Any]:
-    known = np.all([np.isfinite(o) for o in off.values()], axis=0)
-    found: dict[str, Any] = {"unit": signal.unit, "rows": int(known.sum())}
-    if not known.any() or "shipped" not in off:
+    finite = np.all([np.isfinite(o) for o in off.values()], axis=0)
+    found: dict[str, Any] = {"unit": signal.unit, "rows": int(finite.sum())}
+    if not finite.any() or "shipped" not in off:
         return {**found, **dict.fromkeys(MODELS)}
-    rows = np.flatnonzero(known)
+    rows = np.flatnonzero(finite)
     some = rows[np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))]
     reading = (measured.values[signal.id] - signal.offset) / signal.factor
     course = {"time": measured.time[some], "measured": reading[some]}

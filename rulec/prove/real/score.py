@@ -261,15 +261,15 @@ class Total:
 
 def totals(found: Sequence[Scored]) -> list[Total]:
     """Return every score over the rigs that have it; of ratios the geometric mean."""
-    known = [s for s in found if s.rig.truth is not None]
+    judged = [s for s in found if s.rig.truth is not None]
     columns: dict[str, list[float | None]] = {
         "place right": [s.place for s in found],
         "name right, headline": [s.headline for s in found],
         "name right, in its class": [s.named for s in found],
         "probability of the right class": [s.probability for s in found],
         "size inside its interval": [s.inside[0] / s.inside[1] for s in found if s.inside[1]],
-        "false names a rig": [float(len(s.false)) for s in known],
-        f"rigs with a wrong name at {CERTAIN:g}": [float(bool(s.sure)) for s in known],
+        "false names a rig": [float(len(s.false)) for s in judged],
+        f"rigs with a wrong name at {CERTAIN:g}": [float(bool(s.sure)) for s in judged],
         "silent where nothing is missing": [s.silent for s in found],
         "utility of the ambiguity set": [s.utility for s in found],
     }
@@ -295,13 +295,13 @@ def totals(found: Sequence[Scored]) -> list[Total]:
 class Alarm:
     """A false alarm of the manifest, and its probability if it is reported again."""
 
-    known: FalseAlarm
+    stated: FalseAlarm
     again: float | None
 
 
 def alarms(manifest: Sequence[FalseAlarm], found: Sequence[Scored]) -> list[Alarm]:
     """Return the false alarms of rigs that were judged."""
     headlines = {s.rig.name: [f.headline for f in s.said] for s in found}
-    known = [a for a in manifest if a.rig in headlines]
-    again = [best(Missing((a.wrong,), (a.place,)), headlines[a.rig]) for a in known]
-    return [Alarm(a, f.probability if f else None) for a, f in zip(known, again, strict=True)]
+    judged = [a for a in manifest if a.rig in headlines]
+    again = [best(Missing((a.wrong,), (a.place,)), headlines[a.rig]) for a in judged]
+    return [Alarm(a, f.probability if f else None) for a, f in zip(judged, again, strict=True)]

@@ -98,7 +98,7 @@ def form(result: Result) -> dict[str, Any]:
         "totals": totals,
         "rigs": {s.rig.name: _rig_form(s, result.renamed) for s in result.scored},
         "false_alarms": [
-            {**vars(alarm.known), "told_again": alarm.again} for alarm in result.alarms
+            {**vars(alarm.stated), "told_again": alarm.again} for alarm in result.alarms
         ],
     }
 
@@ -141,10 +141,8 @@ def parts(result: Result) -> Iterator[Part]:
         of_alarms = ("rig", "wrong", ".told again", "story", "right")
         rows = []
         for alarm in result.alarms:
-            known, again = alarm.known, "no" if alarm.again is None else percent(alarm.again)
-            rows.append(
-                (known.rig, f"{known.wrong} at {known.place}", again, known.story, known.right)
-            )
+            one, again = alarm.stated, "no" if alarm.again is None else percent(alarm.again)
+            rows.append((one.rig, f"{one.wrong} at {one.place}", again, one.story, one.right))
         yield Part("False alarms", [Table(of_alarms, rows)])
     if result.renamed is not None:
         same = [(name, "; ".join(diff) or "the same") for name, diff in result.renamed.items()]

@@ -97,7 +97,7 @@ def test_an_error_that_a_recording_has_as_its_own_shows_there_alone(rows: Rows) 
     """The variances of both sum to the class of the sensor."""
     system = rows.system
     prior = prior_of(system, Configuration())
-    variance = {n: 1.0 / prior.known[i] for i, n in enumerate(prior.names) if ERROR in n}
+    variance = {n: 1.0 / prior.precision[i] for i, n in enumerate(prior.names) if ERROR in n}
     for name in system.shared:
         assert abs(variance[ERROR + name] + variance[own_error(name, 1)] - 1.0) < 1e-12
     evidence = SteadyEvidence(rows)

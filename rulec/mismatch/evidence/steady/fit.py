@@ -92,7 +92,7 @@ class Fitted:
         return self.prior.of(self.setting.values)
 
     @cached_property
-    def known(self) -> LocalBelief:
+    def local_prior(self) -> LocalBelief:
         """The prior near the coordinates."""
         return self.prior.near(self.at)
 
@@ -100,7 +100,7 @@ class Fitted:
     def normal(self) -> Array:
         """The normal matrix of the coordinates with their prior, shape (values, values)."""
         half = self.jacobian * np.sqrt(self.weights)[:, None]
-        return np.asarray(half.T @ half + self.known.precision)
+        return np.asarray(half.T @ half + self.local_prior.precision)
 
     @cached_property
     def weights(self) -> Array:
@@ -185,7 +185,7 @@ def fit(
 
 def _gradient(now: Fitted, at: Array) -> Array:
     slope: Array = now.jacobian.T @ (now.weights * now.residual)
-    return slope + now.known.precision @ (at - now.known.mean)
+    return slope + now.local_prior.precision @ (at - now.local_prior.mean)
 
 
 def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float) -> Array:

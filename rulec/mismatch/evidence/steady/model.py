@@ -110,17 +110,17 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
         fitted.rows.system.data.time,
         fitted.rows.point,
     )
-    value, length, known = fitted.setting.values[name], span.until - span.since, fitted.known
+    value, length, prior = fitted.setting.values[name], span.until - span.since, fitted.local_prior
     # The slope of the degree, by the share reached, is that of a fault that is there at once.
     by_onset = np.where(risen > 0.0, (time - span.until) / length**2, 0.0)
     whole = fitted.jacobian[:, at] / np.where(risen > 0.0, risen, 1.0)[point]
     table = np.column_stack([fitted.jacobian, value * whole * by_onset[point]])
     half = table * np.sqrt(fitted.weights)[:, None]
     normal = half.T @ half
-    normal[:-1, :-1] += known.precision
+    normal[:-1, :-1] += prior.precision
     normal[-1, -1] += 1e-12 / length**2
     gradient = table.T @ (fitted.weights * fitted.residual)
-    gradient[:-1] += known.precision @ (fitted.at - known.mean)
+    gradient[:-1] += prior.precision @ (fitted.at - prior.mean)
     size = np.sqrt(np.diag(normal))
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True) / np.outer(size, size)
     both = inverse[np.ix_([at, -1], [at, -1])]
@@ -179,13 +179,13 @@ class SteadyModel(Model):
 
     def _growing(self, course: Course, size: str) -> Period:
         (span,), (name,) = course.periods, course.names()
-        degree, known = self.fitted.setting.values[name], onset_of(self.fitted, course)
-        rate, u = HOUR * degree / (span.until - span.since), HOUR * known.u_rate
+        degree, onset = self.fitted.setting.values[name], onset_of(self.fitted, course)
+        rate, u = HOUR * degree / (span.until - span.since), HOUR * onset.u_rate
         far = common.NORMAL_95 * u
         growth = Growth(
-            rate=rate, u=u, lower=max(rate - far, 0.0), upper=rate + far, u_since=known.u_since
+            rate=rate, u=u, lower=max(rate - far, 0.0), upper=rate + far, u_since=onset.u_since
         )
-        return Period(span.since, span.until, degree, known.u_degree, size, growth)
+        return Period(span.since, span.until, degree, onset.u_degree, size, growth)
 
     def term(self, candidate: Candidate) -> Array:
         """Squared change of the residuals by a candidate, summed per point, shape (n,)."""

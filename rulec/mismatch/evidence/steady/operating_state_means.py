@@ -73,15 +73,15 @@ def _flow_as_set(system: System, flows: Flows, module: str, inputs: Sequence[Arr
     own = [i for i, o in enumerate(system.observers) if o.module == module]
     # An estimate may be infinite, as where a pump stands.
     flow = np.where(np.isfinite(flows.values[own]), flows.values[own], np.nan)
-    known = np.asarray(np.isfinite(flow).any(axis=0))
+    finite = np.asarray(np.isfinite(flow).any(axis=0))
     scaled = [(values - values.mean()) / values.std() for values in inputs]
-    terms = [np.ones(len(known)), *scaled]
+    terms = [np.ones(len(finite)), *scaled]
     terms += [one * other for i, one in enumerate(scaled) for other in scaled[: i + 1]]
     table = np.stack(terms, axis=1)
-    if known.sum() <= 2 * table.shape[1]:
+    if finite.sum() <= 2 * table.shape[1]:
         table = table[:, : 1 + len(scaled)]
-    middle = np.nanmedian(flow[:, known], axis=0)
-    values: Array = table @ np.linalg.lstsq(table[known], middle, rcond=1e-6)[0]
+    middle = np.nanmedian(flow[:, finite], axis=0)
+    values: Array = table @ np.linalg.lstsq(table[finite], middle, rcond=1e-6)[0]
     return [values] if _spread(values) > 0.0 else []
 
 
@@ -95,8 +95,8 @@ def _inputs(system: System) -> dict[str, tuple[Array, float]]:
     data, found = system.data, {}
     for name in (s.id for s in system.ruleset.signals if s.is_input and s.id in data.values):
         values = data.values[name]
-        known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-        found[name] = known, float(np.nanmedian(data.noise[name]))
+        filled = np.nan_to_num(values, nan=float(np.nanmedian(values)))
+        found[name] = filled, float(np.nanmedian(data.noise[name]))
     return found
 
 

@@ -165,9 +165,9 @@ def _bridged(points: Points, read: set[str]) -> Points:
     assert points.time is not None
     values = dict(points.values)
     for name, course in points.values.items():
-        known = np.isfinite(course)
-        if name not in read and not known.all() and known.mean() > limits.BRIDGED:
-            values[name] = np.interp(points.time, points.time[known], course[known])
+        finite = np.isfinite(course)
+        if name not in read and not finite.all() and finite.mean() > limits.BRIDGED:
+            values[name] = np.interp(points.time, points.time[finite], course[finite])
     return replace(points, values=values)
 
 

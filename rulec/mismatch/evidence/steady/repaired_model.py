@@ -51,10 +51,10 @@ class Predictor:
                 slope = self._combined(flows.by_reading.get(name, {}))
                 step = np.clip(-value / slope, -10.0 * size, 10.0 * size)
             # Where the law has no value the iteration stays at the reading, which is no prediction.
-            known = np.isfinite(step)
-            at = np.where(known, at + step, at)
-            settled = np.where(known, np.abs(step), np.inf)
-            if np.max(settled[self.points & known], initial=0.0) < 1e-9 * size:
+            finite = np.isfinite(step)
+            at = np.where(finite, at + step, at)
+            settled = np.where(finite, np.abs(step), np.inf)
+            if np.max(settled[self.points & finite], initial=0.0) < 1e-9 * size:
                 break
         return np.where(self.points & (settled < 1e-3 * size), at, np.nan)
 
@@ -157,16 +157,16 @@ def repair_of(settled: Fitted, covariance: Array) -> Repair:
     `covariance`, shape (values, values), SI, is that of all values of its prior.
     """
     setting, system = settled.setting, settled.rows.system
-    known = {*system.builder.parameters.ids, *setting.free_unknowns()}
-    names = [n for n in settled.prior.names if n in known]
-    places = [settled.prior.names.index(n) for n in names]
-    covariance = covariance[np.ix_(places, places)]
+    wanted = {*system.builder.parameters.ids, *setting.free_unknowns()}
+    names = [n for n in settled.prior.names if n in wanted]
+    indices = [settled.prior.names.index(n) for n in names]
+    covariance = covariance[np.ix_(indices, indices)]
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return Repair(
         setting.ids,
         tuple(
-            Changed(n, float(setting.values[n]), float(doubt))
-            for n, doubt in zip(names, u, strict=True)
+            Changed(n, float(setting.values[n]), float(own))
+            for n, own in zip(names, u, strict=True)
         ),
         covariance,
         {u.id: setting.fixed[u.id] for c in setting.joined for u in c.unknowns if u.fixed},

@@ -31,9 +31,9 @@ def inverses(matrices: Array) -> Array:
     if matrices.shape[1] == 1:
         return 1.0 / np.where(np.isfinite(matrices) & (matrices != 0.0), matrices, np.nan)
     sound = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
-    known = np.where(sound, matrices, 0.0)
-    rows = np.abs(known).max(axis=2, keepdims=True)
-    scaled = known / np.where(rows > 0.0, rows, 1.0)
+    finite = np.where(sound, matrices, 0.0)
+    rows = np.abs(finite).max(axis=2, keepdims=True)
+    scaled = finite / np.where(rows > 0.0, rows, 1.0)
     columns = np.abs(scaled).max(axis=1, keepdims=True)
     scaled /= np.where(columns > 0.0, columns, 1.0)
     sound &= np.abs(np.linalg.det(scaled))[:, None, None] > limits.SINGULAR
@@ -165,7 +165,7 @@ class Rows:
         """Rows of a change of some observers, each of shape (n,) or one value for all points."""
         table = np.zeros(len(self))
         for i, change in slopes.items():
-            for number, j in self._places.get(i, ()):
+            for number, j in self._cells_of.get(i, ()):
                 cell = self.cells[number]
                 values = cell.at_points(change)
                 if not np.isfinite(values).all():
@@ -175,13 +175,13 @@ class Rows:
         return table
 
     @cached_property
-    def _places(self) -> Mapping[int, tuple[tuple[int, int], ...]]:
+    def _cells_of(self) -> Mapping[int, tuple[tuple[int, int], ...]]:
         """Cells of each observer, by number, with its index in each."""
-        places: dict[int, tuple[tuple[int, int], ...]] = {}
+        found: dict[int, tuple[tuple[int, int], ...]] = {}
         for number, cell in enumerate(self.cells):
             for j, i in enumerate(cell.observers.tolist()):
-                places[i] = (*places.get(i, ()), (number, j))
-        return places
+                found[i] = (*found.get(i, ()), (number, j))
+        return found
 
     @cached_property
     def group(self) -> NDArray[np.intp]:

@@ -224,20 +224,20 @@ def score_tests_at(fitted: Fitted) -> tuple[ScoreTest, ScoreTest]:
 
 
 def _score_test(fitted: Fitted, weights: Array) -> ScoreTest:
-    jacobian, at, known = fitted.jacobian, fitted.at, fitted.known
+    jacobian, at, prior = fitted.jacobian, fitted.at, fitted.local_prior
     unit = fitted.scale**2 * fitted.variance_inflation
-    normal = jacobian.T @ (weights[:, None] * jacobian) / unit + known.precision
+    normal = jacobian.T @ (weights[:, None] * jacobian) / unit + prior.precision
     size = np.sqrt(np.maximum(np.diag(normal), 0.0))
     size = np.where(size > 0.0, size, 1.0)  # a value without any information has no scale
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
     inverse = inverse / np.outer(size, size) / unit
     # The optimum with these weights differs from the fit: base values are refitted linearly.
-    pull = unit * known.precision @ (at - known.mean)
+    pull = unit * prior.precision @ (at - prior.mean)
     part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
     residual = fitted.residual - jacobian @ part
-    pull = pull - unit * known.precision @ part
+    pull = pull - unit * prior.precision @ part
     # The negative log prior can fall too.
-    strained = float(pull @ (at - part - known.mean))
+    strained = float(pull @ (at - part - prior.mean))
     total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
     return ScoreTest(
         weights=weights,

@@ -70,17 +70,17 @@ class System:
             if np.isfinite(self.data.values.get(f"{module.name}.{signal.name}", np.nan)).any()
         }
         # Where a property of the fluid is measured, its reading is the driver.
-        known = self.builder.fluid_drivers
-        replaced = {driver for driver, own in known.items() if own.name in measured}
+        fluid = self.builder.fluid_drivers
+        replaced = {driver for driver, own in fluid.items() if own.name in measured}
         return tuple(c for c in every if replaced.isdisjoint(c.drivers.values()))
 
     @cached_property
     def belief(self) -> Belief:
         """The prior of the parameters of these modules that recalibration may change."""
-        known = self.builder.parameters
-        u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
-        inside = [name.partition(".")[0] in self.modules for name in known.ids]
-        return belief_of(known, np.flatnonzero((u > 0) & np.array(inside, dtype=bool)).tolist())
+        base = self.builder.parameters
+        u = np.sqrt(np.diag(base.covariance)) if len(base.ids) else np.zeros(0)
+        inside = [name.partition(".")[0] in self.modules for name in base.ids]
+        return belief_of(base, np.flatnonzero((u > 0) & np.array(inside, dtype=bool)).tolist())
 
     @cached_property
     def number(self) -> Mapping[str, int]:
@@ -242,5 +242,5 @@ def with_properties(builder: ModelBuilder, data: Data) -> Data:
         noise[name] = np.abs(slope) * data.noise[driver.signal]
         u[name] = np.abs(slope) * points.u[driver.signal]
         systematic[name] = np.abs(slope) * points.systematic[driver.signal]
-    known = replace(points, values=values, u=u, systematic=systematic)
-    return replace(data, points=known, noise=noise)
+    extended = replace(points, values=values, u=u, systematic=systematic)
+    return replace(data, points=extended, noise=noise)

@@ -38,8 +38,8 @@ def term_of(
     `location` is its id; `open_` flags the rows that count.
     """
     (changed, slopes), values = changing, driver_of(rows.system, driver)
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[rows.point[open_]]
-    table = slopes[open_][:, None] * basis.at(known)
+    filled = np.nan_to_num(values, nan=float(np.nanmedian(values)))[rows.point[open_]]
+    table = slopes[open_][:, None] * basis.at(filled)
     return term_with(table, location, changed, driver, basis, slopes[open_])
 
 

@@ -34,14 +34,14 @@ def changes(
     balances = problem.balances(ids)
     course = problem.simulate(ids, values, inputs=inputs).course
     every = {**problem.plain_values, **values, TIME: problem.time}
-    known = {n: np.asarray(every[n]) for n in balances.plan.inputs if n in every}
-    known |= {n: inputs[n] for n in balances.inputs}
+    given = {n: np.asarray(every[n]) for n in balances.plan.inputs if n in every}
+    given |= {n: inputs[n] for n in balances.inputs}
     states = enumerate(balances.states)
-    known |= {n: np.ascontiguousarray(course.states[:, i]) for i, n in states}
+    given |= {n: np.ascontiguousarray(course.states[:, i]) for i, n in states}
     off = {u.id: u.null for u in candidate.unknowns if u.null is not None}
     outputs = [n for n in balances.plan.outputs if n.startswith((RATE, SHOWN))]
     plan, found = balances.plan.select(outputs), {}
-    here, there = (plan.run({**known, **extra}) for extra in ({}, off))
+    here, there = (plan.run({**given, **extra}) for extra in ({}, off))
     for name in outputs:
         # A lag that is switched off at one moment has no rate.
         with np.errstate(all="ignore"):

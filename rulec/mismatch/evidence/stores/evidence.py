@@ -68,7 +68,7 @@ class StoresEvidence(Evidence):
         self.problem, self.candidates = problem, problem.candidates
         self.term_count = len(problem.locations) * len(problem.drivers)
         self.readings = frozenset(s.id for s in problem.ruleset.signals)
-        self.count = int(sum(known.sum() for known in self._known.values()))
+        self.count = int(sum(flags.sum() for flags in self._counted.values()))
         near = near or Configuration()
         ids, values = near.ids, {**problem.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
@@ -94,12 +94,12 @@ class StoresEvidence(Evidence):
         """Changes of readings, shape (signals * samples, columns), SI, as rows in their noise."""
         columns = []
         for column in moved.T:
-            own = zip(self._known.items(), np.split(column, len(self._known)), strict=True)
-            columns.append(np.concatenate([v[known] / self.white[n] for (n, known), v in own]))
+            own = zip(self._counted.items(), np.split(column, len(self._counted)), strict=True)
+            columns.append(np.concatenate([v[flags] / self.white[n] for (n, flags), v in own]))
         return np.stack(columns, axis=1)
 
     @cached_property
-    def _known(self) -> dict[str, NDArray[np.bool_]]:
+    def _counted(self) -> dict[str, NDArray[np.bool_]]:
         """Samples that count; short gaps are closed, as a lasting error is the same after them."""
         record = self.problem.record
         return {n: _bridged(np.isfinite(v)) & record.open for n, v in record.measured.items()}
@@ -108,8 +108,8 @@ class StoresEvidence(Evidence):
     def _measured(self) -> dict[str, Array]:
         time, found = self.problem.time, {}
         for name, values in self.problem.record.measured.items():
-            known = np.isfinite(values)
-            found[name] = np.interp(time, time[known], values[known])
+            finite = np.isfinite(values)
+            found[name] = np.interp(time, time[finite], values[finite])
         return found
 
     @cached_property
@@ -121,9 +121,9 @@ class StoresEvidence(Evidence):
     def _runs(self) -> list[list[slice]]:
         """Rows without a gap between them, for each signal."""
         found, first = [], 0
-        for known in self._known.values():
+        for flags in self._counted.values():
             own = []
-            for a, b in runs_where(known, 1):
+            for a, b in runs_where(flags, 1):
                 own.append(slice(first, first + b - a))
                 first += b - a
             found.append(own)
@@ -132,8 +132,8 @@ class StoresEvidence(Evidence):
     def _noises(self) -> Iterator[tuple[float, ...]]:
         """Sizes of the wandering error to try, in white noise, correlation times in samples, and
         smoothness, for each signal."""
-        for name, known in self._known.items():
-            span = float(np.std(self._measured[name][known])) / self.white[name]
+        for name, flags in self._counted.items():
+            span = float(np.std(self._measured[name][flags])) / self.white[name]
             steps = int(np.ceil(np.log2(12.0 * max(span, 1.0))))
             yield limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()
             longest = int(np.log2(len(self.problem.time) / 2.0))
@@ -366,10 +366,10 @@ class StoresEvidence(Evidence):
         except RanAway:
             return np.full(self.count, np.inf), np.zeros((self.count, len(names)))
         residual, slopes = [], []
-        for name, known in self._known.items():
+        for name, flags in self._counted.items():
             off = model.shown[name] - self._measured[name]
-            residual.append(off[known] / self.white[name])
-            slopes.append(model.slopes[name][known] / self.white[name])
+            residual.append(off[flags] / self.white[name])
+            slopes.append(model.slopes[name][flags] / self.white[name])
         whole = np.concatenate(slopes)
         # Where a tank runs empty slopes overflow: such a sample is useless to first order.
         whole[~np.all(np.abs(whole) < limits.OVERFLOWN, axis=1)] = 0.0
@@ -413,8 +413,8 @@ def _of_signals(noise: Noise) -> list[tuple[float, float, float]]:
     return list(zip(noise[::3], noise[1::3], noise[2::3], strict=True))
 
 
-def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    at, found = np.flatnonzero(known), known.copy()
+def _bridged(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    at, found = np.flatnonzero(flags), flags.copy()
     for a, b in itertools.pairwise(at.tolist()):
         if b - a <= limits.BRIDGED_SAMPLES:
             found[a:b] = True

@@ -39,13 +39,13 @@ from rulec.mismatch.evidence.stores.simulation_problem import (
 
 @dataclass(frozen=True)
 class Judged:
-    """Which samples count (`known`), and their `noise`, per signal.
+    """Which samples are `counted`, and their `noise`, per signal.
 
     `drift` has the effects of sensor errors within their class, which no model has to explain;
     `slow` are those of inputs in a simulation, in their uncertainties, shape (errors of `drift`,).
     """
 
-    known: Mapping[str, Flags]
+    counted: Mapping[str, Flags]
     noise: Mapping[str, Noise]
     drift: Drift
     slow: Array
@@ -53,19 +53,19 @@ class Judged:
     @cached_property
     def flags(self) -> Flags:
         """Flags of samples that count, all signals stacked."""
-        return np.concatenate(list(self.known.values()))
+        return np.concatenate(list(self.counted.values()))
 
     @cached_property
     def weights(self) -> Array:
         """Divisors of errors, shape (signals * samples,), stacked alike."""
         return np.concatenate(
-            [np.full(len(k), self.noise[n].weight) for n, k in self.known.items()]
+            [np.full(len(k), self.noise[n].weight) for n, k in self.counted.items()]
         )
 
     @cached_property
     def samples(self) -> dict[str, int]:
         """Number of samples that count, per signal."""
-        return {n: int(k.sum()) for n, k in self.known.items()}
+        return {n: int(k.sum()) for n, k in self.counted.items()}
 
     @cached_property
     def basis(self) -> Array:
@@ -80,7 +80,7 @@ class Judged:
 
 def independent(problem: SimulationProblem, noise: Mapping[str, Noise]) -> Judged:
     """All open samples, with the given noise and without errors of sensors."""
-    return Judged(problem.known, noise, no_drift(problem), np.zeros(0))
+    return Judged(problem.counted, noise, no_drift(problem), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -319,7 +319,7 @@ class Fitter:
         """The model at a point, with the noise and the slow errors of inputs as they are there."""
         errors, slow = self.errors(at, judged)
         least = self.problem.record.resolution
-        noise = {n: noise_of(e, judged.known[n], least[n]) for n, e in errors.items()}
+        noise = {n: noise_of(e, judged.counted[n], least[n]) for n, e in errors.items()}
         negative_log_prior = 0.5 * (self._strain(at) + float(np.sum(slow**2)))
         judged = replace(judged, noise=noise, slow=judged.drift.given(slow))
         values = self.values(at)
@@ -374,7 +374,7 @@ def plain_end(problem: SimulationProblem, values: Mapping[str, float]) -> Fitted
     fitter = Fitter(problem, (), {})
     first = fitter.finish(fitter.vector(values), independent(problem, noise), common.THOROUGH, 2)
     drift = drift_of(problem, first.values)
-    judged = Judged(problem.known, first.noise, drift, np.zeros(drift.count))
+    judged = Judged(problem.counted, first.noise, drift, np.zeros(drift.count))
     return polished(replace(first, judged=judged))
 
 

@@ -180,8 +180,8 @@ class Linear:
         """Slopes by all other values and by the amounts of functions, shape (rows, values), and
         their prior precision, shape (values,)."""
         own = self.own @ form.table
-        known = np.concatenate([np.zeros(self.plain.shape[1]), np.ones(own.shape[1])])
-        return np.column_stack([self.plain, own]), known
+        precision = np.concatenate([np.zeros(self.plain.shape[1]), np.ones(own.shape[1])])
+        return np.column_stack([self.plain, own]), precision
 
 
 def linear_at(fitter: Fitter, at: Array, domain: Domain, judged: Judged) -> Linear:
@@ -193,9 +193,9 @@ def linear_at(fitter: Fitter, at: Array, domain: Domain, judged: Judged) -> Line
     return Linear(left, slopes[:, :count], by_coefficient @ domain.bends)
 
 
-def inverse_of(table: Array, known: Array) -> Array:
+def inverse_of(table: Array, precision: Array) -> Array:
     """Inverse of the normal matrix of columns, shape (rows, values), with a prior precision."""
-    normal = table.T @ table + np.diag(known)
+    normal = table.T @ table + np.diag(precision)
     unit = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
     return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))
@@ -236,8 +236,8 @@ def _descended(
     cost = fitter.cost(at, judged) + 0.5 * float(amounts @ amounts)
     for _ in range(limits.CURVE_STEPS):
         system = linear_at(fitter, at, domain, judged)
-        table, known = system.with_form(form)
-        found = -inverse_of(table, known) @ (table.T @ system.left)
+        table, precision = system.with_form(form)
+        found = -inverse_of(table, precision) @ (table.T @ system.left)
         count = system.plain.shape[1]
         for share in limits.STEP_SHARES:
             there = amounts + share * (found[count:] - amounts)

@@ -35,25 +35,25 @@ class Noise:
         return float(self.spread * np.sqrt(self.correlation_time))
 
 
-def noise_of(error: Array, known: Flags, least: float) -> Noise:
+def noise_of(error: Array, flags: Flags, least: float) -> Noise:
     """Estimate the noise of an error.
 
     Parameters
     ----------
-    error : shape (n,); only `known` samples count.
+    error : shape (n,); those with `flags` count.
     least : lower bound of the standard deviation, such as the resolution of the sensor.
     """
-    own = error[known]
+    own = error[flags]
     spread = float(np.sqrt(np.mean(own**2))) if len(own) else least
-    return Noise(max(spread, least, limits.LEAST_ERROR), memory_of(error, known))
+    return Noise(max(spread, least, limits.LEAST_ERROR), memory_of(error, flags))
 
 
-def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
+def score_covariance(columns: Array, error: Array, flags: Flags) -> Array:
     """Covariance of the products of columns with an error correlated in time.
 
     Parameters
     ----------
-    columns : shape (n, k), zero where the error is not `known`.
+    columns : shape (n, k), zero without `flags`.
     error : shape (n,); its autocorrelations count up to where they vanish.
 
     Returns shape (k, k), per variance of the error.
@@ -61,11 +61,11 @@ def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
     Source: Newey and West 1987; a negative spectrum counts as zero.
     """
     size = 2 ** int(np.ceil(np.log2(2 * len(error))))
-    kept = correlations_of(error, known)[0]
+    lags = correlations_of(error, flags)[0]
     course = np.zeros(size)
     course[0] = 1.0
-    course[1 : 1 + len(kept)] = kept
-    course[size - len(kept) :] = kept[::-1]
+    course[1 : 1 + len(lags)] = lags
+    course[size - len(lags) :] = lags[::-1]
     spectrum = np.maximum(np.fft.rfft(course).real, 0.0)
     waves = np.fft.rfft(columns, size, axis=0)
     double = np.full(len(spectrum), 2.0)
@@ -145,13 +145,13 @@ def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
     if smoothness > 1.0:
         alike = size**2 * (1.0 + rate * gap) * np.exp(-rate * gap)
         step = np.exp(-rate) * np.array([[1.0 + rate, 1.0], [-(rate**2), 1.0 - rate]])
-        known = np.diag([size**2, (rate * size) ** 2])
+        covariance = np.diag([size**2, (rate * size) ** 2])
     else:
         alike = size**2 * np.exp(-rate * gap)
-        step, known = np.array([[np.exp(-rate)]]), np.array([[size**2]])
+        step, covariance = np.array([[np.exp(-rate)]]), np.array([[size**2]])
     shown = np.eye(1, len(step))
     first = np.linalg.inv(np.linalg.cholesky(toeplitz(alike) + np.eye(len(gap))))
-    innovation = known - step @ known @ step.T
+    innovation = covariance - step @ covariance @ step.T
     ahead = solve_discrete_are(step.T, shown.T, 0.5 * (innovation + innovation.T), np.ones((1, 1)))
     whole = float(ahead[0, 0]) + 1.0
     gain = step @ ahead[:, :1] / whole @ shown

@@ -239,7 +239,7 @@ class SimulationProblem:
         self._linear = frozenset(s.id for s in ruleset.signals if s.between == "line")
         self.time: Array = record.time - record.time[0]
         # Noise and fits use open samples; a reading at the end of its range counts.
-        self.known: Mapping[str, Flags] = {
+        self.counted: Mapping[str, Flags] = {
             n: np.isfinite(v) & record.open for n, v in record.measured.items()
         }
 

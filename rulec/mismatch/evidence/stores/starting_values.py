@@ -41,7 +41,7 @@ def from_afar(
         at = fitter.descend(at, judged, evaluations)
         with contextlib.suppress(RanAway):
             errors, _ = fitter.errors(at, judged)
-            left = {n: e[problem.known[n]] for n, e in errors.items()}
+            left = {n: e[problem.counted[n]] for n, e in errors.items()}
             noise = {
                 n: max(float(np.sqrt(np.mean(e**2))), limits.LEAST_ERROR) for n, e in left.items()
             }
@@ -61,7 +61,7 @@ def nearest(problem: SimulationProblem, every: Sequence[Configuration]) -> Confi
         there = replace(setting, values={n: values[n] for n in fitter.free})
         with contextlib.suppress(RanAway), np.errstate(all="ignore"):
             errors, _ = fitter.errors(at, judged)
-            left = [errors[n][known] for n, known in problem.known.items()]
+            left = [errors[n][flags] for n, flags in problem.counted.items()]
             size = sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in left)
             found.append((size, there))
     return min(found, key=lambda one: one[0])[1] if found else None

@@ -117,11 +117,11 @@ class Here(Drawn):
 
     def quantile(self, values: Array, share: float) -> float:
         """Return a quantile of the first recording, which shapes an effect."""
-        return float(np.quantile(values[self.scene.known], share))
+        return float(np.quantile(values[self.scene.shaping], share))
 
     def median(self, values: Array) -> float:
         """Return the median of the first recording."""
-        return float(np.median(values[self.scene.known]))
+        return float(np.median(values[self.scene.shaping]))
 
     def usual(self, signal: str) -> float:
         """Return the median of a signal."""
@@ -133,7 +133,7 @@ class Here(Drawn):
 
     def span(self, signal: str) -> float:
         """Return the range of a signal in the first recording."""
-        return float(np.ptp(self.plain(signal)[self.scene.known]))
+        return float(np.ptp(self.plain(signal)[self.scene.shaping]))
 
     def another(self, signal: str) -> str:
         """Draw the place of a signal of another pump; raises Stalled if there is none."""

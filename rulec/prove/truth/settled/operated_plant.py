@@ -71,14 +71,14 @@ class Scene:
         return self.length * self.pace / DAY
 
     @property
-    def known(self) -> slice:
+    def shaping(self) -> slice:
         """Samples that shape planted effects: all but those of a further recording."""
         return slice(self.time.size - self.further)
 
     @property
     def length(self) -> float:
         """Length of the recording in samples, less one."""
-        return float(self.time[self.known][-1])
+        return float(self.time[self.shaping][-1])
 
     @property
     def clock(self) -> Array:

@@ -80,8 +80,8 @@ class Planned:
     @property
     def placed(self) -> list[Placed]:
         """The effects, no larger than they may be."""
-        known = possible_effects(self.layout)
-        effects = ((known[name], known[name].effect) for name in self.effects)
+        possible = possible_effects(self.layout)
+        effects = ((possible[name], possible[name].effect) for name in self.effects)
         return [
             replace(placed, effect=replace(effect, high=min(effect.high, self.rarely)))
             for placed, effect in effects

@@ -231,7 +231,7 @@ def test_no_tick_where_an_explanation_gains(
     none, other = frozenset[str](), frozenset({"pump.x"})
     shown: Any = SimpleNamespace(terms=())
     monkeypatch.setattr(
-        of_search, "Tolerance", lambda evidence, model: SimpleNamespace(shows=1.0, within=none)
+        of_search, "Tolerance", lambda evidence, model: SimpleNamespace(shows=1.0, tolerated=none)
     )
     odds = {none: was.odds[none], other: was.odds[none] + more}
     now = Posterior(was.evidence, {**was.models, other: shown}, odds)
