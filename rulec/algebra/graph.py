@@ -168,8 +168,8 @@ class Graph:
             of_kind = inputs if name == "input" else constants if name == "constant" else rest
             of_kind.append(node)
         number = [0] * len(kinds)
-        for place, node in enumerate((*inputs, *constants, *rest)):
-            number[node] = place
+        for index, node in enumerate((*inputs, *constants, *rest)):
+            number[node] = index
         operations = [
             (name, number[a], 0 if name in UNARY else number[b])
             for name, a, b in map(kinds.__getitem__, rest)

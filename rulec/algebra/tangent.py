@@ -31,10 +31,10 @@ def run_with_slopes(
     numbers = [np.asarray(values.get(name, ABSENT), dtype=float) for name in plan.inputs]
     numbers += [np.asarray(c) for c in plan.constants]
     slopes: list[Slopes] = [{} for _ in numbers]
-    place = {name: i for i, name in enumerate(plan.inputs)}
+    index = {name: i for i, name in enumerate(plan.inputs)}
     for j, seed in enumerate(seeds):
-        if seed in place:
-            slopes[place[seed]] = {j: np.asarray(1.0)}
+        if seed in index:
+            slopes[index[seed]] = {j: np.asarray(1.0)}
     with np.errstate(all="ignore"):
         for name, a, b in plan.operations:
             if name in UNARY:

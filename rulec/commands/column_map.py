@@ -93,8 +93,8 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
         if signal is None or signal.id in columns:
             continue
         stated = parts_of(title)[1] or unit or _in_brackets(title)
-        known = stated and parse_unit(stated, ruleset.units) is not None
-        columns[signal.id] = title, stated if known else signal.unit
+        is_unit = stated and parse_unit(stated, ruleset.units) is not None
+        columns[signal.id] = title, stated if is_unit else signal.unit
         bare |= set() if stated else {signal.id}
     with opened_table(path, form) as table:
         places = places_of(path, table.titles, form)

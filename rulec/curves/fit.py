@@ -130,8 +130,8 @@ def _by_points_alone(off: Callable[[Array], list[Array]], stated: Sequence[Param
 
     for _, i in product(range(SCALE_ROUNDS), range(len(stated))):
         tried = [values * np.where(np.arange(len(values)) == i, f, 1.0) for f in SCALES]
-        within = [p for p in tried if low[i] <= p[i] <= high[i]]
-        values = min([values, *within], key=far)
+        inside = [p for p in tried if low[i] <= p[i] <= high[i]]
+        values = min([values, *inside], key=far)
     ways = []
     for start in (values, of_type):
         size = np.abs(start)

@@ -95,15 +95,15 @@ def _eligible(module: Module, sites: tuple[Site, ...]) -> list[Site]:
 def _distinct(around: Survey, module: Module, sites: list[Site]) -> list[Site]:
     """Leave out places whose error moves all observers in proportion to that of another place."""
     moves = _moves(around, module, sites)
-    kept: list[Site] = []
+    distinct: list[Site] = []
     for site in sites:
-        alike = (s for s in kept if s.observers == site.observers)
+        alike = (s for s in distinct if s.observers == site.observers)
         if np.any(moves[site.key]) and not any(
             _proportional(moves[site.key], moves[s.key]) for s in alike
         ):
-            kept.append(site)
-    definitions = [s for s in kept if s.kind == "definition"]
-    return [*reversed(definitions), *kept[len(definitions) :]]
+            distinct.append(site)
+    definitions = [s for s in distinct if s.kind == "definition"]
+    return [*reversed(definitions), *distinct[len(definitions) :]]
 
 
 def _proportional(a: Array, b: Array) -> bool:

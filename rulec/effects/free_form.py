@@ -77,13 +77,13 @@ def bent_line(
 def curve_through(place: str, driver: str, at: Array, value: Array) -> CurveTerm:
     """A curve through values, shape (n,), SI, with as few points as keep to it, and no more than an
     equation may have."""
-    kept = [0, len(at) - 1]
-    while (len(kept) + 2) * (CURVE_POINT + len(driver)) < MAX_EQUATION_LENGTH:
-        off = np.abs(np.interp(at, at[kept], value[kept]) - value)
+    chosen = [0, len(at) - 1]
+    while (len(chosen) + 2) * (CURVE_POINT + len(driver)) < MAX_EQUATION_LENGTH:
+        off = np.abs(np.interp(at, at[chosen], value[chosen]) - value)
         if off.max() <= CURVE_KEPT * float(np.ptp(value)):
             break
-        kept = sorted([*kept, int(np.argmax(off))])
-    points = zip(at[kept].tolist(), value[kept].tolist(), strict=True)
+        chosen = sorted([*chosen, int(np.argmax(off))])
+    points = zip(at[chosen].tolist(), value[chosen].tolist(), strict=True)
     return CurveTerm(place, driver, tuple(points))
 
 

@@ -285,11 +285,11 @@ def _base_parameters(models: Compilation) -> BaseParameters:
                 sheet[parameter_id(module, name)] = stated.value, stated.u
             else:
                 constants[parameter_id(module, name)] = parameter.value
-    place = {name: i for i, name in enumerate(moved)}
+    index = {name: i for i, name in enumerate(moved)}
     covariance = np.diag([p.u**2 for p in moved.values()])
     for module in plant.modules.values():
         for block in module.blocks:
-            rows = [place[parameter_id(module, name)] for name in block.parameters]
+            rows = [index[parameter_id(module, name)] for name in block.parameters]
             factor = np.array(block.factor)
             covariance[np.ix_(rows, rows)] = factor @ factor.T
     return BaseParameters(

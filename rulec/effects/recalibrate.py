@@ -30,8 +30,8 @@ def calibration(adoption: Adoption, repair: Repair) -> dict[str, Any]:
 
 
 def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
-    place = {name: i for i, name in enumerate(p.id for p in repair.parameters)}
-    found = {local: place[id_] for local, id_ in _ids(own).items() if id_ in place}
+    index = {name: i for i, name in enumerate(p.id for p in repair.parameters)}
+    found = {local: index[id_] for local, id_ in _ids(own).items() if id_ in index}
     values = _values(own, repair, found)
     module = own.module
     ids = {o: f"{module.name}.{o}" for o in module.type.observers}

@@ -185,7 +185,7 @@ def without_unused(routine: Routine) -> Routine:
     """The routine without the statements and parameters that no output needs."""
     read: set[str] = set()
     wanted = {v.name for v in routine.outputs}
-    kept = []
+    sections = []
     for section in reversed(routine.sections):
         statements = []
         for statement in reversed(section.statements):
@@ -193,9 +193,9 @@ def without_unused(routine: Routine) -> Routine:
                 statements.append(statement)
                 read |= names_in(statement.expression)
         if statements:
-            kept.append(Section(section.title, tuple(reversed(statements))))
+            sections.append(Section(section.title, tuple(reversed(statements))))
     parameters = tuple(p for p in routine.parameters if p.name in read)
-    return replace(routine, parameters=parameters, sections=tuple(reversed(kept)))
+    return replace(routine, parameters=parameters, sections=tuple(reversed(sections)))
 
 
 Value = Any

@@ -140,10 +140,10 @@ def _days(reader: Reader, part: Mapping[str, Any]) -> tuple[str, str]:
     for key, text in part.items():
         try:
             # Days are compared as texts, and Python reads 20260131 as well.
-            known = date.fromisoformat(text).isoformat() == text
+            is_day = date.fromisoformat(text).isoformat() == text
         except ValueError:
-            known = False
-        if not known:
+            is_day = False
+        if not is_day:
             message = f"there is no day '{text}'"
             reader.report(("days", key), "KB151", message, "write it as 2026-01-31")
     first, last = part.get("from", ""), part.get("to", "")

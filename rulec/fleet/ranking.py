@@ -65,11 +65,11 @@ def _size(health: float | None) -> float:
 
 def _ranked(plant: str, rows: Sequence[Row]) -> Ranked:
     worst = min(rows, key=lambda r: (ORDER.index(r["status"]), _size(r["health"]), r["day"]))
-    known = [row["health"] for row in rows if row["health"] is not None]
+    healths = [row["health"] for row in rows if row["health"] is not None]
     return Ranked(
         plant=plant,
         status=worst["status"],
-        health=sum(known) / len(known) if known else None,
+        health=sum(healths) / len(healths) if healths else None,
         days=len(rows),
         bad=sum(row["status"] in ("F", "S", "M") or row["found"] > 0 for row in rows),
         unread=sum(not row["judged"] for row in rows),

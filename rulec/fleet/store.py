@@ -103,9 +103,9 @@ def write_table(file: Path, kind: str, rows: Iterable[Row]) -> None:
 
     types = {"strings": pyarrow.list_(pyarrow.string())}
     fields = [(name, types.get(type_, type_)) for name, type_ in fields_of(kind)]
-    kept = [{name: row[name] for name, _ in fields} for row in rows]
+    table_rows = [{name: row[name] for name, _ in fields} for row in rows]
     buffer = io.BytesIO()
-    table = pyarrow.Table.from_pylist(kept, schema=pyarrow.schema(fields))
+    table = pyarrow.Table.from_pylist(table_rows, schema=pyarrow.schema(fields))
     pyarrow.parquet.write_table(table, buffer)
     write_data(file, buffer.getvalue())
 

@@ -47,9 +47,9 @@ def trends_of(rows: Iterable[Row], rulesets: Mapping[str, str]) -> Iterator[Tren
         last = max(own, key=lambda row: str(row["day"]))["ruleset"]
         ruleset = parse_ruleset(json.loads(rulesets[last]))
         if ruleset.dynamics is None:
-            kept = [point for row in own if row["ruleset"] == last for point in row[POINTS]]
+            points = [point for row in own if row["ruleset"] == last for point in row[POINTS]]
             calendar = Calendar(0.0, ((-np.inf, 0.0),))
-            for finding, growth in _growing(ruleset, kept):
+            for finding, growth in _growing(ruleset, points):
                 yield Trend(
                     plant=plant,
                     fault=finding.fault.id,
@@ -60,15 +60,15 @@ def trends_of(rows: Iterable[Row], rulesets: Mapping[str, str]) -> Iterator[Tren
                 )
 
 
-def _growing(ruleset: Ruleset, kept: Sequence[Row]) -> Iterator[tuple[Finding, Growth]]:
+def _growing(ruleset: Ruleset, means: Sequence[Row]) -> Iterator[tuple[Finding, Growth]]:
     """Faults that grow over operating points, in any order."""
-    times = sorted({(p["since"], p["until"], p["samples"]) for p in kept})
-    place = {since: i for i, (since, _, _) in enumerate(times)}
-    names = sorted({p["signal"] for p in kept})
+    times = sorted({(p["since"], p["until"], p["samples"]) for p in means})
+    index = {since: i for i, (since, _, _) in enumerate(times)}
+    names = sorted({p["signal"] for p in means})
     values, u = ({n: np.full(len(times), np.nan) for n in names} for _ in range(2))
-    for p in kept:
-        values[p["signal"]][place[p["since"]]] = p["value"]
-        u[p["signal"]][place[p["since"]]] = p["u"]
+    for p in means:
+        values[p["signal"]][index[p["since"]]] = p["value"]
+        u[p["signal"]][index[p["since"]]] = p["u"]
     since, until, samples = (np.array(column) for column in zip(*times, strict=True))
     signals = ruleset.signal_by_id
     points = Points(

@@ -23,7 +23,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
     found: list[Diagnostic] = []
     units = table_of(sources.units, found)
     table = {
-        kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
+        kind: _refuse_duplicates(sources.by_kind.get(kind, ()), kind, found)
         for kind in ("module", "fault", "effect", "sensor", "fluid")
     }
     faults = {d.data["fault"]: check_fault(Reader(d, units, found)) for d in table["fault"]}
@@ -45,7 +45,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
     )
 
 
-def _refuse_twins(
+def _refuse_duplicates(
     documents: Iterable[Document], kind: str, found: list[Diagnostic]
 ) -> tuple[Document, ...]:
     """The documents, without those whose name is taken; these are reported."""

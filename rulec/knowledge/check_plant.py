@@ -270,15 +270,15 @@ def _values(
     """Changed parameters of a module; unknown names and unfitting units are reported."""
     result = {}
     for key, value in part.get("parameters", {}).items():
-        where, known = (*path, "parameters", key), kind.parameters.get(key)
-        if known is None:
+        where, stated = (*path, "parameters", key), kind.parameters.get(key)
+        if stated is None:
             reader.knows(where, kind.parameters, "KB072", f"'{kind.name}' has no parameter '{{}}'")
             continue
         unit = reader.unit(*where, "unit")
-        declared = f"declared in {known.origin.file}:{known.origin.line}"
-        _check_unit(reader, where, unit, known.unit, "KB073", declared)
+        declared = f"declared in {stated.origin.file}:{stated.origin.line}"
+        _check_unit(reader, where, unit, stated.unit, "KB073", declared)
         result[key] = replace(
-            known,
+            stated,
             value=unit.to_si(value["value"]),
             u=value.get("u", 0.0) * unit.factor,
             unit=unit,

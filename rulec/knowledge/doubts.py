@@ -156,7 +156,7 @@ def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...
         flows |= {s.quantity for s in other.signals.values() if s.unit.dimension == VOLUME_FLOW}
         each = [_quantities(other, [observer]) for observer in other.observers.values()]
         more = _quantities(other, other.observers.values()) - own
-        if len(more) == 1 and any(known and known <= own for known in each):
+        if len(more) == 1 and any(quantities and quantities <= own for quantities in each):
             counts.update(more)
     others = sorted(counts.keys() - flows, key=lambda quantity: (-counts[quantity], quantity))
     usual = [*sorted(flows - own), *others]

@@ -51,8 +51,8 @@ def property_at(source: str) -> tuple[str, str]:
     (('viscosity', 'pump.T'), ('', 'pump.T'))
     """
     name, bracket, rest = source.partition("(")
-    known = bracket and name in PROPERTIES and rest.endswith(")")
-    return (name, rest[:-1]) if known else ("", source)
+    is_property = bracket and name in PROPERTIES and rest.endswith(")")
+    return (name, rest[:-1]) if is_property else ("", source)
 
 
 def reading_of(source: str) -> str:

@@ -205,14 +205,14 @@ def belief_in(
     count, part = connected_components(correlation)
     axes, peak = (np.zeros_like(correlation), np.diag(1.0 / wide)), np.zeros((2, count))
     for k in range(count):
-        places = np.flatnonzero(part == k)
-        block = np.ix_(places, places)
-        inverse = np.linalg.inv(correlation[block] + 1e-9 * np.eye(len(places)))
-        axes[0][block] = _axes(inverse / np.outer(scale[places], scale[places]))
-        odds = math.log(CALIBRATION_FAILS) if calibrated[places].any() else -math.inf
+        indices = np.flatnonzero(part == k)
+        block = np.ix_(indices, indices)
+        inverse = np.linalg.inv(correlation[block] + 1e-9 * np.eye(len(indices)))
+        axes[0][block] = _axes(inverse / np.outer(scale[indices], scale[indices]))
+        odds = math.log(CALIBRATION_FAILS) if calibrated[indices].any() else -math.inf
         for which, its_odds in enumerate((0.0, odds)):
             size = float(np.linalg.slogdet(axes[which][block])[1])
-            peak[which, k] = size + float(_PEAK) * len(places) + its_odds
+            peak[which, k] = size + float(_PEAK) * len(indices) + its_odds
     calibration = _Stated(at, axes[0], peak[0])
     return Belief(tuple(names), own, part, calibration, _Stated(sheet_at, axes[1], peak[1]))
 

@@ -86,10 +86,10 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
         return
     match error.validator:
         case "additionalProperties":
-            known = set(error.schema.get("properties", {})) - set(value)
+            missing = set(error.schema.get("properties", {})) - set(value)
             for key in _unknown(error):
                 place = document.key(*path, key)
-                hint = _comma(document, path, value, key) or did_you_mean(key, known)
+                hint = _comma(document, path, value, key) or did_you_mean(key, missing)
                 yield Diagnostic(place, "KB020", f"'{_clip(key)}' is not a key of {part}", hint)
         case "required":
             yield from _missing(document, path, part, error)
@@ -145,8 +145,8 @@ def _comma(document: Document, path: Path_, part: dict[str, Any], key: str) -> s
 
 def _unknown(error: Any) -> list[str]:
     """Unknown keys of a part; only the first, as it may be another file altogether."""
-    known = error.schema.get("properties", {})
-    return [key for key in error.instance if key not in known][:MAX_UNKNOWN_KEYS]
+    properties = error.schema.get("properties", {})
+    return [key for key in error.instance if key not in properties][:MAX_UNKNOWN_KEYS]
 
 
 def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
@@ -167,15 +167,15 @@ def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
 
 def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable[Diagnostic]:
     """Missing keys of one part, except those that are there but misspelt."""
-    value, known = error.instance, error.schema.get("properties", {})
-    typos = {nearest(key, set(known) - set(value)) for key in _unknown(error)}
+    value, properties = error.instance, error.schema.get("properties", {})
+    typos = {nearest(key, set(properties) - set(value)) for key in _unknown(error)}
     missing = [k for k in error.validator_value if k not in value and k not in typos]
     if not missing:
         return
     at = path or (next(iter(value), ""),)
     names = ", ".join(f"'{key}'" for key in missing)
     message = f"{part} needs the key{'s' * (len(missing) > 1)} {names}"
-    about = known.get(missing[0], {})
+    about = properties.get(missing[0], {})
     text = about.get("description", about.get("title", "")).rstrip(".")
     hint = f"add '{missing[0]}: ...' ({text})" if len(missing) == 1 else "add them"
     yield Diagnostic(document.key(*at), "KB021", message, hint)

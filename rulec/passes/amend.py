@@ -229,7 +229,7 @@ def _join_signal(
     true = fresh(f"{place}_true", _taken(amended))
     law = written(replaced(change.law.tree, {**raw, **names, "law": name_node(place)}))
     what = f"what {place} should read" if place in kind.signals else f"{place}, repaired"
-    kind = type_over(kind, {place: name_node(true)}, kept=amended.raw)
+    kind = type_over(kind, {place: name_node(true)}, unchanged=amended.raw)
     exact = Accuracy(0.0, "the class of the sensor says it") if place in kind.signals else None
     kind = replace(kind, definitions={true: Definition(true, law, what, exact), **kind.definitions})
     joined = replace(
@@ -243,14 +243,14 @@ def _join_signal(
 
 
 def type_over(
-    kind: ModuleType, table: Mapping[str, ast.expr], kept: Container[str] = ()
+    kind: ModuleType, table: Mapping[str, ast.expr], unchanged: Container[str] = ()
 ) -> ModuleType:
-    """A module type with names in its equations replaced, except in the definitions `kept`."""
+    """A module type with names in its equations replaced, except in the definitions `unchanged`."""
     changed = partial(over, table=table)
     return replace(
         kind,
         definitions={
-            n: d if n in kept else replace(d, expression=changed(d.expression))
+            n: d if n in unchanged else replace(d, expression=changed(d.expression))
             for n, d in kind.definitions.items()
         },
         observers={

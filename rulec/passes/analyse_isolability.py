@@ -50,8 +50,8 @@ def analyse_isolability(
     shown = _by_detectability(signatures)
     found = dict.fromkeys(_coinciding(faults, effects), "coincide")
     found |= dict.fromkeys(_nested(faults, effects), "nested")
-    known = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
-    found |= {pair: "close" for pair in adviser.close_pairs() if frozenset(pair) not in known}
+    pairs = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
+    found |= {pair: "close" for pair in adviser.close_pairs() if frozenset(pair) not in pairs}
     groups = tuple(_group(adviser, shown, names, kind) for names, kind in found.items())
     silent = [f for f, row in zip(faults, effects, strict=True) if row.nnz == 0]
     watched = {r.module for r in residuals} | {

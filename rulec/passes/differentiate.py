@@ -117,10 +117,10 @@ class TypeModel:
 
     def gradient(self, expression: sympy.Expr) -> Gradient:
         """Non-zero derivatives by local variable, worked out once for all modules of the type."""
-        if expression not in self._kept:
+        if expression not in self._gradients:
             used, by = symbols_in(expression), self.symbols.items()
-            self._kept[expression] = {n: derivative(expression, s) for n, s in by if s in used}
-        return self._kept[expression]
+            self._gradients[expression] = {n: derivative(expression, s) for n, s in by if s in used}
+        return self._gradients[expression]
 
     @cached_property
     def gradients(self) -> Mapping[str, Gradient]:
@@ -128,7 +128,7 @@ class TypeModel:
         return {name: self.gradient(e) for name, e in self.observers.items()}
 
     @cached_property
-    def _kept(self) -> dict[sympy.Expr, Gradient]:
+    def _gradients(self) -> dict[sympy.Expr, Gradient]:
         return {}
 
 

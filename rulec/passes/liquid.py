@@ -60,8 +60,8 @@ def moved_by(
             uses = kind.names_through(part.expression)
             place = ("observer" if isinstance(part, Observer) else "definition", part.name)
             value = values[place]
-            known = factor in symbols and symbols[factor] in value.free_symbols
-            by = "" if uses & inner or known else _by(move, kind, symbols, value, uses)
+            has_factor = factor in symbols and symbols[factor] in value.free_symbols
+            by = "" if uses & inner or has_factor else _by(move, kind, symbols, value, uses)
             if by:
                 yield place, partial(_law, move, symbols[by], ratio)
 

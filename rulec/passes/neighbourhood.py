@@ -121,11 +121,11 @@ class Neighbourhood:
 
 def _table(rows: Sequence[Mapping[str, float]], columns: Sequence[str]) -> Array:
     """Numbers by name as a matrix, shape (rows, columns); names without a column are left out."""
-    places = {name: i for i, name in enumerate(columns)}
+    index = {name: i for i, name in enumerate(columns)}
     result = np.zeros((len(rows), len(columns)))
     for row, numbers in zip(result, rows, strict=True):
-        for name in numbers.keys() & places.keys():
-            row[places[name]] = numbers[name]
+        for name in numbers.keys() & index.keys():
+            row[index[name]] = numbers[name]
     return result
 
 

@@ -46,8 +46,8 @@ def put_balances(network: Network) -> Balanced:
     plant = network.plant
     faults = {m.name: store_faults(m, plant.knowledge) for m in plant.modules.values()}
     dynamics = dynamics_of(network, faults)
-    kept = set(dynamics.faults)
-    return Balanced(dynamics, tuple(f for own in faults.values() for f in own if f.id in kept))
+    built = set(dynamics.faults)
+    return Balanced(dynamics, tuple(f for own in faults.values() for f in own if f.id in built))
 
 
 def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dynamics:

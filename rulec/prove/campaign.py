@@ -119,7 +119,7 @@ class Campaign:
         write_text(self.folder / SEALS, "\n".join([*_head(whose), *made, ""]))
         return made
 
-    def kept(self, seals: Sequence[str]) -> list[tuple[Planned, Path, str]]:
+    def made(self, seals: Sequence[str]) -> list[tuple[Planned, Path, str]]:
         """Return the cases that were made, with folder and seal."""
         cases = zip(self.partition.cases(), seals, strict=True)
         every = [(case, folder_of(self.folder, i), seal) for i, (case, seal) in enumerate(cases)]
@@ -127,13 +127,13 @@ class Campaign:
 
     def analysed(self, seals: Sequence[str]) -> None:
         """Analyse every case that the tool has not analysed yet."""
-        folders = [folder for _, folder, _ in self.kept(seals)]
+        folders = [folder for _, folder, _ in self.made(seals)]
         todo = [(folder,) for folder in folders if not (folder / FORM).exists()]
         self.workers.each("analysing", analyse, todo, len(folders) - len(todo))
 
     def judged(self, seals: Sequence[str]) -> list[Judged]:
         """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
-        return self.workers.each("judging", _judge, self.kept(seals))
+        return self.workers.each("judging", _judge, self.made(seals))
 
 
 def owned(work: Path, whose: str) -> list[str]:

@@ -86,7 +86,7 @@ def engine_of(options: argparse.Namespace) -> Engine:
 
 def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     """Return the cases, and how often they were opened."""
-    known = register()
+    registered = register()
     made = functools.partial(
         Partition,
         only=options.only,
@@ -95,9 +95,9 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
         contacts=options.contacts,
     )
     if options.final:
-        final = known["final"]
+        final = registered["final"]
         return made("final", final["seed"], False), final["opened"]
-    own = FIRST_CONTACT if options.contacts else known["development"]["seed"]
+    own = FIRST_CONTACT if options.contacts else registered["development"]["seed"]
     seed = own if options.seed is None else options.seed
     return made("development", seed, options.quick), 0
 

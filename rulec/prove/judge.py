@@ -122,6 +122,6 @@ def interval_of(effect: Form, name: str, degree: bool = True) -> tuple[float, fl
         return float(found["lower"]), float(found["upper"]), str(found["unit"])
     periods = effect.get("periods") or ()
     if degree and periods and periods[0].get("u") is not None:
-        middle, reach = float(periods[0]["degree"]), COVERAGE_OF_DEGREES * float(periods[0]["u"])
-        return middle - reach, middle + reach, str(periods[0].get("unit", "1"))
+        middle, half = float(periods[0]["degree"]), COVERAGE_OF_DEGREES * float(periods[0]["u"])
+        return middle - half, middle + half, str(periods[0].get("unit", "1"))
     return None

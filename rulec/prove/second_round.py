@@ -113,10 +113,10 @@ def asked_again(run: Campaign, seals: Sequence[str], arms: Sequence[str]) -> Non
 
     Files that a folder has already are kept. Raises Changed if an answer is not what was sealed.
     """
-    kept, each = run.kept(seals), run.workers.each
-    folders = [folder for _, folder, _ in kept]
+    made, each = run.made(seals), run.workers.each
+    folders = [folder for _, folder, _ in made]
     each("planning", plan, [(f,) for f in folders if not (f / PLAN).exists()])
-    lacking = (one for one in kept if not all(recorded(one[1], arm) for arm in arms))
+    lacking = (one for one in made if not all(recorded(one[1], arm) for arm in arms))
     each("running again", _write_runs, [(*one, arms) for one in lacking if _recipe(one[1])])
     again = [f / ROUND / arm for arm in arms for f in folders if _recipe(f)]
     each("asking again", ask_again, [(f,) for f in again if not (f / FORM).exists()])
@@ -126,7 +126,7 @@ def judged_again(
     run: Campaign, seals: Sequence[str], first: Sequence[Judged], arms: Sequence[str]
 ) -> list[Further]:
     """Open the answers again, and judge the analyses of both recordings."""
-    cases = zip(run.kept(seals), first, strict=True)
+    cases = zip(run.made(seals), first, strict=True)
     todo = [(case, folder, judged, arms) for (case, folder, _), judged in cases]
     return run.workers.each("judging again", _judge, todo)
 

@@ -75,17 +75,17 @@ def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, Range]:
 
 def _readings(reader: Reader, ruleset: Ruleset) -> dict[str, tuple[float, float]]:
     """Bounds of readings, SI."""
-    known = {s.id: s for s in ruleset.signals if not s.is_input}
+    readings = {s.id: s for s in ruleset.signals if not s.is_input}
     read = {}
     for name, part in reader.document.data.get("readings", {}).items():
         path = ("readings", name)
-        if name not in known:
-            hint = did_you_mean(name, known)
+        if name not in readings:
+            hint = did_you_mean(name, readings)
             if name in ruleset.signal_by_id:
                 hint = "limits of inputs stand under 'inputs'"
             reader.report_key(path, "KB134", f"'{name}' is no reading of this plant", hint)
             continue
-        _, ends = _ends(reader, path, part, known[name])
+        _, ends = _ends(reader, path, part, readings[name])
         if ends is not None:
             read[name] = ends
     return read

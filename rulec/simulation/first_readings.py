@@ -141,7 +141,7 @@ def _solved(
         readers = [f.signal for f, slope in zip(first, table[:, i], strict=True) if slope]
         if not alone[i]:
             continue
-        level, end = _within(dynamics, state.id, at)
+        level, end = _limited(dynamics, state.id, at)
         values[own[state.id]] = _inverted(dynamics, state.id, own[state.id], given, level)
         remarks.append(
             f"{recording.path.name}: {state.title} starts at {_shown(state, level, spread[i])} by "
@@ -195,7 +195,7 @@ def _with_slopes(
     return predicted, np.array(table).reshape(len(first), len(by))
 
 
-def _within(dynamics: Dynamics, state: str, at: Mapping[str, float]) -> tuple[float, str]:
+def _limited(dynamics: Dynamics, state: str, at: Mapping[str, float]) -> tuple[float, str]:
     """The value of a state limited to its range, and a remark if it is outside."""
     value = at[state]
     for end, beyond in (("low", np.less), ("high", np.greater)):

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import SimulationRefused, equations_of
 from rulec.simulation.predict_settled import predict_settled
-from rulec.simulation.prediction import Injected, Prediction, within_range
+from rulec.simulation.prediction import Injected, Prediction, clipped_to_range
 from rulec.simulation.sensing import SensorErrors, sense
 
 SHOWN = 5
@@ -49,7 +49,7 @@ def predict(
     if seed is not None:
         random = np.random.default_rng(seed)
         values = sense(ruleset, values, SensorErrors(), random, exact.gains)
-    values = within_range(ruleset, values, exact.limited)
+    values = clipped_to_range(ruleset, values, exact.limited)
     notes = (*exact.notes, *_as_recorded(ruleset, files))
     return replace(exact, values=values, notes=notes)
 

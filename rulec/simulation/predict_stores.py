@@ -24,9 +24,9 @@ from rulec.simulation.prediction import (
     Injected,
     Prediction,
     beyond_ends,
+    clipped_to_range,
     recorded_of,
     rows,
-    within_range,
 )
 
 SHOWN = "shown:"
@@ -67,7 +67,7 @@ def predict_stored(
         computed = {name: first.values[name] for name in before}
         return _joined(first, _stored(ruleset, dynamics, files, injected, computed, starts=starts))
     first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind, starts=starts)
-    computed = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
+    computed = clipped_to_range(ruleset, {n: first.values[n] for n in behind}, behind)
     return _joined(first, predict_settled(settled, files, at_once, computed))
 
 
@@ -186,8 +186,8 @@ def _course(
     has_time = np.isfinite(file.time) & (np.abs(file.time) < ABSURD)
     if not has_time.any():
         raise SimulationRefused(f"{file.path}: no row has a usable time")
-    kept = np.flatnonzero(has_time)
-    order = kept[np.argsort(file.time[kept], kind="stable")]
+    timed = np.flatnonzero(has_time)
+    order = timed[np.argsort(file.time[timed], kind="stable")]
     time = file.time[order] - file.time[order[0]]
     notes += (f"{file.path.name}: {note}" for note in _odd_times(has_time, order, time))
     for name, given in inputs.items():

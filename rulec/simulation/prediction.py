@@ -66,7 +66,7 @@ def recorded_of(
     return {n: np.concatenate([file.values[n] for file in files]) for n in wanted}
 
 
-def within_range(
+def clipped_to_range(
     ruleset: Ruleset, values: Mapping[str, Array], names: Iterable[str]
 ) -> dict[str, Array]:
     """Readings, those of the signals in `names` limited to the ranges of their sensors."""

@@ -163,10 +163,10 @@ def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -
         ("fault", degrees, ruleset.fault_by_id),
         ("observer", offsets, ruleset.observer_by_id),
     )
-    for kind, table, known in kinds:
+    for kind, table, ids in kinds:
         for name, value in table.items():
-            if name not in known:
-                hint = did_you_mean(name, known)
+            if name not in ids:
+                hint = did_you_mean(name, ids)
                 raise SimulationRefused(f"{ruleset.plant} has no {kind} '{name}'; {hint}")
             if np.any(np.isinf(value)) or (kind != "input" and np.any(np.isnan(value))):
                 raise SimulationRefused(f"{name}: not every value is a number")

@@ -151,8 +151,8 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
     variables, where = model.variables(finding.module), (finding.module, finding.place, title)
     also: tuple[str, ...] = ()
     if finding.probability < limits.CERTAIN:
-        known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
-        places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
+        place_of = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
+        places = dict.fromkeys(place_of[a.id] for a in finding.alternatives if a.id in place_of)
         also = tuple(p for p in places if p != f"{finding.module}.{finding.place}")
     drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
     found = location_at(model, where, finding.closed, term, also, drivers)

@@ -82,12 +82,12 @@ def _located(mismatch: Mismatch, curves: Curves) -> np.ndarray:
     located = np.zeros(len(curves.time), dtype=bool)
     readings = {title.partition(" [")[0]: values for title, values in curves.drivers.items()}
     for location in mismatch.locations:
-        known = [r for r in location.region if r.variable in readings]
-        inside = np.full(len(located), bool(known))
-        for region in known:
+        read = [r for r in location.region if r.variable in readings]
+        inside = np.full(len(located), bool(read))
+        for region in read:
             inside &= readings[region.variable] >= (-np.inf if region.low is None else region.low)
             inside &= readings[region.variable] <= (np.inf if region.high is None else region.high)
-        for since, until in () if known else location.periods:
+        for since, until in () if read else location.periods:
             inside |= (curves.time >= since) & (curves.time <= until)
         located |= inside
     return located

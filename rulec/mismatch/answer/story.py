@@ -190,14 +190,14 @@ def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
     others = [f for f in mismatch.fits if f != fit]
     facts = []
     for other in others[: MOST if brief else None]:
-        kept = ", ".join(f"{number(kept)} {name}" for name, _, kept in _errors(other, repaired))
-        facts.append(("also", [f"{other.signal} {kept}{suffix(other.unit)}"]))
+        held = ", ".join(f"{number(held)} {name}" for name, _, held in _errors(other, repaired))
+        facts.append(("also", [f"{other.signal} {held}{suffix(other.unit)}"]))
     rivals = [_rivals_words(f) for f in mismatch.findings[: MOST if brief else None] if f.rivals]
     refused = f"Not proven: {why}, so rulec adopt will refuse. " if why else ""
     texts = [refused + _heldout_words(fit, repaired), explained_words(mismatch)]
     title = f"{'Error' if why else 'Proof: error'} of {fit.signal} ({fit.unit}, rms)"
     title += ", not yet proven" if why else ""
-    cells = [(name, number(fitted), number(kept)) for name, fitted, kept in rows]
+    cells = [(name, number(fitted), number(held)) for name, fitted, held in rows]
     errors = Table(("", ".fitted", ".held out"), cells, broken=("",))
     words = [Words(text) for text in texts if text]
     return Part(title, [errors, *words, *_facts([*facts, ("rivals", rivals)])])
@@ -214,12 +214,12 @@ def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
 
 
 def _heldout_words(fit: Fit, repaired: bool) -> str:
-    kept = fit.heldout
+    held = fit.heldout
     if not repaired:
-        were = "was" if kept.points == 1 else "were"
-        return f"{counted(kept.points, 'point')} {were} held out and played no part in the search."
-    points = counted(kept.points, "held-out point")
-    fall = 1 - kept.repaired / kept.recalibrated if kept.recalibrated > 0 else np.nan
+        were = "was" if held.points == 1 else "were"
+        return f"{counted(held.points, 'point')} {were} held out and played no part in the search."
+    points = counted(held.points, "held-out point")
+    fall = 1 - held.repaired / held.recalibrated if held.recalibrated > 0 else np.nan
     if not np.isfinite(fall):
         return f"The error on {points} could not be compared."
     low, high = fit.gain_interval
@@ -229,7 +229,7 @@ def _heldout_words(fit: Fit, repaired: bool) -> str:
         words += f" (95\u00a0%: {share(low)} to {share(high)})"
     if np.isfinite(fit.closed):
         words += f"; {share(fit.closed)} of the explainable mismatch is closed"
-    if kept.repaired < kept.noise:
+    if held.repaired < held.noise:
         words += "; what remains is within the noise"
     return words + "."
 
@@ -240,8 +240,8 @@ def explained_words(mismatch: Mismatch) -> str:
     fit, left = mismatch.fit, {name for name, _ in mismatch.left_out}
     if fit is None or not left:
         return ""
-    kept = fit.heldout
-    if not kept.explained < (kept.repaired if is_repaired(mismatch) else kept.recalibrated):
+    held = fit.heldout
+    if not held.explained < (held.repaired if is_repaired(mismatch) else held.recalibrated):
         return ""
     titles = [titled(f) for f in mismatch.findings if f.id in left]
     what = f" ({listed(titles)})" if titles else ""

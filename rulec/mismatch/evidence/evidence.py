@@ -196,13 +196,13 @@ class Point(Protocol):
     def jacobian(self) -> Array: ...
 
 
-Place = tuple[int, ...]
+Index = tuple[int, ...]
 """Indices of the parameters of the noise, and of all sizes, on a grid."""
 
 
 def climbed(
-    score: Callable[[Place], float], begin: Place, lengths: Sequence[int], fresh: Collection[int]
-) -> Place:
+    score: Callable[[Index], float], begin: Index, lengths: Sequence[int], fresh: Collection[int]
+) -> Index:
     """The best place of a grid that steps along one axis at a time reach from another one.
 
     All combinations of the axes in `fresh` are tried first.

@@ -19,14 +19,14 @@ class Basis:
     """Functions of a driver from `low` to `high`, constant beyond these ends.
 
     `length` is their correlation length as a share of that range; `says` is empty, as nothing
-    switches them, and `price` zero, as nothing more has to be specified.
+    switches them, and `penalty` zero, as nothing more has to be specified.
     """
 
     low: float
     high: float
     length: float
     says: str = ""
-    price: float = 0.0
+    penalty: float = 0.0
 
     def at(self, values: Array) -> Array:
         """Independent functions of unit prior size at values, shape (n, functions)."""
@@ -55,13 +55,13 @@ def basis_over(values: Array, length: float) -> Basis:
 class Switching:
     """A function of time, s: `level`, shape (m + 1,), before and after each of `ends`, shape (m,).
 
-    `says` is what switches it, `price` the cost of specifying its ends, nats.
+    `says` is what switches it, `penalty` the cost of specifying its ends, nats.
     """
 
     ends: Array
     level: Array
     says: str
-    price: float
+    penalty: float
     length: float = 0.0
 
     def at(self, time: Array) -> Array:

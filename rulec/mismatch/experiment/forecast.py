@@ -31,7 +31,7 @@ from rulec.mismatch.search.refit import Model
 
 
 @dataclass(frozen=True)
-class Places:
+class SetPoints:
     """Operating points that could be run, n of them.
 
     `inputs` are values of the inputs, SI, shape (n,) each, `around` those of readings that are not
@@ -52,7 +52,7 @@ class Places:
 class Forecast:
     """Readings if one explanation is true, and how far off every explanation would find them.
 
-    `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,). For
+    `readings` per output have shape (n,), SI. `point` has the point of each row, shape (rows,). For
     each explanation, `off`, shape (rows,), in units of the noise, is the residual of its best
     values, and `covariance`, shape (rows, rows), is due to noise, values and errors of form.
     `spread` per output, shape (n,), SI, is the standard deviation of a reading, NaN if none is
@@ -87,11 +87,11 @@ class Forecast:
 
 
 def forecast(
-    evidence: SteadyEvidence, models: Sequence[Model], true: int, places: Places
+    evidence: SteadyEvidence, models: Sequence[Model], true: int, points: SetPoints
 ) -> Forecast:
     """What would be read if one of some models were true."""
     recorded = evidence.system
-    data = with_properties(recorded.builder, data_at(recorded.data, places))
+    data = with_properties(recorded.builder, data_at(recorded.data, points))
     system = replace(recorded, data=data)
     model = models[true]
     for _ in range(limits.FORETELL_STEPS):
@@ -137,25 +137,25 @@ def _flows(system: System, model: Model) -> dict[str, Array]:
     return {module: np.mean(values[of == module], axis=0) for module in system.modules}
 
 
-def data_at(data: Data, places: Places) -> Data:
+def data_at(data: Data, points: SetPoints) -> Data:
     """Points as if they had been recorded; readings are those of the nearest recorded point."""
-    near, n = places.near, len(places)
+    near, n = points.near, len(points)
 
     def taken(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: np.asarray(column)[near] for name, column in values.items()}
 
-    points = replace(
+    moved = replace(
         data.points,
-        values={**taken(data.points.values), **places.around, **places.inputs},
+        values={**taken(data.points.values), **points.around, **points.inputs},
         u=taken(data.points.u),
         systematic=taken(data.points.systematic),
         bad=dict.fromkeys(data.points.bad, np.zeros(n, dtype=bool)),
-        time=places.time,
+        time=points.time,
     )
     return replace(
         data,
-        points=points,
-        time=places.time,
+        points=moved,
+        time=points.time,
         noise=taken(data.noise),
         block=np.zeros(n, dtype=np.intp),
         part=np.zeros(n, dtype=np.intp),
@@ -163,12 +163,12 @@ def data_at(data: Data, places: Places) -> Data:
         stretches=Stretches(np.arange(n), np.arange(n) + 1),
         source=data.source[near],
         # The time after the nearest point is the same on its own clock as on the recording's.
-        clock=data.clock[near] + places.time - data.time[near],
+        clock=data.clock[near] + points.time - data.time[near],
     )
 
 
 def _evaluated(rows: Rows, model: Model) -> Fitted:
-    data, at = rows.system.data, model.at * _kept(model)[0]
+    data, at = rows.system.data, model.at * _persistence(model)[0]
     return evaluated(rows, _later(model, data.time), model.prior, at, data.open)
 
 
@@ -178,19 +178,19 @@ def _later(model: Model, time: Array) -> Configuration:
     return replace(model.setting, courses=courses)
 
 
-def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
+def _persistence(model: Model) -> tuple[Array, NDArray[np.intp], float]:
     """The part of each value that holds for a further recording, shape (values,), 1 except for
     errors of sensors; which values are persistent errors, and the variance that a further recording
     adds to them. It is judged with the last one, and each has errors of its own besides."""
     names = model.prior.names
     own = [name.startswith(ERROR) and reading_and_recording(name)[1] is not None for name in names]
     stay = [name.startswith(ERROR) for name in names] & ~np.array(own, dtype=bool)
-    kept = np.where(own, 0.0, 1.0)
+    share = np.where(own, 0.0, 1.0)
     if any(own):
-        return kept, np.flatnonzero(stay), limits.OWN_ERROR
+        return share, np.flatnonzero(stay), limits.OWN_ERROR
     # One recording does not show which part of an error persists; `alike` is their correlation.
     alike = 1.0 - limits.OWN_ERROR
-    return np.where(stay, alike, kept), np.flatnonzero(stay), 1.0 - alike**2
+    return np.where(stay, alike, share), np.flatnonzero(stay), 1.0 - alike**2
 
 
 def _moved(rows: Rows, fitted: Fitted) -> Data:
@@ -214,9 +214,9 @@ def _residuals_by(there: SteadyEvidence, model: Model) -> tuple[Array, Array]:
     fitted = _evaluated(there.rows, model)
     solution, posterior = model.solved
     off = fitted.residual[there.open]
-    kept, stay, added = _kept(model)
+    share, stay, added = _persistence(model)
     by_value = fitted.jacobian[there.open]
-    table, numbers = [by_value * kept], list(range(len(model.at)))
+    table, numbers = [by_value * share], list(range(len(model.at)))
     for term in model.terms:
         own, slope = model.columns_of(term), column_at(fitted, term.changed)
         # Residuals by the functions of the term, each of prior unit size.

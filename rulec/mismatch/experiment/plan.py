@@ -21,7 +21,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.forecast import Forecast, advised, forecast
-from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, places_in, usual_step
+from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, points_in, usual_step
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.result import CandidateSet, ExperimentRefused
 from rulec.mismatch.search.later_refits import Again, refitted_again
@@ -44,15 +44,15 @@ from rulec.separation.allowed import Allowed, allowed_of
 
 @dataclass(frozen=True)
 class Choice:
-    """Places in the order of choice.
+    """Points in the order of choice.
 
-    `certainty` is the expected probability of the true explanation before the first place and after
+    `certainty` is the expected probability of the true explanation before the first point and after
     each; `worth` is that after all of them, given that it is one of these. `factors`, shape
     (explanations, explanations), are expected log Bayes factors, nats, of the row's explanation, if
     true, against the column's.
     """
 
-    places: tuple[int, ...]
+    numbers: tuple[int, ...]
     certainty: tuple[float, ...]
     worth: float
     factors: Array
@@ -64,36 +64,36 @@ def chosen(
     most: int,
     *,
     among: NDArray[np.bool_] | None = None,
-    in_time: Callable[[Sequence[int]], bool] = lambda places: True,
+    in_time: Callable[[Sequence[int]], bool] = lambda numbers: True,
 ) -> Choice:
-    """Up to `most` places, each the one that adds most to those before.
+    """Up to `most` points, each the one that adds most to those before.
 
     `predicted` has one entry per explanation as the true one, `odds` their probabilities. `among`,
-    shape (n,), flags places that may be chosen; `in_time` says whether there is time for some
-    places.
+    shape (n,), flags points that may be chosen; `in_time` says whether there is time for some
+    points.
     """
     every = sorted(set(predicted[0].point.tolist()).intersection(*(one.point for one in predicted)))
-    left = [place for place in every if among is None or among[place]]
-    places: list[int] = []
+    left = [number for number in every if among is None or among[number]]
+    numbers: list[int] = []
     found = [np.zeros((len(odds), len(odds)))]
     shares = odds / odds.sum()
     worth = [certain(shares, found[0])]
-    while left and len(places) < most:
-        after = np.array([factors(one, i, places, left) for i, one in enumerate(predicted)])
+    while left and len(numbers) < most:
+        after = np.array([factors(one, i, numbers, left) for i, one in enumerate(predicted)])
         sure = [
-            certain(shares, after[:, :, i]) if in_time([*places, place]) else 0.0
-            for i, place in enumerate(left)
+            certain(shares, after[:, :, i]) if in_time([*numbers, number]) else 0.0
+            for i, number in enumerate(left)
         ]
         best = int(np.argmax(sure))
         if not sure[best] > 0.0:
             break
-        places.append(left.pop(best))
+        numbers.append(left.pop(best))
         found.append(after[:, :, best])
         worth.append(sure[best])
     # Two steps may discriminate where one does not.
-    kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
-    certainty = tuple(certain(odds, own) for own in found[: kept + 1])
-    return Choice(tuple(places[:kept]), certainty, worth[kept], found[kept])
+    best_count = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
+    certainty = tuple(certain(odds, own) for own in found[: best_count + 1])
+    return Choice(tuple(numbers[:best_count]), certainty, worth[best_count], found[best_count])
 
 
 NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
@@ -115,12 +115,12 @@ def certain(odds: Array, factors: Array) -> float:
     return float(SHARES @ sure @ odds / SHARES.sum())
 
 
-def factors(predicted: Forecast, true: int, taken: Sequence[int], places: Sequence[int]) -> Array:
+def factors(predicted: Forecast, true: int, taken: Sequence[int], numbers: Sequence[int]) -> Array:
     """Expected log Bayes factors of the true explanation against each by readings at the known
-    places and each of some others; nats, shape (explanations, places)."""
+    points and each of some others; nats, shape (explanations, points)."""
     most = int(np.bincount(predicted.point).max())
-    each = [[*taken, place] for place in places]
-    # Numbers of the rows that are read, shape (places, rows); negative ones are padding.
+    each = [[*taken, number] for number in numbers]
+    # Numbers of the rows that are read, shape (points, rows); negative ones are padding.
     rows = np.tile(-1 - np.arange(len(each[0]) * most), (len(each), 1))
     for line, read in zip(rows, each, strict=True):
         there = np.flatnonzero(np.isin(predicted.point, read))
@@ -139,8 +139,8 @@ def factors(predicted: Forecast, true: int, taken: Sequence[int], places: Sequen
 
 @dataclass(frozen=True)
 class Best:
-    """Places chosen within limits, and what each explanation predicts for means over the time of
-    holding; readings whose limits forbid better places, and whether time does."""
+    """Points chosen within limits, and what each explanation predicts for means over the time of
+    holding; readings whose limits forbid better points, and whether time does."""
 
     choice: Choice
     predicted: Sequence[Forecast]
@@ -149,7 +149,7 @@ class Best:
     time_is_short: bool
 
 
-def best_within(
+def best_choice(
     predicted: Sequence[Forecast],
     odds: Array,
     most: int,
@@ -157,8 +157,8 @@ def best_within(
     limited: Feasible,
     settling: float,
 ) -> Best:
-    """The places that discriminate best within limits, and how long to hold them; readings take
-    `settling`, s. Places that cost no product are preferred."""
+    """The points that discriminate best within limits, and how long to hold them; readings take
+    `settling`, s. Points that cost no product are preferred."""
 
     def plan(held: int, among: NDArray[np.bool_], until: float = seconds) -> Choice:
         longer, own = _held(predicted, limited, held, settling)
@@ -167,7 +167,7 @@ def best_within(
     @functools.cache
     def best(held: int) -> Choice:
         choice = plan(held, limited.may_run)
-        if any(limited.costs[place] for place in choice.places):
+        if any(limited.costs[number] for number in choice.numbers):
             spared = plan(held, limited.free)
             if spared.worth >= choice.worth - limits.WORTH_COST:
                 return spared
@@ -183,7 +183,7 @@ def best_within(
     unhurried = [plan(times, limited.may_run, math.inf) for times in (held, 2 * held)]
     wider = plan(held, limited.possible) if limited.forbidden else choice
     better = wider.worth > choice.worth + limits.WORTH_A_STEP
-    forbid = [n for n, there in limited.forbidden.items() if there[list(wider.places)].any()]
+    forbid = [n for n, there in limited.forbidden.items() if there[list(wider.numbers)].any()]
     return Best(
         choice,
         *_held(predicted, limited, held, settling),
@@ -195,7 +195,7 @@ def best_within(
 def _held(
     predicted: Sequence[Forecast], limited: Feasible, held: int, settling: float
 ) -> tuple[Sequence[Forecast], Feasible]:
-    """The predictions if each place is held `held` times as long as necessary."""
+    """The predictions if each point is held `held` times as long as necessary."""
     least = limited.shortest - settling
     times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)
     return [one.held(times) for one in predicted], replace(limited, held=held)
@@ -204,16 +204,16 @@ def _held(
 def covering(
     limited: Feasible, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
 ) -> tuple[int, ...]:
-    """Up to `most` places in addition to some steps, as long as there is time, s.
+    """Up to `most` points in addition to some steps, as long as there is time, s.
 
     Each is the one farthest from all others by the product of distances along each input; without
-    any step the first is the middle. `among`, shape (n,), flags places that may be chosen.
+    any step the first is the middle. `among`, shape (n,), flags points that may be chosen.
     """
-    ranges = limited.reach.ranges.items()
-    at = np.stack([(limited.places.inputs[n] - low) / (high - low) for n, (low, high) in ranges], 1)
+    ranges = limited.ranges.bounds.items()
+    at = np.stack([(limited.points.inputs[n] - low) / (high - low) for n, (low, high) in ranges], 1)
 
     def near(point: Array) -> Array:
-        """The criterion at all places by one point; infinite where they coincide."""
+        """The criterion at all points by one point; infinite where they coincide."""
         apart = np.abs(at - point)
         # Values of an input are far enough apart if they are as far as `most` evenly spread ones.
         added: Array = 1.0 / np.prod(apart + 1.0 / most, axis=1) ** 2
@@ -222,14 +222,14 @@ def covering(
     found: list[int] = []
     while len(found) < most:
         taken = [*steps, *found]
-        left = [place for place in np.flatnonzero(among).tolist() if place not in taken]
-        worst = np.sum([near(at[place]) for place in taken], axis=0)
+        left = [i for i in np.flatnonzero(among).tolist() if i not in taken]
+        worst = np.sum([near(at[i]) for i in taken], axis=0)
         if not taken:
             worst = np.linalg.norm(at - at.mean(axis=0), axis=1)
-        place = min(left, key=worst.__getitem__, default=-1)
-        if place < 0 or worst[place] == np.inf or limited.seconds([*found, place]) > seconds:
+        best = min(left, key=worst.__getitem__, default=-1)
+        if best < 0 or worst[best] == np.inf or limited.seconds([*found, best]) > seconds:
             break
-        found.append(place)
+        found.append(best)
     return tuple(found)
 
 
@@ -262,12 +262,12 @@ def planned(
     system = again.evidence.rows.system
     sample = usual_step(recording.time)
     allowed = None if given is None else allowed_of(ruleset, given)
-    reach = input_ranges(system, recording, sample, allowed)
-    if not reach.ranges:
+    ranges = input_ranges(system, recording, sample, allowed)
+    if not ranges.bounds:
         raise ExperimentRefused(NO_RANGES if given is None else NOTHING_LEFT)
-    places = places_in(system, reach)
-    predicted = [forecast(again.evidence, again.models, i, places) for i in range(len(again.sets))]
-    limited = feasible(ruleset, places, reach, predicted)
+    points = points_in(system, ranges)
+    predicted = [forecast(again.evidence, again.models, i, points) for i in range(len(again.sets))]
+    limited = feasible(ruleset, points, ranges, predicted)
     if not seconds >= limited.shortest:
         raise ExperimentRefused(
             f"--hours {seconds / 3600.0:g}: one step takes {limited.shortest / 3600.0:.3g} hours"
@@ -275,11 +275,11 @@ def planned(
     odds = np.array([one.probability for one in again.sets])
     settling = 0.0 if system.data.of_rows else SETTLING * sample
     telling = min(most, limits.TELLING_STEPS)
-    best = best_within(predicted, odds, telling, seconds, limited, settling)
-    first = best.choice.places
+    best = best_choice(predicted, odds, telling, seconds, limited, settling)
+    first = best.choice.numbers
     steps = _steps(best.limited, first, best.predicted, system)
     # Steps that cover the range come after those that discriminate, without loss of product.
-    held = math.ceil(limits.COVERING_HELD * reach.step / limited.shortest)
+    held = math.ceil(limits.COVERING_HELD * ranges.step / limited.shortest)
     after = replace(limited, held=held, begun=first[-1] if first else -1)
     since = best.limited.seconds(first)
     more = covering(after, limited.free, first, most - len(first), seconds - since)
@@ -291,8 +291,8 @@ def planned(
         certainty=best.choice.certainty,
         unlisted=max(1.0 - float(odds.sum()), 0.0),
         factors=best.choice.factors,
-        set_by=reach.ranges,
-        present=reach.present,
+        set_by=ranges.bounds,
+        present=ranges.present,
         limited=given is not None,
         hindering=best.hindering,
         unwatched=limited.unwatched,
@@ -334,20 +334,20 @@ def _steps(
 ) -> tuple[Step, ...]:
     """Steps in sequence, the first from `since` on, s."""
     steps: list[Step] = []
-    places, noise, signals = limited.places, system.data.noise, system.ruleset.signal_by_id
-    for place, (ramp, hold) in zip(chosen, limited.times(chosen), strict=True):
-        near = places.near[place]
-        inputs = {name: float(values[place]) for name, values in places.inputs.items()}
+    points, noise, signals = limited.points, system.data.noise, system.ruleset.signal_by_id
+    for number, (ramp, hold) in zip(chosen, limited.times(chosen), strict=True):
+        near = points.near[number]
+        inputs = {name: float(values[number]) for name, values in points.inputs.items()}
         readings = []
         for name in predicted[0].readings:
-            values = tuple(float(one.readings[name][place]) for one in predicted)
-            spread = tuple(float(one.spread[name][place]) for one in predicted)
+            values = tuple(float(one.readings[name][number]) for one in predicted)
+            spread = tuple(float(one.spread[name][number]) for one in predicted)
             if not all(map(math.isfinite, spread)):
                 continue  # its module had not settled at the nearest recorded set points
             apart = (max(values) - min(values)) / float(noise[name][near])
             readings.append(Reading(name, values, apart, spread))
         given = {
-            name: float(places.around[name][place] if name in places.around else values[near])
+            name: float(points.around[name][number] if name in points.around else values[near])
             for name, values in system.data.values.items()
             if name in signals and name not in inputs and name not in predicted[0].readings
         }
@@ -359,8 +359,8 @@ def _steps(
                 given=given,
                 readings=tuple(sorted(readings, key=lambda reading: -reading.apart)),
                 ramp=ramp,
-                costs=limited.costs[place],
-                at_end=tuple(limited.at_end(place)),
+                costs=limited.costs[number],
+                at_end=tuple(limited.at_end(number)),
                 covers=covers,
             )
         )

@@ -15,7 +15,7 @@ from scipy.stats import qmc
 from rulec.limits import SAME_FLOW
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.experiment.forecast import Forecast, Places
+from rulec.mismatch.experiment.forecast import Forecast, SetPoints
 from rulec.separation.allowed import Allowed
 
 
@@ -27,7 +27,7 @@ class InputRanges:
     inputs without a range keep them.
     """
 
-    ranges: Mapping[str, tuple[float, float]]
+    bounds: Mapping[str, tuple[float, float]]
     step: float
     present: Mapping[str, float] = field(default_factory=dict)
     allowed: Allowed = field(default_factory=lambda: Allowed({}))
@@ -41,9 +41,9 @@ def input_ranges(
     Steps are as long as usual, and long enough for readings to settle, with samples of `sample`, s.
     """
     inputs = [s for s in system.ruleset.signals if s.is_input]
-    known = {s.id: recording.values[s.id] for s in inputs if s.id in recording.values}
-    known = {name: values[np.isfinite(values)] for name, values in known.items()}
-    present = {name: float(values[-1]) for name, values in known.items() if len(values)}
+    recorded = {s.id: recording.values[s.id] for s in inputs if s.id in recording.values}
+    recorded = {name: values[np.isfinite(values)] for name, values in recorded.items()}
+    present = {name: float(values[-1]) for name, values in recorded.items() if len(values)}
     data = system.data
     step = usual_step(np.sort(data.time))
     if not data.of_rows:
@@ -74,25 +74,25 @@ def usual_step(time: Array) -> float:
     return float(np.median(steps)) if len(steps) else limits.SHORTEST_STEP
 
 
-def places_in(system: System, reach: InputRanges) -> Places:
+def points_in(system: System, ranges: InputRanges) -> SetPoints:
     """Points that fill the ranges evenly, including corners; the last one is the present point.
 
     For allowed ranges, values are easy to set, and other inputs stay as they are.
     """
-    names = sorted(reach.ranges)
-    low, high = np.array([reach.ranges[name] for name in names]).T
+    names = sorted(ranges.bounds)
+    low, high = np.array([ranges.bounds[name] for name in names]).T
     # Of many inputs, only the ends of the first ones are combined in all ways.
     ends = [(0.0, 1.0) if i < limits.CORNERED else (0.5,) for i in range(len(names))]
     between = qmc.Sobol(len(names), scramble=False).random_base2(limits.PLACES_DOUBLED)
     table = low + np.concatenate([np.array(list(product(*ends))), between]) * (high - low)
-    if reach.allowed.inputs:
+    if ranges.allowed.inputs:
         for column, name in zip(table.T, names, strict=True):
-            column[:] = reach.allowed.inputs[name].easy(column)
+            column[:] = ranges.allowed.inputs[name].easy(column)
         table = table[np.sort(np.unique(table, axis=0, return_index=True)[1])]
-        stay = [name for name in sorted(reach.present) if name not in names]
-        kept = np.array([reach.present[name] for name in stay])
-        names, table = names + stay, np.hstack([table, np.tile(kept, (len(table), 1))])
-    table = np.vstack([table, [reach.present[name] for name in names]])
+        stay = [name for name in sorted(ranges.present) if name not in names]
+        constant = np.array([ranges.present[name] for name in stay])
+        names, table = names + stay, np.hstack([table, np.tile(constant, (len(table), 1))])
+    table = np.vstack([table, [ranges.present[name] for name in names]])
     data = system.data
     # Points with the most readings: a sensor may have failed, or is not in every recording.
     finite = np.all([np.isfinite(data.values[name]) for name in names], axis=0)
@@ -106,10 +106,10 @@ def places_in(system: System, reach: InputRanges) -> Places:
     signals = system.ruleset.signal_by_id
     caused = {s for o in system.observers for s in o.signals if not signals[s].is_input}
     unset = [n for n in data.values if n in signals.keys() - caused - set(names)]
-    return Places(
+    return SetPoints(
         inputs=inputs,
         near=usable[far.argmin(axis=1)],
-        time=np.full(len(table), float(data.time.max()) + reach.step),
+        time=np.full(len(table), float(data.time.max()) + ranges.step),
         around=surroundings(data.values, data.time, unset, inputs),
     )
 
@@ -138,17 +138,17 @@ def surroundings(
 
 @dataclass(frozen=True)
 class Feasible:
-    """Places, the last of which is the present one, and what limits say of each.
+    """Points, the last of which is the present one, and what limits say of each.
 
     `possible`, shape (n,): each explanation predicts it, and no reading leaves its sensor's range.
     `forbidden` per reading with limits, shape (n,): where it may leave them. `costs` names per
-    place the inputs and modules that cost product. `unwatched` are readings with limits that no
-    explanation predicts. Each place is held `held` times as long as necessary; the way to the first
-    one begins at the place `begun`.
+    point the inputs and modules that cost product. `unwatched` are readings with limits that no
+    explanation predicts. Each point is held `held` times as long as necessary; the way to the first
+    one begins at the point `begun`.
     """
 
-    places: Places
-    reach: InputRanges
+    points: SetPoints
+    ranges: InputRanges
     possible: NDArray[np.bool_]
     forbidden: Mapping[str, NDArray[np.bool_]]
     costs: tuple[tuple[str, ...], ...]
@@ -158,50 +158,50 @@ class Feasible:
 
     @property
     def may_run(self) -> NDArray[np.bool_]:
-        """Places that keep all limits, shape (n,)."""
+        """Points that keep all limits, shape (n,)."""
         leaves = [np.zeros(len(self.possible), dtype=bool), *self.forbidden.values()]
         return np.asarray(self.possible & ~np.any(leaves, axis=0))
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Places that also cost no product, shape (n,)."""
+        """Points that also cost no product, shape (n,)."""
         return np.asarray(self.may_run & np.array([not costs for costs in self.costs]))
 
     @property
     def shortest(self) -> float:
-        """The shortest time to hold a place, s."""
-        return max([self.reach.step, *(part.hold for part in self.reach.allowed.inputs.values())])
+        """The shortest time to hold a point, s."""
+        return max([self.ranges.step, *(part.hold for part in self.ranges.allowed.inputs.values())])
 
-    def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
-        """The shortest time of the way to each place in sequence, and that of holding it, s."""
-        route, ramps = [self.begun, *places], np.zeros(len(places))
-        for name, own in self.reach.allowed.inputs.items():
-            if name in self.places.inputs:
-                way = np.abs(np.diff(self.places.inputs[name][route]))
+    def times(self, numbers: Sequence[int]) -> list[tuple[float, float]]:
+        """The shortest time of the way to each point in sequence, and that of holding it, s."""
+        route, ramps = [self.begun, *numbers], np.zeros(len(numbers))
+        for name, own in self.ranges.allowed.inputs.items():
+            if name in self.points.inputs:
+                way = np.abs(np.diff(self.points.inputs[name][route]))
                 ramps = np.maximum(ramps, way / abs(own.signal.factor) / own.rate)
         return [(ramp, self.held * self.shortest) for ramp in ramps.tolist()]
 
-    def seconds(self, places: Sequence[int]) -> float:
-        """The time that some places take in sequence, s."""
-        return sum(ramp + hold for ramp, hold in self.times(places))
+    def seconds(self, numbers: Sequence[int]) -> float:
+        """The time that some points take in sequence, s."""
+        return sum(ramp + hold for ramp, hold in self.times(numbers))
 
-    def at_end(self, place: int) -> Iterator[tuple[str, str]]:
-        """Inputs that are at an end of their range at a place: name, and which end."""
-        for name in self.reach.ranges:
-            values = self.places.inputs[name][:-1]
-            value = self.places.inputs[name][place]
+    def at_end(self, number: int) -> Iterator[tuple[str, str]]:
+        """Inputs that are at an end of their range at a point: name, and which end."""
+        for name in self.ranges.bounds:
+            values = self.points.inputs[name][:-1]
+            value = self.points.inputs[name][number]
             if value in (values.min(), values.max()):
                 yield name, "lowest" if value == values.min() else "highest"
 
 
 def feasible(
-    ruleset: Ruleset, places: Places, reach: InputRanges, predicted: Sequence[Forecast]
+    ruleset: Ruleset, points: SetPoints, ranges: InputRanges, predicted: Sequence[Forecast]
 ) -> Feasible:
-    """What limits say of places, by the predictions of each explanation."""
-    possible = np.ones(len(places), dtype=bool)
+    """What limits say of points, by the predictions of each explanation."""
+    possible = np.ones(len(points), dtype=bool)
     possible[-1] = False
     for true, one in enumerate(predicted):
-        settled = np.zeros(len(places), dtype=bool)
+        settled = np.zeros(len(points), dtype=bool)
         settled[one.point] = True
         settled[one.point[np.abs(one.off[true]) > limits.FORETOLD_WELL]] = False
         possible &= settled
@@ -210,33 +210,33 @@ def feasible(
             low, high = signal.ends
             least = low if signal.minimum is None else max(low, signal.minimum)
             possible &= (values >= least) & (values <= high)
-    bounds = reach.allowed.readings
-    known = [n for n in bounds if all(n in one.readings for one in predicted)]
+    bounds = ranges.allowed.readings
+    predictable = [n for n in bounds if all(n in one.readings for one in predicted)]
     forbidden = {}
-    for name in known:
+    for name in predictable:
         # Where a reading may leave its limits by some explanation, or is not predicted.
         values = np.array([one.readings[name] for one in predicted])
         far = limits.COVERED * np.array([one.spread[name] for one in predicted])
         inside = (values - far >= bounds[name][0]) & (values + far <= bounds[name][1])
         forbidden[name] = ~np.asarray(inside.all(axis=0))
     costly: dict[str, NDArray[np.bool_]] = {}
-    for name, own in reach.allowed.inputs.items():
-        if own.costs and name in reach.ranges:
-            values = places.inputs[name]
+    for name, own in ranges.allowed.inputs.items():
+        if own.costs and name in ranges.bounds:
+            values = points.inputs[name]
             costly[name] = ~np.isclose(values, values[-1], rtol=1e-9, atol=0.0)
-    for module in sorted(reach.allowed.costly):
+    for module in sorted(ranges.allowed.costly):
         # An unknown flow counts as changed.
-        unknown = np.full(len(places), np.nan)
+        unknown = np.full(len(points), np.nan)
         flows = np.array([one.flows.get(module, unknown) for one in predicted])
         same = np.abs(flows - flows[:, -1:]) <= SAME_FLOW * np.abs(flows[:, -1:])
         costly[module] = ~np.all(same, axis=0)
     return Feasible(
-        places=places,
-        reach=reach,
+        points=points,
+        ranges=ranges,
         possible=possible,
         forbidden=forbidden,
         costs=tuple(
-            tuple(n for n, there in costly.items() if there[i]) for i in range(len(places))
+            tuple(n for n, there in costly.items() if there[i]) for i in range(len(points))
         ),
-        unwatched=tuple(sorted(bounds.keys() - set(known))),
+        unwatched=tuple(sorted(bounds.keys() - set(predictable))),
     )

@@ -118,8 +118,8 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     for name, bounds in found.set_by.items():
         low, high = sorted(map(signals[name].shown, bounds))
         ranges.append(f"{name} {number(low)} to {number(high)} {signals[name].unit}")
-    within = "the limits" if found.limited else "what was recorded"
-    yield f"Set points were chosen within {within}: {', '.join(ranges)}."
+    extent = "the limits" if found.limited else "what was recorded"
+    yield f"Set points were chosen within {extent}: {', '.join(ranges)}."
     if found.steps and not found.limited:
         yield "Rates of change are unknown: state them in a file of limits (--limits)."
     for one in found.left_out:

@@ -100,11 +100,11 @@ class Experiment:
                 "it: they cover the permitted range, and show what it does not predict."
             )
         if not self.telling:
-            within, wider = "what was recorded", "Record wider ranges"
+            extent, wider = "what was recorded", "Record wider ranges"
             if self.limited:
-                within, wider = "the limits", "Allow wider ranges"
+                extent, wider = "the limits", "Allow wider ranges"
             return (
-                f"No set points within {within} separate these explanations. {wider}, or record "
+                f"No set points within {extent} separate these explanations. {wider}, or record "
                 "another quantity."
             )
         before, after = percent(self.certainty[0]), percent(self.certainty[-1])

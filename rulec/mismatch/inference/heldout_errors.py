@@ -23,19 +23,19 @@ def profile(line: Line) -> tuple[float, float]:
     Source: Venzon and Moolgavkar 1988.
     """
     ends = []
-    for side, reach in ((-1.0, line.value - line.lowest), (1.0, line.highest - line.value)):
-        step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
+    for side, most in ((-1.0, line.value - line.lowest), (1.0, line.highest - line.value)):
+        step, inside, outside = min(common.NORMAL_95 * line.u, most), 0.0, np.inf
         for _ in range(limits.PROFILE_STEPS):
             if step <= 0.0:
                 break
             fall = line.fall(side * step)
             if fall < common.DROP:
                 inside = step
-                if step >= reach:
+                if step >= most:
                     break
                 grow = float(np.clip(np.sqrt(common.DROP / max(fall, 1e-300)), *limits.GROWTH))
-                between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
-                step = min(step * grow, reach, between)
+                between = 0.5 * (inside + outside) if np.isfinite(outside) else most
+                step = min(step * grow, most, between)
             else:
                 outside = step
                 step = max(step * float(np.sqrt(common.DROP / fall)), 0.25 * (inside + outside))

@@ -119,13 +119,13 @@ class Judge:
         ways, found = Counter(keys), []
         for c, (id_, name, tried, as_found) in zip(self.columns, keys, strict=True):
             count, begins = float(ways[id_, name, tried, as_found]), c.course is not None
-            # Onsets are columns of their own, each with the price of an onset.
+            # Onsets are columns of their own, each with the penalty of an onset.
             count = max(count / common.ONSETS, 1.0) if tried else count
             if ways[id_, name, tried, not as_found]:
                 count *= 2.0
-            price = float(np.log(count)) + begins * float(np.log(common.ONSETS))
-            price += of_search.COMMON * bool(c.candidate.members)
-            found.append(of_search.SORT_ODDS[c.candidate.sort] - price)
+            penalty = float(np.log(count)) + begins * float(np.log(common.ONSETS))
+            penalty += of_search.COMMON * bool(c.candidate.members)
+            found.append(of_search.SORT_ODDS[c.candidate.sort] - penalty)
         return np.array(found) + of_search.MISSING_ODDS - float(np.log(max(self.candidates, 1)))
 
     @cached_property
@@ -219,9 +219,9 @@ class Judge:
         ways = Counter((t.location, t.driver) for t in self.terms)
         count = len(common.TERM_SIZES) * max(self.evidence.term_count, 1)
         for term, directions in zip(self.terms, self._directions, strict=True):
-            price = term.basis.price + float(np.log(count * ways[term.location, term.driver]))
+            penalty = term.basis.penalty + float(np.log(count * ways[term.location, term.driver]))
             gains = np.logaddexp.reduce(term_gains(term, *directions, replays))
-            yield gains[None] + (of_search.MISSING_ODDS + of_search.TERM_ODDS - price)
+            yield gains[None] + (of_search.MISSING_ODDS + of_search.TERM_ODDS - penalty)
 
 
 def _log_between(low: Array, high: Array) -> Array:

@@ -137,12 +137,12 @@ def gap_between(left: Array, way: Array, shared: Array) -> tuple[float, float]:
         covariance = shared @ shared.T + (scatter * usual) ** 2 * np.eye(len(left))
         inverse = np.linalg.inv(covariance)
         normal = fixed.T @ inverse @ fixed
-        doubt = np.linalg.pinv(normal)
-        solution = doubt @ (fixed.T @ inverse @ left)
+        posterior = np.linalg.pinv(normal)
+        solution = posterior @ (fixed.T @ inverse @ left)
         rest = left - fixed @ solution
         # Restricted likelihood: two values were fitted.
         score = -0.5 * float(rest @ inverse @ rest + np.linalg.slogdet(covariance)[1])
         score -= 0.5 * float(np.linalg.slogdet(normal)[1])
         if score > best[0]:
-            best = (score, 2.0 * float(solution[0]), 2.0 * float(np.sqrt(doubt[0, 0])))
+            best = (score, 2.0 * float(solution[0]), 2.0 * float(np.sqrt(posterior[0, 0])))
     return best[1], best[2]

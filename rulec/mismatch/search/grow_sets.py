@@ -56,7 +56,7 @@ class Search:
         prior -= ends * float(np.log(common.ONSETS))
         count = max(self.evidence.term_count, 1)
         prior += len(model.terms) * (limits.MISSING_ODDS + limits.TERM_ODDS - float(np.log(count)))
-        prior -= sum(term.basis.price for term in model.terms)
+        prior -= sum(term.basis.penalty for term in model.terms)
         return model.evidence + float(prior)
 
     @property

@@ -286,7 +286,7 @@ class _Degree:
         )
 
     def worth(self, trial: InitialCandidate) -> float:
-        """Gain of a trial less the price of its periods and degrees.
+        """Gain of a trial less the penalty of its periods and degrees.
 
         A fault that begins is likelier than one that was there and ended.
         """
@@ -294,8 +294,8 @@ class _Degree:
         assert course is not None
         each = 0.5 * float(np.log(max(self.fitted.rows.groups, 2)))
         begins = course.segment[0] < 0 and course.periods[0].since > 0.0
-        price = each * (limits.PERIOD_PRICE * len(course.periods) + course.levels)
-        return trial.gain * (1.0 if begins else limits.PASSING) - price
+        penalty = each * (limits.PERIOD_PENALTY * len(course.periods) + course.levels)
+        return trial.gain * (1.0 if begins else limits.PASSING) - penalty
 
 
 def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:

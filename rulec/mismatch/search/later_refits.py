@@ -244,7 +244,7 @@ def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
     # Terms that switch have no name and length of their own.
     smooth = [t for t in evidence.terms(plain.point) if not t.basis.says]
     named = {(t.name, t.basis.length): t for t in smooth}
-    kept, models = [], []
+    taken, models = [], []
     for one in sets:
         if any(not length for _, length in one.terms):
             continue
@@ -253,8 +253,8 @@ def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
         # The plain model has large errors where an effect is missing, and these would explain part
         # of that effect; the second refit starts from the errors of the set itself.
         models.append(search.refit(first.setting, first, own))
-        kept.append(one)
-    return Again(evidence, tuple(kept), tuple(models))
+        taken.append(one)
+    return Again(evidence, tuple(taken), tuple(models))
 
 
 def _setting(evidence: SteadyEvidence, one: CandidateSet) -> Configuration:

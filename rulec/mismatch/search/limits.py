@@ -22,7 +22,7 @@ LONGEST_COURSE = 1500
 """Means to which a course is reduced before it is cut: the effort grows with their square. Origin:
 numerical."""
 
-PERIOD_PRICE = 3.0
+PERIOD_PENALTY = 3.0
 """Price of a period in half log(points): both ends, and its existence. Origin: source (Schwarz
 1978, three values)."""
 

@@ -26,8 +26,8 @@ from rulec.mismatch.evidence.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.evidence import (
     USUAL,
     Evidence,
+    Index,
     Noise,
-    Place,
     Point,
     Random,
     Sizes,
@@ -197,8 +197,8 @@ def refitted(
     random = Random(evidence.forms, evidence.law, evidence.moving, evidence.held, terms)
     forms, sizes, noise, own = np.zeros(random.count), USUAL, evidence.usual_noise, {}
     if near is not None:
-        kept = min(len(forms), len(near.forms))
-        forms[:kept] = near.forms[:kept]
+        count = min(len(forms), len(near.forms))
+        forms[:count] = near.forms[:count]
         sizes, noise = near.sizes, near.noise
         own = {t.name: size for t, size in zip(near.terms, sizes.terms, strict=True)}
     sizes = replace(sizes, terms=tuple(own.get(t.name, 1.0) for t in terms))
@@ -325,8 +325,8 @@ class _Problem:
             return _Weighted(whole, rest, evidence.weights(rest + whole @ start, noise))
 
         @cache
-        def at_place(place: Place) -> _Chosen:
-            values = [axis[i] for axis, i in zip(axes, place, strict=True)]
+        def at_index(index: Index) -> _Chosen:
+            values = [axis[i] for axis, i in zip(axes, index, strict=True)]
             own = tuple(values[: len(noise)])
             moving, *of_terms = values[len(noise) :]
             return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
@@ -335,10 +335,10 @@ class _Problem:
         likely = (noise, *evidence.likely_noises(rest))
         ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
         first = max(
-            (tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score
+            (tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_index(p).score
         )
-        place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
-        best = at_place(place)
+        index = climbed(lambda p: at_index(p).score, first, [len(axis) for axis in axes], fresh)
+        best = at_index(index)
         for _ in range(limits.SIZES_STEPS):
             own = best.weighted
             residual = own.left + own.table @ (best.ratio * best.solution)

@@ -115,8 +115,8 @@ def _scanned(
     second = -(own[i] * moment[j] - both * moment[i]) / determinant
     pair = -0.5 * (moment[i] * first + moment[j] * second + np.log(determinant))
     pair += odds[i] + odds[j] - np.where(one, prior[j], 0.0)
-    within = (first >= low[i]) & (first <= high[i]) & (second >= low[j]) & (second <= high[j])
-    pair = np.where(within, pair, -np.inf)
+    inside = (first >= low[i]) & (first <= high[i]) & (second >= low[j]) & (second <= high[j])
+    pair = np.where(inside, pair, -np.inf)
     cap = 4 * most
     sets = [(single[k], [(k, alone[k])]) for k in np.argsort(-single)[:cap]]
     sets += [(pair[k], [(i[k], first[k]), (j[k], second[k])]) for k in np.argsort(-pair)[:cap]]
@@ -215,7 +215,7 @@ def unnamed(
         directions = directions_of(model, evidence.whitened(term.columns, model.noise))
         gain = float(np.max(term_gains(term, *directions, model.left[:, None])))
         count = len(every) * len(common.TERM_SIZES)
-        odds = gain + limits.TERM_ODDS - term.basis.price - float(np.log(count))
+        odds = gain + limits.TERM_ODDS - term.basis.penalty - float(np.log(count))
         found.append((odds, term))
     found.sort(key=lambda f: -f[0])
     written = [f for f in found if f[1].changed.may_follow(f[1].driver)]

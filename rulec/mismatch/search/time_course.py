@@ -129,7 +129,7 @@ def with_set_points(evidence: SteadyEvidence, model: Model, course: Course) -> I
     """Terms at the place of a fault that comes and goes, on or off during each visit of an
     operating state, as most of its points are.
 
-    The price is that of specifying the visits: a fault with few ends is cheaper.
+    The penalty is that of specifying the visits: a fault with few ends is cheaper.
     """
     system, fault = evidence.points.system, model.setting.candidate_of(course)
     time = system.data.time
@@ -148,7 +148,7 @@ def with_set_points(evidence: SteadyEvidence, model: Model, course: Course) -> I
         time[begins[ends]],
         there[np.append(0, ends)],
         "comes and goes only where set points change, which a fault would not know of",
-        price(len(ends), len(begins) - 1),
+        penalty_of(len(ends), len(begins) - 1),
     )
     for location in system.builder.locations:
         if (location.module, location.place) == (fault.module, fault.place):
@@ -158,7 +158,7 @@ def with_set_points(evidence: SteadyEvidence, model: Model, course: Course) -> I
                     yield term
 
 
-def price(ends: int, borders: int) -> float:
+def penalty_of(ends: int, borders: int) -> float:
     """Cost of specifying which of some borders are ends, nats."""
     ways = gammaln(borders + 1) - gammaln(ends + 1) - gammaln(borders - ends + 1)
     return float(ways + np.log(borders + 1))

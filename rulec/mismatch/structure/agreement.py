@@ -15,7 +15,7 @@ class Agreement:
 
     `rows` is their number, `count` the number of independent ones (one for each operating state).
     Per independent comparison: `likelihood`, its log probability, nats; `excess`, the log of its
-    deviation in noise, zero within one; `gross`, whether it deviates grossly. `strain` is how far
+    deviation in noise, zero within one; `gross`, whether it deviates grossly. `penalty` is how far
     parameters had to move, as a negative log prior, nats. `idle`: some estimate can hardly ever be
     used, though all its readings are recorded.
     """
@@ -25,13 +25,13 @@ class Agreement:
     likelihood: float
     excess: float
     gross: float
-    strain: float
+    penalty: float
     idle: bool
 
     @classmethod
     def none(cls) -> Agreement:
         """Nothing can be compared."""
-        return cls(rows=0, count=0.0, likelihood=0.0, excess=0.0, gross=0.0, strain=0.0, idle=True)
+        return cls(rows=0, count=0.0, likelihood=0.0, excess=0.0, gross=0.0, penalty=0.0, idle=True)
 
     def over(self, rows: int) -> Agreement:
         """The same over `rows` comparisons, where missing ones count as far off.
@@ -65,7 +65,7 @@ class Compared:
     @property
     def gain(self) -> float:
         """Gain in log probability of the whole recording if it is read otherwise, nats."""
-        return self.otherwise.count * self.each + self.recorded.strain - self.otherwise.strain
+        return self.otherwise.count * self.each + self.recorded.penalty - self.otherwise.penalty
 
     @property
     def left(self) -> float:
@@ -77,5 +77,5 @@ class Compared:
     def left_strained(self) -> float:
         """The same with the strain, as wrong values partly compensate a wrong network."""
         count = self.otherwise.count
-        before, after = (count * a.excess + a.strain for a in (self.recorded, self.otherwise))
+        before, after = (count * a.excess + a.penalty for a in (self.recorded, self.otherwise))
         return after / before if before > 0.0 else 1.0

@@ -141,8 +141,8 @@ class Shift:
 
     def odds(self, tried: int) -> float:
         """Log odds against the recording as it is and against a lag, of so many shifts tried."""
-        price = limits.STRUCTURE_ODDS - float(np.log(tried))
-        return self.gain + price - float(np.logaddexp(0.0, self.lag + price))
+        prior = limits.STRUCTURE_ODDS - float(np.log(tried))
+        return self.gain + prior - float(np.logaddexp(0.0, self.lag + prior))
 
 
 def shifts_of(moving: Moving) -> tuple[list[Shift], int]:

@@ -45,7 +45,7 @@ class Settled:
     ruleset: Ruleset
     builder: ModelBuilder
     heldout: Sequence[tuple[float, float]]
-    _kept: dict[int, tuple[Recording, Fitted]] = field(
+    _fits: dict[int, tuple[Recording, Fitted]] = field(
         default_factory=dict, compare=False, repr=False
     )
 
@@ -76,15 +76,15 @@ class Settled:
             likelihood=float(weight @ fitted.likelihood) / count,
             excess=float(weight @ rows.per_group(excess)) / count,
             gross=float(weight @ rows.per_group(gross.astype(float))) / count,
-            strain=fitted.negative_log_prior,
+            penalty=fitted.negative_log_prior,
             idle=bool((rows.system.valid.mean(axis=1) < limits.HARDLY_USED).any()),
         )
 
     def _fitted(self, recording: Recording, steps: int) -> Fitted | None:
         """The plain model refitted to settled points; that of the last recording is cached."""
-        kept = self._kept.get(steps)
-        if kept is not None and kept[0] is recording:
-            return kept[1]
+        last = self._fits.get(steps)
+        if last is not None and last[0] is recording:
+            return last[1]
         data = prepare(recording, self.ruleset, self.heldout)
         if data is None:
             return None
@@ -92,7 +92,7 @@ class Settled:
         if not rows.groups:
             return None
         found = fit(rows, Configuration(), data.open, steps)
-        self._kept[steps] = recording, found
+        self._fits[steps] = recording, found
         return found
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:

@@ -110,7 +110,7 @@ class Stores:
             return Agreement.none()
         problem = SimulationProblem(self.ruleset, self.builder, record)
         try:
-            errors, strain = _fitted(problem, steps)
+            errors, penalty = _fitted(problem, steps)
         except RanAway:
             return Agreement.none()
         each = []
@@ -132,7 +132,7 @@ class Stores:
             likelihood=-excess,
             excess=excess,
             gross=gross,
-            strain=strain,
+            penalty=penalty,
             idle=any(n not in problem.signals for n in shown),
         )
 

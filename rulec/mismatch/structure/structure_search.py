@@ -1,7 +1,7 @@
 """The search for columns and pipes that are not as stated: screened, refitted, accepted or not.
 
-A hypothesis has nothing to fit, so it gains only by being true. It must gain more than the price of
-its rarity and of the number tried, and it must leave little of the disagreement: one that merely
+A hypothesis has nothing to fit, so it gains only by being true. It must gain more than the penalty
+of its rarity and of the number tried, and it must leave little of the disagreement: one that merely
 reduces it is physics that looks similar.
 """
 
@@ -72,7 +72,7 @@ def _best(
     connection = None
     # Wrong parameters partly compensate a wrong network, unlike a wrong column. Connections of a
     # plant that stores are not doubted.
-    if isinstance(evidence, Settled) and (off or plain.strain >= limits.STRAINED):
+    if isinstance(evidence, Settled) and (off or plain.penalty >= limits.STRAINED):
         progress("looking for connections that are not as the plant file says")
         connection = connection_of(recording, evidence, tried)
     return max((t for t in (column, connection) if t), key=lambda t: t.gain, default=None)
@@ -90,7 +90,7 @@ def _column(
     first, found = evidence.agreement(recording, 0), [evidence.agreement(r, 0) for r in read]
     rows = max([first.rows, *(one.rows for one in found)])
     gains = np.array([Compared(first.over(rows), one.over(rows)).each for one in found])
-    price = limits.STRUCTURE_ODDS - float(np.log(max(len(every), 1)))
+    prior = limits.STRUCTURE_ODDS - float(np.log(max(len(every), 1)))
     able = [i for i, one in enumerate(found) if one.rows >= limits.STRUCTURE_READS * rows]
     best, most = None, 0.0
     for i in sorted(able, key=lambda i: -gains[i])[: limits.STRUCTURE_REFITTED]:
@@ -98,7 +98,7 @@ def _column(
             break
         there = evidence.agreement(read[i], limits.STRUCTURE_STEPS)
         compared = Compared(plain.over(rows), there.over(rows))
-        probability = float(expit(compared.gain + price))
+        probability = float(expit(compared.gain + prior))
         sure = probability > common.CERTAIN and compared.left < limits.STRUCTURE_LEAVES
         if sure and compared.each > most:
             most = compared.each

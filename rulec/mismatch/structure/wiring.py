@@ -38,7 +38,7 @@ def connection_of(recording: Recording, stated: Settled, columns: int) -> Accept
     """The wrong connection, if any; `columns` hypotheses on columns were tried besides."""
     every = stated.otherwise(recording)
     tried = [(one, wired) for one in every if (wired := stated.rewired(one)) is not None]
-    price = limits.STRUCTURE_ODDS - float(np.log(max(len(tried) + columns, 1)))
+    prior = limits.STRUCTURE_ODDS - float(np.log(max(len(tried) + columns, 1)))
     gaining = [o for o in _judged(recording, stated, tried, 0) if o.compared.each > 0.0]
     gaining.sort(key=lambda one: -one.compared.each)
     promising = [(o.rewiring, o.wired) for o in gaining[: limits.STRUCTURE_REFITTED]]
@@ -46,12 +46,12 @@ def connection_of(recording: Recording, stated: Settled, columns: int) -> Accept
     sound = [
         one
         for one in _judged(recording, stated, promising, limits.STRUCTURE_STEPS)
-        if one.compared.left_strained < limits.STRUCTURE_LEAVES and one.compared.gain + price > sure
+        if one.compared.left_strained < limits.STRUCTURE_LEAVES and one.compared.gain + prior > sure
     ]
     if not sound:
         return None
     first = max(sound, key=lambda one: one.compared.gain)
-    gain = _beyond_physics(recording, stated, first) + price
+    gain = _beyond_physics(recording, stated, first) + prior
     if gain <= sure:
         return None
     near = first.compared.gain - sure
@@ -62,7 +62,7 @@ def connection_of(recording: Recording, stated: Settled, columns: int) -> Accept
 
 def _beyond_physics(recording: Recording, stated: Settled, judged: _Judged) -> float:
     """Gain of other connections over the best explanation with the stated ones, nats, each minus
-    the price of its unknowns (Schwarz 1978). A fault may be present as well, so each network may
+    the penalty of its unknowns (Schwarz 1978). A fault may be present as well, so each network may
     have one explanation at the same modules."""
     plain, modules = judged.compared.recorded, judged.rewiring.modules
 

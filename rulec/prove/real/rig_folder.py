@@ -281,7 +281,7 @@ def _truth(folder: Path, rules: Ruleset) -> Truth | None:
     document, knowledge = _read(file), read_all(folder / PLAIN).by_kind
     units, wrong = table_of(knowledge.get("units", ()), []), list[Diagnostic]()
     entries = {d.data[kind] for kind in ("effect", "fault") for d in knowledge.get(kind, ())}
-    known = {
+    allowed = {
         "names": (entries | OF_THE_TOOL, "effect or fault"),
         "places": (
             {signal.id.partition(".")[0] for signal in rules.signals},
@@ -289,7 +289,7 @@ def _truth(folder: Path, rules: Ruleset) -> Truth | None:
         ),
     }
     for number, effect in enumerate(found.get("effects", ())):
-        for key, (right, what) in known.items():
+        for key, (right, what) in allowed.items():
             for word in (text.partition(".")[0] for text in _list(effect[key])):
                 if word not in right:
                     place, hint = document.place("effects", number, key), did_you_mean(word, right)

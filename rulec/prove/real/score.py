@@ -199,8 +199,8 @@ def _hits(missing: Missing, found: ScoredFinding, units: UnitTable) -> Iterator[
         if size.name in ("", found.form["effect"]) and interval:
             low, high, unit = interval
             value, u = _in_unit(size, unit, units)
-            reach = COVERAGE_OF_DEGREES * u
-            yield low - reach <= value <= high + reach
+            half = COVERAGE_OF_DEGREES * u
+            yield low - half <= value <= high + half
 
 
 def _in_unit(size: Size, unit: str, units: UnitTable) -> tuple[float, float]:

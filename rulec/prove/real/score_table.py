@@ -53,11 +53,11 @@ class Result:
     @property
     def headline(self) -> str:
         """The result in one line."""
-        known = [s for s in self.scored if s.headline is not None]
-        right = sum(s.named == 1.0 for s in known)
+        judged = [s for s in self.scored if s.headline is not None]
+        right = sum(s.named == 1.0 for s in judged)
         sure = sum(bool(s.sure) for s in self.scored)
         asked = counted(len(self.scored), "rig")
-        named = f"{right} of {len(known)} with a known effect are named in its class"
+        named = f"{right} of {len(judged)} with a known effect are named in its class"
         return f"{asked}: {named}, {sure} wrong and sure"
 
 

@@ -21,6 +21,6 @@ def difficulties(half: str, group: str) -> tuple[str, ...]:
     return tuple(STATED[half].get(group, {}).get("difficulties", ()))
 
 
-def hiding(half: str) -> list[tuple[str, ...]]:
+def masked_pairs(half: str) -> list[tuple[str, ...]]:
     """Return pairs of effects that hide each other."""
     return [tuple(pair) for pair in STATED["hiding"][half]]

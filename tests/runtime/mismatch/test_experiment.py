@@ -14,14 +14,14 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.experiment.forecast import Forecast, Places, forecast
-from rulec.mismatch.experiment.plan import best_within, chosen, covering
+from rulec.mismatch.experiment.forecast import Forecast, SetPoints, forecast
+from rulec.mismatch.experiment.plan import best_choice, chosen, covering
 from rulec.mismatch.experiment.points import (
     Feasible,
     InputRanges,
     feasible,
     input_ranges,
-    places_in,
+    points_in,
     surroundings,
 )
 from rulec.mismatch.search.operating_states import explain
@@ -67,8 +67,8 @@ def test_factors_are_divergences_of_all_rows() -> None:
 
     forecasts = [forecast() for _ in range(3)]
     choice = chosen(forecasts, np.array([0.5, 0.3, 0.2]), 4)
-    assert len(choice.places) == 4
-    at = np.flatnonzero(np.isin(point, choice.places))
+    assert len(choice.numbers) == 4
+    at = np.flatnonzero(np.isin(point, choice.numbers))
     for true, own in enumerate(forecasts):
         for other in range(3):
             first, second = (own.covariance[i][np.ix_(at, at)] for i in (true, other))
@@ -87,19 +87,19 @@ def test_longer_means_have_less_noise_and_nothing_else_less() -> None:
 
 def test_the_place_is_chosen_where_they_differ() -> None:
     """What can be expected counts how readings scatter: by one dimension's integral."""
-    assert chosen(told(0.0, 1.0), HALVES, 3).places == ()
+    assert chosen(told(0.0, 1.0), HALVES, 3).numbers == ()
     read, apart = np.linspace(-8.0, 8.0, 801), 3.0
     sure = 1.0 / (1.0 + np.exp(-0.5 * apart**2 - apart * read))
     mean = float(np.average(sure, weights=np.exp(-0.5 * read**2)))
     found = chosen(told(apart, 1.0), HALVES, 1)
-    assert found.places == (1,)
+    assert found.numbers == (1,)
     assert found.certainty == pytest.approx((0.5, mean), abs=0.01)
 
 
 def test_what_is_not_listed_is_never_sure() -> None:
     found = chosen(told(60.0, 1.0), 0.5 * HALVES, 1).certainty
     assert found == pytest.approx((2 * 0.25**2, 2 * 0.25 * (0.25 / 0.75)))
-    assert chosen(told(60.0, 1.0), 0.1 * HALVES, 1).places == (1,)
+    assert chosen(told(60.0, 1.0), 0.1 * HALVES, 1).numbers == (1,)
 
 
 @pytest.fixture(scope="module")
@@ -246,11 +246,11 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Worn:
     return recording, explain(rows_at(opened, recording), lambda text: None)
 
 
-def soon_and_late(worn: Worn) -> tuple[Places, Places]:
+def soon_and_late(worn: Worn) -> tuple[SetPoints, SetPoints]:
     """The same operating points next, and ten times as long as the recording later."""
     recording, found = worn
     system = found.evidence.rows.system
-    soon = places_in(system, input_ranges(system, recording, 1.0))
+    soon = points_in(system, input_ranges(system, recording, 1.0))
     return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
 
 
@@ -262,7 +262,7 @@ def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
     values = {**data.points.values, gone: np.full(len(data), np.nan)}
     without = replace(system, data=replace(data, points=replace(data.points, values=values)))
     reach = input_ranges(system, recording, 1.0)
-    there, all_ = places_in(without, reach), places_in(system, reach)
+    there, all_ = points_in(without, reach), points_in(system, reach)
     assert (there.near == all_.near).mean() > 0.9
 
 
@@ -287,7 +287,7 @@ def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
 def test_steps_that_cover_are_far_from_all_others() -> None:
     """On a line with steps at both ends the middle comes next, then the quarters."""
     speeds = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 0.0])
-    places = Places({"A.n": speeds}, np.zeros(6, dtype=np.intp), np.zeros(6))
+    places = SetPoints({"A.n": speeds}, np.zeros(6, dtype=np.intp), np.zeros(6))
     may = np.array([True] * 5 + [False])
     limited = Feasible(places, InputRanges({"A.n": (0.0, 4.0)}, 60.0), may, {}, ((),) * 6, ())
     assert covering(limited, may, [0, 4], 9, 240.0) == (2, 1, 3)
@@ -330,7 +330,7 @@ def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
         )
         for values in shown
     ]
-    places = Places({"A.n": speed}, np.zeros(n, dtype=np.intp), np.zeros(n))
+    places = SetPoints({"A.n": speed}, np.zeros(n, dtype=np.intp), np.zeros(n))
     for predicted in (told, told[::-1]):
         found = feasible(plant, places, reach, predicted)
         assert [False, False, True, False, True, False] == found.may_run.tolist()
@@ -340,7 +340,7 @@ def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
 
 def _two_places(lost: tuple[str, ...], forbids: bool) -> Feasible:
     """Of which the second may lose product or be forbidden, and the present one."""
-    places = Places({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
+    places = SetPoints({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
     possible, forbidden = np.array([True, True, False]), np.array([False, forbids, False])
     reach = InputRanges({"A.n": (1.0, 2.0)}, 60.0)
     return Feasible(places, reach, possible, {"A.dp": forbidden}, ((), lost, ()), ())
@@ -359,27 +359,27 @@ def test_the_best_step_within_limits() -> None:
         ((1.0, 4.0), ("A.n",), False, (1,)),
     ):
         found = _two_places(lost, forbids)
-        best = best_within(_sure(*off), HALVES, 1, 3600.0, found, 0.0)
-        assert best.choice.places == taken
+        best = best_choice(_sure(*off), HALVES, 1, 3600.0, found, 0.0)
+        assert best.choice.numbers == taken
         assert best.hindering == (("A.dp",) if forbids else ())
         assert not best.time_is_short
 
 
 @pytest.mark.parametrize(("seconds", "steps"), [(90.0, 1), (120.0, 2), (math.inf, 2)])
 def test_no_time_for_more_is_told(seconds: float, steps: int) -> None:
-    best = best_within(_sure(2.0, 2.0), HALVES, 2, seconds, _two_places((), False), 0.0)
-    assert (len(best.choice.places), best.time_is_short) == (steps, steps < 2)
+    best = best_choice(_sure(2.0, 2.0), HALVES, 2, seconds, _two_places((), False), 0.0)
+    assert (len(best.choice.numbers), best.time_is_short) == (steps, steps < 2)
 
 
 def test_a_place_far_away_does_not_shorten_the_steps() -> None:
     """The way to the first place takes longer than all of the time; the second is near."""
     slow = Range(signal=compiled("abc").signal_by_id["A.n"], lowest=0, highest=900, rate=0.1)
-    near = Places({"A.n": np.array([10.0, 0.1, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
+    near = SetPoints({"A.n": np.array([10.0, 0.1, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
     reach = InputRanges({"A.n": (0.0, 10.0)}, 60.0, allowed=Allowed({"A.n": slow}))
-    limited = replace(_two_places((), False), places=near, reach=reach)
+    limited = replace(_two_places((), False), points=near, ranges=reach)
     predicted = apart(np.array([3.0, 1.0]), (np.eye(2), np.eye(2)), (1.0, 1.0))
-    best = best_within(predicted, HALVES, 1, 3600.0, limited, 0.0)
-    assert best.choice.places == (1,)
+    best = best_choice(predicted, HALVES, 1, 3600.0, limited, 0.0)
+    assert best.choice.numbers == (1,)
     assert best.limited.held > 1
 
 
@@ -391,7 +391,7 @@ def test_set_points_lie_where_pumps_run() -> None:
     stands = np.where(np.arange(len(data)) % 9 == 0, 0.0, data.values["A.n"])
     points = replace(data.points, values={**data.values, "A.n": stands})
     stood = replace(system, data=replace(data, points=points))
-    assert least <= input_ranges(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()
+    assert least <= input_ranges(stood, recording, 1.0).bounds["A.n"][0] <= data.values["A.n"].max()
 
 
 def test_sensors_that_are_never_recorded_together_hinder_no_plan() -> None:
@@ -403,5 +403,5 @@ def test_sensors_that_are_never_recorded_together_hinder_no_plan() -> None:
         values[name] = values[name].copy()
         values[name][lost] = np.nan
     parts = replace(system, data=replace(data, points=replace(data.points, values=values)))
-    near = places_in(parts, input_ranges(parts, recording, 1.0)).near
+    near = points_in(parts, input_ranges(parts, recording, 1.0)).near
     assert np.isfinite(values["A.n"][near]).all()

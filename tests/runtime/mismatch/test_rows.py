@@ -26,7 +26,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, inverses
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen
 from rulec.mismatch.evidence.steady.system import with_properties
-from rulec.mismatch.experiment.forecast import Places, data_at
+from rulec.mismatch.experiment.forecast import SetPoints, data_at
 from rulec.mismatch.experiment.plan import planned
 from rulec.mismatch.experiment.result import inputs_csv
 from rulec.mismatch.result import CandidateSet, Evidence
@@ -391,7 +391,7 @@ def test_an_experiment_knows_the_property_where_the_temperature_is_set() -> None
     assert not any(VISCOSITY in name for name in header)
     data, celsius = planted().system.data, np.array([12.0, 47.0])
     time = data.time[-1] + np.array([1.0, 2.0])
-    places = Places({"A.T": celsius + 273.15}, np.array([0, 0]), time)
+    places = SetPoints({"A.T": celsius + 273.15}, np.array([0, 0]), time)
     there = with_properties(oily()[1], data_at(data, places))
     assert there.values[VISCOSITY] == pytest.approx([viscosity(t) for t in celsius], rel=1e-9)
 

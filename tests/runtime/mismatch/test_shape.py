@@ -34,7 +34,7 @@ from rulec.mismatch.search.operating_states import begun, explain, search, with_
 from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.scan import beside, coincide, holds
-from rulec.mismatch.search.time_course import price
+from rulec.mismatch.search.time_course import penalty_of
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import alone, compared, recorded, rows_at, tour
@@ -309,7 +309,7 @@ def test_none_is_told_as_a_fault(group: str, effect: str, tmp_path: Path) -> Non
 
 def test_a_level_lasts_until_the_next_end() -> None:
     """Which of some borders are ends is as dear as telling them."""
-    assert price(4, 10) == pytest.approx(np.log(comb(10, 4) * 11))
+    assert penalty_of(4, 10) == pytest.approx(np.log(comb(10, 4) * 11))
     way = Switching(np.array([10.0, 20.0]), np.array([0.0, 1.0, -1.0]), "says", 0.0)
     assert way.at(np.array([5.0, 10.0, 19.0, 20.0]))[:, 0].tolist() == [0.0, 1.0, 1.0, -1.0]
 

@@ -211,13 +211,13 @@ class SteadyModel(Model):
 def model_of(fitted: Fitted) -> SteadyModel:
     """The model of a fit, without the degrees of periods among its free values."""
     system = fitted.rows.system
-    places = [i for i, name in enumerate(fitted.prior.names) if "#" not in name]
+    indices = [i for i, name in enumerate(fitted.prior.names) if "#" not in name]
     return SteadyModel(
         ruleset=system.ruleset,
         builder=system.builder,
         samples=system.data,
         joined=fitted.setting.joined,
-        free=tuple(fitted.prior.names[i] for i in places),
-        covariance=fitted.covariance[np.ix_(places, places)],
+        free=tuple(fitted.prior.names[i] for i in indices),
+        covariance=fitted.covariance[np.ix_(indices, indices)],
         fitted=fitted,
     )

@@ -154,8 +154,8 @@ def settled_parts(
     changes = np.any(np.diff(number, axis=1) != 0, axis=0)
     first = np.flatnonzero(np.concatenate([[True], changes]))
     last = np.append(first[1:], n)
-    kept = rests[first]
-    pieces = _pieces(Stretches(first[kept], last[kept]), len(ruleset.observers))
+    resting = rests[first]
+    pieces = _pieces(Stretches(first[resting], last[resting]), len(ruleset.observers))
     moving = {module: row[pieces.first] < 0 for module, row in zip(own, number, strict=True)}
     return pieces, moving, rests
 

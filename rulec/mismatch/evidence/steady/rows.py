@@ -148,8 +148,8 @@ class Rows:
                 # A reading keeps its sign.
                 sign, most = np.sign(measured), np.abs(measured)
                 low, high = -limits.MOST_AWAY_FROM_ZERO * most, limits.MOST_TOWARDS_ZERO * most
-                kept = sign * np.minimum(np.maximum(sign * shift, low), high)
-                obeying.setdefault(name, data.values[name].copy())[cell.points] -= kept
+                step = sign * np.minimum(np.maximum(sign * shift, low), high)
+                obeying.setdefault(name, data.values[name].copy())[cell.points] -= step
         return table, obeying
 
     def maps(self, flows: Flows) -> Maps:

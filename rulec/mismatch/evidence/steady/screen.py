@@ -135,8 +135,8 @@ def alike(fitted: Fitted, location: DisturbanceLocation) -> list[DisturbanceLoca
 def variables_of(system: System, module: str) -> dict[str, Array]:
     """Readings that may define a region, shape (n,), SI: those of the module, then those that no
     observer needs."""
-    known, used = system.ruleset.signal_by_id, {n for o in system.observers for n in o.signals}
-    values = {n: v for n, v in system.data.values.items() if n in known}
+    signals, used = system.ruleset.signal_by_id, {n for o in system.observers for n in o.signals}
+    values = {n: v for n, v in system.data.values.items() if n in signals}
     own = {n: v for n, v in values.items() if n.partition(".")[0] == module}
     others = {n: v for n, v in values.items() if n not in own and n not in used}
     return {n: v for n, v in {**own, **others}.items() if np.isfinite(v).sum() > 8}

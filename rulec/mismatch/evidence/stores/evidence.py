@@ -167,12 +167,12 @@ class StoresEvidence(Evidence):
         for smoothness in smoothnesses:
 
             @cache
-            def score(place: tuple[int, ...], smoothness: float = smoothness) -> float:
-                own = innovations(sizes[place[0]], lasts[place[1]], smoothness)
+            def score(index: tuple[int, ...], smoothness: float = smoothness) -> float:
+                own = innovations(sizes[index[0]], lasts[index[1]], smoothness)
                 return -0.5 * float(np.sum(own.of(left, runs) ** 2)) - own.logs(runs)
 
-            place = climbed(score, begin, [len(sizes), len(lasts)], ())
-            found.append((score(place), (sizes[place[0]], lasts[place[1]], smoothness)))
+            index = climbed(score, begin, [len(sizes), len(lasts)], ())
+            found.append((score(index), (sizes[index[0]], lasts[index[1]], smoothness)))
         return found
 
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
@@ -242,8 +242,8 @@ class StoresEvidence(Evidence):
             flows = [i for i, n in enumerate(names) if n.startswith(("inflow:", "outflow:"))]
             own = [i for i in flows if names[i].partition(":")[2] in candidate.modules]
             reading = f"shown:{candidate.module}.{candidate.place}"
-            for places in ([i for i, n in enumerate(names) if n == reading], own, flows):
-                best = max((float(moved[i]) for i in places), default=0.0)
+            for rows in ([i for i, n in enumerate(names) if n == reading], own, flows):
+                best = max((float(moved[i]) for i in rows), default=0.0)
                 if best > 0.0:
                     shares.append(best)
                     break

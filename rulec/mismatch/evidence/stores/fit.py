@@ -150,7 +150,7 @@ class Fitted:
         return float(np.sqrt(max(self.covariance[i, i], 0.0)))
 
     def gain(self, before: Fitted, values: float | None = None) -> float:
-        """Gain in log likelihood over another model, less the price of additional `values`: those
+        """Gain in log likelihood over another model, less the penalty of additional `values`: those
         that the recording determines, or else the number of unknowns.
 
         Source: Schwarz 1978.
@@ -189,13 +189,13 @@ class Fitter:
         self.scale = np.concatenate([prior.size[: self._count], steps])
         self._times = [i for i, one in enumerate(own, self._count) if one.driver == TIME]
 
-    def within(self, at: Array) -> Array:
+    def clipped(self, at: Array) -> Array:
         """The nearest point within bounds."""
         return np.asarray(np.clip(at, self.prior.lowest, self.prior.highest))
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """The point with values, SI, by id, within bounds; plain values where none are given."""
-        return self.within(self.prior.of(values))
+        return self.clipped(self.prior.of(values))
 
     def values(self, at: Array) -> dict[str, float]:
         """Free and fixed values, SI, by id."""
@@ -232,7 +232,7 @@ class Fitter:
         columns = _projected(columns, judged.basis, np.zeros(judged.drift.count))
         return np.concatenate([columns, np.zeros((self.prior.belief.rows, columns.shape[1]))])
 
-    def _strain(self, at: Array) -> float:
+    def _prior_squares(self, at: Array) -> float:
         """Sum of the squares of the strains of the priors."""
         return float(np.sum(self.prior.belief.strains(at[: self._count])[0] ** 2))
 
@@ -244,7 +244,7 @@ class Fitter:
             return float("inf")
         column = (errors / judged.weights)[judged.flags, None]
         total = float(np.sum(_projected(column, judged.basis, judged.slow) ** 2))
-        return 0.5 * (total + self._strain(at))
+        return 0.5 * (total + self._prior_squares(at))
 
     def descend(
         self,
@@ -256,18 +256,18 @@ class Fitter:
         """A local optimum near a point, with some coordinates `held`, by number."""
         from scipy.optimize import least_squares
 
-        kept: dict[bytes, tuple[Array, Array]] = {}
+        last: dict[bytes, tuple[Array, Array]] = {}
 
         def both(z: Array) -> tuple[Array, Array]:
             key = z.tobytes()
-            if key not in kept:
-                kept.clear()
+            if key not in last:
+                last.clear()
                 try:
-                    kept[key] = _compressed(*self.residual(z * self.scale, judged))
+                    last[key] = _compressed(*self.residual(z * self.scale, judged))
                 except RanAway:
                     count = len(z) + 1
-                    kept[key] = (np.full(count, limits.RUNAWAY), np.zeros((count, len(z))))
-            return kept[key]
+                    last[key] = (np.full(count, limits.RUNAWAY), np.zeros((count, len(z))))
+            return last[key]
 
         low, high = self.prior.lowest.copy(), self.prior.highest.copy()
         for i, value in (held or {}).items():
@@ -320,7 +320,7 @@ class Fitter:
         errors, slow = self.errors(at, judged)
         least = self.problem.record.resolution
         noise = {n: noise_of(e, judged.counted[n], least[n]) for n, e in errors.items()}
-        negative_log_prior = 0.5 * (self._strain(at) + float(np.sum(slow**2)))
+        negative_log_prior = 0.5 * (self._prior_squares(at) + float(np.sum(slow**2)))
         judged = replace(judged, noise=noise, slow=judged.drift.given(slow))
         values = self.values(at)
         return Fitted(self.problem, self.joined, values, errors, negative_log_prior, judged)

@@ -85,7 +85,7 @@ class FittedCurve:
     """A fitted curve, with all else in its model.
 
     `amounts`, shape (functions,), are those of `form`, with unit prior. `gain` is that over the
-    model without the curve, less its price.
+    model without the curve, less its penalty.
     """
 
     domain: Domain
@@ -243,7 +243,7 @@ def _descended(
             there = amounts + share * (found[count:] - amounts)
             point = at.copy()
             point[:count] += share * found[:count] * fitter.scale[:count]
-            point = fitter.within(point)
+            point = fitter.clipped(point)
             point[count:] = domain.bends @ form.table @ there
             now = fitter.cost(point, judged) + 0.5 * float(there @ there)
             if now < cost:

@@ -147,8 +147,8 @@ def lacking(recording: Recording, ruleset: Ruleset) -> str:
     assert dynamics is not None
 
     def absent(names: Sequence[str]) -> list[str]:
-        known = recording.values
-        return [n for n in names if n not in known or not np.isfinite(known[n]).any()]
+        values = recording.values
+        return [n for n in names if n not in values or not np.isfinite(values[n]).any()]
 
     if given := absent(dynamics.inputs):
         return f"{', '.join(given)} drives the plant and is not in the recording"

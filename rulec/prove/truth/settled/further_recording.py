@@ -102,7 +102,7 @@ def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:
 
 def _continued(scene: Scene, place: str, given: Mapping[str, Array], count: int) -> Array:
     """A signal that nobody sets, continued by `count` samples beside longer inputs."""
-    values, known, module = scene.around[place], scene.time.size, place.partition(".")[0]
+    values, count_before, module = scene.around[place], scene.time.size, place.partition(".")[0]
 
     def back(values: Array) -> Array:
         """The course and its return the way it came."""
@@ -110,15 +110,15 @@ def _continued(scene: Scene, place: str, given: Mapping[str, Array], count: int)
 
     if place.endswith(".p_1"):
         across = given[f"{module}.dp"]
-        return np.asarray(across + back(values - across[:known]))
+        return np.asarray(across + back(values - across[:count_before]))
     if not (place.endswith(".T") and scene.correlated):
         return back(values)
     load = given[f"{module}.{'dp' if scene.rig.by_load else 'n'}"]
     # T rises by (a + b load - T) / MEMORY per sample; a and b follow from its course so far.
     wanted = values[:-1] + MEMORY * np.diff(values)
-    slope, level = np.polyfit(load[1:known], wanted, 1)
-    found = np.empty(known + count)
-    found[:known] = values
-    for k in range(known, known + count):
+    slope, level = np.polyfit(load[1:count_before], wanted, 1)
+    found = np.empty(count_before + count)
+    found[:count_before] = values
+    for k in range(count_before, count_before + count):
         found[k] = found[k - 1] + (level + slope * load[k] - found[k - 1]) / MEMORY
     return found

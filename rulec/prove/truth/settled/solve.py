@@ -140,8 +140,8 @@ class Operated:
         power = kind.power(p, speed, inner, free - slip)
         idle = kind.power(p, speed, np.zeros_like(flow), free) if kind.rising else power
         state = State(speed, flow, pressure, power, idle, slip)
-        kept = 1.0 - self.total("gain", module, state)
-        return (free - slip) * kept - self.total("slip", module, state), state
+        passed = 1.0 - self.total("gain", module, state)
+        return (free - slip) * passed - self.total("slip", module, state), state
 
     def line_loss(self, name: str, flow: Array, behind: Array | float = 0.0) -> Array:
         """Return the loss of a line or mixer, Pa, with a pressure `behind` it."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ..formulas import Names
-from ..kinds import STATED, counts, difficulties, hiding
+from ..kinds import STATED, counts, difficulties, masked_pairs
 from ..smooth import between
 from .drive import PRODUCTION
 from .effect import EFFECTS, WIRING, Effect, effect_of
@@ -51,13 +51,13 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
     """Names of effects of each case: all in turn, in a drawn order."""
     pairs = _pairs(random)
     pools: Mapping[str, Sequence[tuple[str, ...]]] = {
-        "hiding": hiding("settled"),
+        "hiding": masked_pairs("settled"),
         "wiring": [(name,) for name in WIRING],
         "pair": pairs,
     }
     formula = STATED["settled"][group].get("of", 0)
-    known = ((e, Names(e, {"alone": e.kinds in ALONE})) for e in EFFECTS.values())
-    fitting = [(e.name,) for e, names in known if names.of(formula)]
+    named = ((e, Names(e, {"alone": e.kinds in ALONE})) for e in EFFECTS.values())
+    fitting = [(e.name,) for e, names in named if names.of(formula)]
     pool = pools.get(group) or fitting or [()]
     order = list(random.permutation(len(pool)))
     return [pool[order[i % len(order)]] for i in range(count)]

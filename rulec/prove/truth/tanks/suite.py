@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ..formulas import Names
-from ..kinds import STATED, counts, difficulties, hiding
+from ..kinds import STATED, counts, difficulties, masked_pairs
 from ..streams import stream
 from .effect import possible_effects
 from .plan import Planned
@@ -75,7 +75,7 @@ def _chosen(
     if group == "clean" or group.endswith("-clean"):
         return ()
     if group == "hiding":
-        pairs = hiding("tanks")
+        pairs = masked_pairs("tanks")
         return pairs[number % len(pairs)]
     formula = STATED["tanks"][group]["of"]
     possible = possible_effects(layout).values()
