@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     written = options.force or fitted.holds
     if written:
         write_to(options.output, module_of(document, fitted, name, source))
-    write_json(options, machine_form(fitted, source))
+    write_json(options, json_form(fitted, source))
     _tell(console(options), fitted, options.output, written)
     return 0 if written else 1
 
@@ -79,7 +79,7 @@ def _place(fitted: FittedCurve, one: Compared) -> str:
     return f"{signal.unit.from_si(one.at):.3g} {signal.unit.text}"
 
 
-def machine_form(fitted: FittedCurve, source: str) -> dict[str, Any]:
+def json_form(fitted: FittedCurve, source: str) -> dict[str, Any]:
     """The result as JSON data; parameters in the units of the type."""
     parameters = fitted.kind.parameters
     return {

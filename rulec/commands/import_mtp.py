@@ -15,8 +15,8 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.read import read_around
-from rulec.mtp.imported import Imported, files_of, import_files, machine_form
-from rulec.mtp.limits import MOST_TOLD
+from rulec.mtp.imported import Imported, files_of, import_files, json_form
+from rulec.mtp.limits import MOST_SHOWN
 from rulec.mtp.package import MtpRefused, Oddity
 
 
@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
         file = target / name
         file.parent.mkdir(parents=True, exist_ok=True)
         write_text(file, text)
-    write_json(options, machine_form(modules, refused))
+    write_json(options, json_form(modules, refused))
     out = console(options)
     out.print(_table(modules, refused))
     for _, why in refused:
@@ -80,11 +80,11 @@ def _tell_odd(out: Console, module: Imported) -> None:
         kinds.setdefault(oddity.kind, []).append(oddity)
     for kind, found in kinds.items():
         out.print(styled("[yellow]{}[/] in {}", kind, module.package.file))
-        for oddity in found[:MOST_TOLD]:
+        for oddity in found[:MOST_SHOWN]:
             text = f"  {oddity.place}: {oddity.text}; {oddity.remedy}"
             out.print(one_line(text), soft_wrap=True)
-        if len(found) > MOST_TOLD:
-            out.print(f"  and {len(found) - MOST_TOLD} more of this kind (--json has all)")
+        if len(found) > MOST_SHOWN:
+            out.print(f"  and {len(found) - MOST_SHOWN} more of this kind (--json has all)")
 
 
 def _steps(modules: Sequence[Imported], target: Path) -> Iterator[str]:

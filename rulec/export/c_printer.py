@@ -47,9 +47,9 @@ def _struct(name: str, variables: Sequence[Variable]) -> list[str]:
 
 
 def _body(routine: Routine) -> Iterator[str]:
-    places = {v.name: f"in->{v.name}" for v in routine.inputs}
+    members = {v.name: f"in->{v.name}" for v in routine.inputs}
     outputs = {v.name: f"out->{v.name}" for v in routine.outputs}
-    places |= outputs
+    members |= outputs
     for p in routine.parameters:
         line = f"const double {p.name} = {literal(p.value)}; /* {_plain(p.text)} */"
         yield from broken(line, "    ")
@@ -58,31 +58,31 @@ def _body(routine: Routine) -> Iterator[str]:
         yield from broken(f"/* {_plain(section.title)} */", "    ")
         for s in section.statements:
             target = outputs.get(s.name) or f"const {TYPES[s.kind]} {s.name}"
-            text = f"{target} = {_text(s.expression, places)};"
+            text = f"{target} = {_text(s.expression, members)};"
             comment = f" /* {_plain(s.comment)} */" if s.comment else ""
             yield from broken(text + comment, "    ")
 
 
-def _text(expression: Expression, places: dict[str, str], level: int = 0) -> str:
+def _text(expression: Expression, members: dict[str, str], level: int = 0) -> str:
     """An expression; in brackets if the expression around it binds as strongly."""
     match expression:
         case Number(value):
             return literal(value)
         case Name(name):
-            return places.get(name, name)
+            return members.get(name, name)
         case Apply("neg", (a,)):
-            return f"-{_text(a, places, 5)}"
+            return f"-{_text(a, members, 5)}"
         case Apply("not", (a,)):
-            return f"!({_text(a, places)})"
+            return f"!({_text(a, members)})"
         case Apply("select", (condition, a, b)):
-            text = f"{_text(condition, places, 1)} ? {_text(a, places, 1)} : {_text(b, places)}"
+            text = f"{_text(condition, members, 1)} ? {_text(a, members, 1)} : {_text(b, members)}"
             return f"({text})" if level > 0 else text
         case Apply(name, operands) if name in FUNCTIONS:
-            return f"{FUNCTIONS[name]}({', '.join(_text(e, places) for e in operands)})"
+            return f"{FUNCTIONS[name]}({', '.join(_text(e, members) for e in operands)})"
         case Apply(name, (a, b)):
             own = LEVELS[name]
             right = own if name == "and" else own + 1
-            text = f"{_text(a, places, own)} {SIGNS[name]} {_text(b, places, right)}"
+            text = f"{_text(a, members, own)} {SIGNS[name]} {_text(b, members, right)}"
             return f"({text})" if own < level else text
     raise ValueError(f"no C for {expression}")
 

@@ -96,7 +96,7 @@ def files_of(modules: Sequence[Imported]) -> Mapping[str, str]:
     return files
 
 
-def machine_form(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> Any:
+def json_form(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> Any:
     """All results in JSON form."""
     return {
         "modules": [_module(m) for m in modules],

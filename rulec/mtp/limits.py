@@ -42,7 +42,7 @@ LONGEST_MODULE = 60
 """Most characters of the name of a module type. Origin: standard, kb/schema/module.schema.json,
 with one letter to spare."""
 
-MOST_TOLD = 5
+MOST_SHOWN = 5
 """Most oddities of one kind shown per file; the others are counted. Origin: assumed."""
 
 MOST_TAGS = 20_000

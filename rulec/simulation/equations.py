@@ -139,9 +139,9 @@ class StepEquations:
     @cached_property
     def terms(self) -> tuple[tuple[int, int, float], ...]:
         """Row, observer and factor of every estimate in `zeros`."""
-        rows, places = np.nonzero(self.zeros[:, : len(self.observers)])
-        factors = self.zeros[rows, places]
-        return tuple(zip(rows.tolist(), places.tolist(), factors.tolist(), strict=True))
+        rows, columns = np.nonzero(self.zeros[:, : len(self.observers)])
+        factors = self.zeros[rows, columns]
+        return tuple(zip(rows.tolist(), columns.tolist(), factors.tolist(), strict=True))
 
 
 def _rows(sums: tuple[Mapping[str, float], ...], order: tuple[str, ...]) -> Array:

@@ -108,11 +108,11 @@ def rewrite(
         writer = csv.writer(target, delimiter=sheet.separator, lineterminator="\n")
         header = [with_unit(t, u) for t, u in zip(sheet.titles, sheet.units, strict=True)]
         replaced: dict[int, Iterable[str]] = {}
-        for place in file.header.targets:
-            if place.signal in values and place.index not in replaced:
-                shown = (values[place.signal] - place.offset) / place.factor
-                replaced[place.index] = cells(shown, file.comma)
-        there = {place.signal for place in file.header.targets}
+        for column in file.header.targets:
+            if column.signal in values and column.index not in replaced:
+                shown = (values[column.signal] - column.offset) / column.factor
+                replaced[column.index] = cells(shown, file.comma)
+        there = {column.signal for column in file.header.targets}
         added = [name for name in values if name not in there]
         for name in added:
             title, factor, offset = column_of(name, ruleset)

@@ -198,8 +198,8 @@ class OperatingPoints:
         left = _summed(step.zeros, self._terms(values, share, index)).T
         column = {name: j for j, name in enumerate(step.readings)}
         jacobian = np.zeros((len(step.readings), len(step.readings), k))
-        for row, place, factor in step.terms:
-            for name, slope in slopes[f"q:{step.observers[place]}"].items():
+        for row, observer, factor in step.terms:
+            for name, slope in slopes[f"q:{step.observers[observer]}"].items():
                 j = column[name]
                 jacobian[row, j] += factor * step.scales[j] * slope
         return left, np.moveaxis(jacobian, -1, 0)
@@ -233,6 +233,6 @@ class OperatingPoints:
 def _summed(factors: Array, terms: Array) -> Array:
     """Matrix product, term by term: unlike in BLAS, a column does not depend on the others."""
     result = np.zeros((len(factors), terms.shape[1]))
-    for row, place in zip(*np.nonzero(factors), strict=True):
-        result[row] += factors[row, place] * terms[place]
+    for row, column in zip(*np.nonzero(factors), strict=True):
+        result[row] += factors[row, column] * terms[column]
     return result

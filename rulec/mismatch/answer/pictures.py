@@ -103,8 +103,8 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
     if not len(x) or x.min() == x.max():
         return np.array([]), np.array([])
     edges = np.linspace(x.min(), x.max(), BINS + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)
-    parts = [y[place == i] for i in range(BINS)]
+    bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)
+    parts = [y[bin_ == i] for i in range(BINS)]
     medians = [float(np.median(own)) if len(own) >= FEWEST else np.nan for own in parts]
     return (edges[:-1] + edges[1:]) / 2, np.array(medians)
 

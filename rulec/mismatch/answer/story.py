@@ -88,16 +88,16 @@ def _some(lines: Sequence[str], brief: bool, noun: str, joined: str = "and ") ->
 
 def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
     """Each finding with its place, then places without a finding."""
-    places = list(mismatch.locations)
+    locations = list(mismatch.locations)
     findings = mismatch.findings[:MOST] if brief else mismatch.findings
     for finding in findings:
         columns = finding.sort == "structure"
         name = finding.place if columns else f"{finding.module}.{finding.place}"
-        here = [p for p in places if f"{p.module}.{p.place}" in name.split()]
+        here = [p for p in locations if f"{p.module}.{p.place}" in name.split()]
         # Two findings may share a place; places are in the order of findings.
         here = here if columns else here[:1]
-        facts = [fact for place in here for fact in _place(place, brief)]
-        places = [place for place in places if place not in here]
+        facts = [fact for at in here for fact in _facts_at(at, brief)]
+        locations = [at for at in locations if at not in here]
         facts += finding_facts(finding, brief)
         title = f"{finding.text[:1].upper()}{finding.text[1:]}"
         yield Part(title, _facts(facts, ""), letter(mismatch))
@@ -105,9 +105,9 @@ def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
         left = counted(len(mismatch.findings) - MOST, "other finding")
         yield Part("Others", [Words(f"and {left} (--json has all)")])
         return
-    facts = [fact for place in places[: MOST if brief else None] for fact in _place(place, brief)]
-    if brief and len(places) > MOST:
-        facts.append(("", [f"and {counted(len(places) - MOST, 'other place')}"]))
+    facts = [fact for at in locations[: MOST if brief else None] for fact in _facts_at(at, brief)]
+    if brief and len(locations) > MOST:
+        facts.append(("", [f"and {counted(len(locations) - MOST, 'other place')}"]))
     yield Part("Where the mismatch sits", _facts(facts, ""), letter(mismatch))
 
 
@@ -130,7 +130,7 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
         yield "do", [finding.action]
 
 
-def _place(location: Location, brief: bool) -> Iterator[Fact]:
+def _facts_at(location: Location, brief: bool) -> Iterator[Fact]:
     """A place with its share of the mismatch, its region and periods, and its shape."""
     name = f"{location.module}.{location.place}"
     place = name if location.title in ("", name) else f"{location.title} ({name})"

@@ -140,7 +140,7 @@ LEADS = {
 def _unnamed(named: Sequence[Finding], locations: Sequence[Location]) -> str:
     places = {(f.module, f.place) for f in named}
     unnamed = [at for at in locations if (at.module, at.place) not in places]
-    most = max(unnamed or locations, key=lambda place: place.share, default=None)
+    most = max(unnamed or locations, key=lambda at: at.share, default=None)
     where = f"{most.module}.{most.place}" if most else "the plant"
     shape = most.shape if most else None
     follows = f" It depends on {shape.driver}." if shape and shape.driver != TIME else ""

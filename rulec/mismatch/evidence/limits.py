@@ -259,7 +259,7 @@ FORM_NOT_SEEN = 0.3
 MOVING_KNOWN = 3.0
 """Factor to which the movement of sensor errors is known a priori. Origin: assumed."""
 
-# Noise: of settled points, and of simulations, which wanders.
+# Noise: of settled points, and of simulations, which is correlated in time.
 
 NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
 """Sizes of the noise to try, relative to the expected one. Origin: numerical."""
@@ -267,11 +267,11 @@ NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
 NOISE_KNOWN = 1.5
 """Factor to which the size of the noise is known a priori. Origin: assumed."""
 
-NO_WANDER = 1e-3
-"""Size, in noise, of a wandering error that counts as none. Origin: numerical."""
+NEGLIGIBLE_ERROR = 1e-3
+"""Size, in noise, of a correlated error that counts as none. Origin: numerical."""
 
 SMOOTHNESS = (1.0, 3.0)
-"""Smoothness of the wandering error of a simulation: twice the order of its Matern covariance.
+"""Smoothness of the correlated error of a simulation: twice the order of its Matern covariance.
 Origin: numerical."""
 
 AT_ONCE_GONE = 0.1

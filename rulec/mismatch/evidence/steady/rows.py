@@ -228,8 +228,8 @@ def rows_of(system: System, setting: Configuration) -> Rows:
             if cell is not None:
                 cells.append(cell)
                 start += len(cell.points) * cell.rank
-    places = [np.tile(cell.points, cell.rank) for cell in cells]
-    return Rows(system, tuple(cells), np.concatenate([*places, np.zeros(0, dtype=int)]))
+    numbers = [np.tile(cell.points, cell.rank) for cell in cells]
+    return Rows(system, tuple(cells), np.concatenate([*numbers, np.zeros(0, dtype=int)]))
 
 
 def _cell(

@@ -1,6 +1,6 @@
 """A recording of a plant that stores as evidence: errors of a simulation, and their noise.
 
-A reading has white noise, estimated from its third differences, and a wandering error whose size
+A reading has white noise, estimated from its third differences, and a correlated error whose size
 and correlation time are estimated by likelihood. Models of plants that store are off for long
 stretches, so rows are innovations.
 """
@@ -130,12 +130,12 @@ class StoresEvidence(Evidence):
         return found
 
     def _noises(self) -> Iterator[tuple[float, ...]]:
-        """Sizes of the wandering error to try, in white noise, correlation times in samples, and
+        """Sizes of the correlated error to try, in white noise, correlation times in samples, and
         smoothness, for each signal."""
         for name, flags in self._counted.items():
             span = float(np.std(self._measured[name][flags])) / self.white[name]
             steps = int(np.ceil(np.log2(12.0 * max(span, 1.0))))
-            yield limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()
+            yield limits.NEGLIGIBLE_ERROR, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()
             longest = int(np.log2(len(self.problem.time) / 2.0))
             yield tuple((2.0 ** np.arange(longest + 1)).tolist())
             yield limits.SMOOTHNESS
@@ -194,7 +194,7 @@ class StoresEvidence(Evidence):
     def noise_odds(self, noise: Noise) -> float:
         axes, odds = self.noises, 0.0
         for i, size in enumerate(noise[::3]):
-            if size > limits.NO_WANDER:
+            if size > limits.NEGLIGIBLE_ERROR:
                 odds -= float(np.sum([np.log(len(axis)) for axis in axes[3 * i : 3 * i + 3]]))
         return odds
 
@@ -409,7 +409,7 @@ class StoresEvidence(Evidence):
 
 
 def _of_signals(noise: Noise) -> list[tuple[float, float, float]]:
-    """Size, correlation time and smoothness of the wandering error of each signal."""
+    """Size, correlation time and smoothness of the correlated error of each signal."""
     return list(zip(noise[::3], noise[1::3], noise[2::3], strict=True))
 
 

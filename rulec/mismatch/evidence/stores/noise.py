@@ -81,7 +81,7 @@ def gain(before: Noise, after: Noise, samples: int) -> float:
     return float(count * np.log(before.spread / after.spread))
 
 
-# Innovations of a reading with white noise and a wandering error.
+# Innovations of a reading with white noise and a correlated error.
 #
 # Source: Anderson and Moore 1979, chapter 4 (the Kalman filter that has settled); Hartikainen and
 # Sarkka 2010 (Matern covariances as its models).
@@ -134,7 +134,7 @@ class Innovations:
 
 @lru_cache(maxsize=4096)
 def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
-    """Innovations of white noise of unit variance with a wandering error.
+    """Innovations of white noise of unit variance with a correlated error.
 
     `size` is the standard deviation of the error, `lasts` its correlation time in samples. A
     `smoothness` of 1 is that of a random walk (Matern 1/2); with 3 the slope is correlated too
@@ -233,7 +233,7 @@ def errors_of_sensors(
     problem: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
 ) -> Array:
     """Effects of constant sensor errors within their class on readings, stacked, shape (signals *
-    samples, errors), SI. Errors that move belong to the wandering error of a model."""
+    samples, errors), SI. Errors that move belong to the correlated error of a model."""
     return _moved(problem, list(_classes(problem, ids)), ids, values, problem.record.inputs)
 
 
