@@ -38,7 +38,8 @@ def opened(path: str | Path, most: int | None = None, buffering: int = -1) -> Bi
 def begin_of(path: str | Path, most: int) -> bytes:
     """The first bytes of a file, at most `most`. Raises OSError, ValueError."""
     with opened(path) as file:
-        return file.read(most)
+        # As many bytes as are read are reserved; some files of /proc report no size.
+        return file.read(min(most, os.fstat(file.fileno()).st_size or most))
 
 
 def bytes_of(path: str | Path, most: int) -> bytes:

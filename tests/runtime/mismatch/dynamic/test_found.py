@@ -148,7 +148,7 @@ LOST_FLOW = "upper.overflow-lost@inflow"
 
 def test_a_sound_plant_is_recalibrated_to_its_noise() -> None:
     """Zero and gain of a sensor within its class are no physics."""
-    recording = made(seed=3)
+    recording = made(256, seed=3)
     y = recording.values["lower.y"] * 1.002 + 0.02
     found = search(bench(changed(recording, {"lower.y": y})), lambda text: None)
     (noise,) = found.plain.noise.values()
