@@ -18,7 +18,7 @@ import sympy
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.nearest import did_you_mean
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import memory_of, spread_about
+from rulec_runtime.recordings.robust_statistics import autocorrelation_time, spread_about
 from scipy.optimize import least_squares
 
 from rulec.algebra.graph import Graph
@@ -235,7 +235,7 @@ def _band(
     off, by = out["Q"] - samples.flow, slopes["Q"]
     inverse = np.linalg.pinv(by[CURVE][..., None] * weights)
     variance = float(np.sum(off**2)) / max(len(off) - len(knots), 1)
-    variance *= memory_of(off, np.ones(len(off), dtype=bool))
+    variance *= autocorrelation_time(off, np.ones(len(off), dtype=bool))
     total = variance * np.sum(inverse**2, axis=1)
     for name in dict.fromkeys([*u_of, *errors]):
         moved = by.get(name, 0.0) * u_of.get(name, 0.0) - errors.get(name, np.zeros(len(off)))

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust_statistics import Flags, correlations_of, memory_of
+from rulec_runtime.recordings.robust_statistics import Flags, autocorrelation_time, correlations_of
 from rulec_runtime.recordings.stationary import systematic_u
 from scipy.linalg import solve_discrete_are, toeplitz
 from scipy.linalg.lapack import dtbtrs

@@ -1,6 +1,6 @@
 """Diagnosis of a plant that stores: its balances fitted to a moving window of the recording.
 
-windows -> usual misfit -> judge -> spells -> findings. The result types are those of a plant that
+windows -> usual misfit -> judge -> runs -> findings. The result types are those of a plant that
 settles, so reports, plots and files are the same.
 """
 
@@ -15,7 +15,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.free_balances import with_free_states
-from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
+from rulec_runtime.diagnosis.stores.joined_windows import Cause, Run, deviating_runs
 from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed, weighed
 from rulec_runtime.diagnosis.stores.windows import NO_READING, windows_of
 from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
@@ -35,18 +35,18 @@ class StoresJudged:
 def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     """Judge a recording of a plant that stores."""
     found = weighed(ruleset, windows_of(recording, ruleset))
-    spells = spells_of(found.judged, ruleset.fault_by_id)
+    runs = deviating_runs(found.judged, ruleset.fault_by_id)
     result = Found([], [], _not_judged(found), latest_of(found))
-    for spell in spells:
-        (since, until), cause = _times(found, spell), spell.cause
-        if spell.brief and not _beside_another(spells, spell):
+    for run in runs:
+        (since, until), cause = _times(found, run), run.cause
+        if run.brief and not _beside_another(runs, run):
             what = f"{cause.fault} would fit" if cause else "the balances do not fit"
             text = f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
             result.not_judged.append(Period(since, until, text))
-        elif not spell.brief and cause is None:
-            result.unknown.append(Period(since, until, _unknown(found, spell)))
-        elif not spell.brief and cause is not None:
-            result.findings.append(_finding(found, spells, spell, cause))
+        elif not run.brief and cause is None:
+            result.unknown.append(Period(since, until, _unknown(found, run)))
+        elif not run.brief and cause is not None:
+            result.findings.append(_finding(found, runs, run, cause))
     covered = np.zeros(len(recording), dtype=bool)
     for one in found.judged:
         if one.plain is not None:
@@ -56,44 +56,44 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     return StoresJudged(judged=found.judged, found=result, notes=notes, covered=covered)
 
 
-def _times(found: Weighed, spell: Spell) -> tuple[float, float]:
-    first, last = (found.judged[spell.members[end]].window for end in (0, -1))
+def _times(found: Weighed, run: Run) -> tuple[float, float]:
+    first, last = (found.judged[run.members[end]].window for end in (0, -1))
     return float(first.time[0]), float(last.time[-1])
 
 
-def _beside_another(spells: Sequence[Spell], own: Spell) -> bool:
-    """Whether it is the edge of a spell that is reported anyway."""
+def _beside_another(runs: Sequence[Run], own: Run) -> bool:
+    """Whether it is the edge of a run that is reported anyway."""
     first, behind = own.members.start, own.members.stop
     return any(
         not other.brief and other.members.start <= behind and first <= other.members.stop
-        for other in spells
+        for other in runs
     )
 
 
-def _unknown(found: Weighed, spell: Spell) -> str:
+def _unknown(found: Weighed, run: Run) -> str:
     """The reading that the balances miss most."""
     outputs = found.model.dynamics.outputs
     off = np.zeros(len(outputs))
-    for plain in (found.judged[i].plain for i in spell.members):
+    for plain in (found.judged[i].plain for i in run.members):
         if plain is not None:
             off += np.nan_to_num((plain.error / found.model.spread) ** 2).sum(axis=0)
     what = f"{outputs[int(np.argmax(off))]} moves in a way that the balances explain with no known"
     return f"nothing known fits: {what} fault"
 
 
-def _finding(found: Weighed, spells: Sequence[Spell], spell: Spell, cause: Cause) -> Finding:
+def _finding(found: Weighed, runs: Sequence[Run], run: Run, cause: Cause) -> Finding:
     fault, judged = found.model.ruleset.fault_by_id[cause.fault], found.judged
-    first, last = spell.members[0], spell.members[-1]
+    first, last = run.members[0], run.members[-1]
     edges = [
-        _edge(found, _sound(judged, places, beside, fault.id), judged[faulty], cause)
-        for places, beside, faulty in (
-            (range(first - 1, -1, -1), first, spell.inside[0]),
-            (range(last + 1, len(judged)), last, spell.inside[-1]),
+        _edge(found, _sound(judged, order, beside, fault.id), judged[faulty], cause)
+        for order, beside, faulty in (
+            (range(first - 1, -1, -1), first, run.inside[0]),
+            (range(last + 1, len(judged)), last, run.inside[-1]),
         )
     ]
-    times = zip(edges, _times(found, spell), strict=True)
+    times = zip(edges, _times(found, run), strict=True)
     since, until = (time if edge is None else edge for edge, time in times)
-    strongest = judged[max(spell.inside, key=lambda i: judged[i].chi)]
+    strongest = judged[max(run.inside, key=lambda i: judged[i].chi)]
     return Finding(
         fault,
         cause.degree,
@@ -105,12 +105,12 @@ def _finding(found: Weighed, spells: Sequence[Spell], spell: Spell, cause: Cause
         cause.rivals,
         cause.remote,
         (),
-        evidence_of(found, spell, cause),
+        evidence_of(found, run, cause),
         tuple(_readings(found, strongest)),
         (),
-        strongest.known.windows,
+        strongest.prior.windows,
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
-        _behind(found, spells, spell, fault.id, until),
+        _behind(found, runs, run, fault.id, until),
     )
 
 
@@ -126,21 +126,21 @@ def _edge(found: Weighed, sound: Judged | None, faulty: Judged, cause: Cause) ->
     moved, time = replace(found.model, balances=balances), window.time
     assert one.plain is not None
     guess, best, when = one.plain.unknowns, np.inf, float(time[0])
-    places = np.unique(np.linspace(0, len(time) - 1, limits.EDGE_PLACES).astype(int))
-    for place in places.tolist():
-        later = np.arange(len(time)) >= place
+    firsts = np.unique(np.linspace(0, len(time) - 1, limits.EDGE_TIMES).astype(int))
+    for first in firsts.tolist():
+        later = np.arange(len(time)) >= first
         course = np.where(later == begins, cause.degree, 0.0)
         own = replace(window, inputs=np.column_stack([window.inputs, course]))
-        fitted = moved.fit(own, sound.known, guess)
+        fitted = moved.fit(own, sound.prior, guess)
         if fitted is not None and fitted.chi < best:
-            best, when, guess = fitted.chi, float(time[place]), fitted.unknowns
+            best, when, guess = fitted.chi, float(time[first]), fitted.unknowns
     return when
 
 
-def _sound(judged: Sequence[Judged], places: range, beside: int, fault: str) -> Judged | None:
+def _sound(judged: Sequence[Judged], order: range, beside: int, fault: str) -> Judged | None:
     """The nearest window of the same piece that would show a fault but does not, if only brief
     deviations are in between."""
-    for i in places:
+    for i in order:
         one = judged[i]
         if one.window.piece != judged[beside].window.piece or one.plain is None:
             return None
@@ -151,14 +151,12 @@ def _sound(judged: Sequence[Judged], places: range, beside: int, fault: str) -> 
     return None
 
 
-def _behind(
-    found: Weighed, spells: Sequence[Spell], spell: Spell, fault: str, until: float
-) -> str | None:
-    """What follows a spell: as many windows without the fault as a finding needs; the end; or a
+def _behind(found: Weighed, runs: Sequence[Run], run: Run, fault: str, until: float) -> str | None:
+    """What follows a run: as many windows without the fault as a finding needs; the end; or a
     part that could not be judged."""
     # Deviating windows may hold a part of the fault, unless something else is reported for them.
-    other = {i for one in spells if not one.brief for i in one.members}
-    later = range(spell.members.stop, len(found.judged))
+    other = {i for one in runs if not one.brief for i in one.members}
+    later = range(run.members.stop, len(found.judged))
     behind = [i for i in later if found.judged[i].lacks(fault)]
     gone = sum(not found.judged[i].deviating or i in other for i in behind)
     if gone >= limits.WINDOWS_IN_A_ROW:
@@ -178,12 +176,12 @@ def _readings(found: Weighed, one: Judged) -> Iterator[tuple[str, float]]:
 def _not_judged(found: Weighed) -> list[Period]:
     """Windows that could not be judged, neighbours with the same reason joined."""
     periods: list[Period] = []
-    there = np.any([piece.known > 0.0 for piece in found.windows.pieces], axis=0)
+    there = np.any([piece.completeness > 0.0 for piece in found.windows.pieces], axis=0)
     before = ""
     for one in found.judged:
         because = one.window.because or "the balances have no solution here"
         if one.plain is not None:
-            lacking = there & (one.window.known < limits.WINDOW_KNOWN)
+            lacking = there & (one.window.completeness < limits.WINDOW_COMPLETE)
             blind = np.array(found.model.dynamics.outputs)[lacking].tolist()
             because = f"in part: {NO_READING.format(' and '.join(blind))}" if blind else ""
         since, until = float(one.window.time[0]), float(one.window.time[-1])
@@ -203,7 +201,7 @@ def _notes(found: Weighed) -> Iterator[str]:
     windows, model = found.windows, found.model
     if windows.thinned > 1:
         yield f"{windows.thinned} samples at a time were averaged"
-    measured = np.any([piece.known > 0.0 for piece in windows.pieces], axis=0)
+    measured = np.any([piece.completeness > 0.0 for piece in windows.pieces], axis=0)
     remarkable = measured & (found.misfit > limits.REMARKABLE_MISFIT * windows.noise)
     for i in np.flatnonzero(remarkable).tolist():
         signal = model.ruleset.signal_by_id[model.dynamics.outputs[i]]

@@ -10,14 +10,14 @@ from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
-from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, windows_needed
+from rulec_runtime.diagnosis.stores.joined_windows import Cause, Run, windows_needed
 from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed
 from rulec_runtime.simulation.balances import RanAway
 
 
-def evidence_of(found: Weighed, spell: Spell, cause: Cause) -> tuple[Evidence, ...]:
+def evidence_of(found: Weighed, run: Run, cause: Cause) -> tuple[Evidence, ...]:
     """One entry per reading that balances predict."""
-    model, members = found.model, spell.members
+    model, members = found.model, run.members
     target = found.judged[members[min(2, len(members) - 1)]]
     before = found.judged[members[0] - 1] if members[0] else target
     calm = before.plain is not None and not before.deviating

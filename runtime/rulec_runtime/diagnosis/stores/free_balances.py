@@ -35,10 +35,10 @@ def with_free_states(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balanc
     starts = [start_of(s.id) for s in dynamics.states]
     errors = [error_of(name) for name in dynamics.inputs]
     inputs = (*old.inputs, *starts, *errors)
-    place = {name: i for i, name in enumerate(inputs)}
+    index = {name: i for i, name in enumerate(inputs)}
     first, more = len(inputs) + len(old.constants), len(starts) + len(errors)
-    true: list[Operation] = [("sub", place[n], place[error_of(n)]) for n in dynamics.inputs]
-    corrected = {place[name]: first + i for i, name in enumerate(dynamics.inputs)}
+    true: list[Operation] = [("sub", index[n], index[error_of(n)]) for n in dynamics.inputs]
+    corrected = {index[name]: first + i for i, name in enumerate(dynamics.inputs)}
 
     def moved(i: int) -> int:
         if i < len(old.inputs):
@@ -49,7 +49,7 @@ def with_free_states(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balanc
         (name, moved(a), 0 if name in UNARY else moved(b)) for name, a, b in old.operations
     ]
     outputs = {name: moved(i) for name, i in old.outputs.items()}
-    outputs |= {f"start:{s.id}": place[start_of(s.id)] for s in dynamics.states}
+    outputs |= {f"start:{s.id}": index[start_of(s.id)] for s in dynamics.states}
     plan = Plan(inputs, old.constants, (*true, *operations), outputs)
     return Balances(
         plan,

@@ -21,7 +21,7 @@ from rulec_runtime.diagnosis.stores.judge_windows import Judged
 
 @dataclass(frozen=True)
 class Cause:
-    """A fault that explains a spell, with its alternatives."""
+    """A fault that explains a deviation, with its alternatives."""
 
     fault: str
     degree: float
@@ -33,7 +33,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Spell:
+class Run:
     """Deviating windows in a row, by their numbers; `cause` is None if nothing known fits, `brief`
     if it does not persist."""
 
@@ -47,32 +47,30 @@ class Spell:
         return _inside(self.members)
 
 
-def spells_of(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list[Spell]:
-    """All spells of a recording; `faults` by id, in the order of the ruleset."""
-    found: list[Spell] = []
-    for (_, deviating), places in groupby(
+def deviating_runs(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list[Run]:
+    """All runs of a recording; `faults` by id, in the order of the ruleset."""
+    found: list[Run] = []
+    for (_, deviating), run in groupby(
         range(len(judged)), lambda i: (judged[i].window.piece, judged[i].deviating)
     ):
         if deviating:
-            first, *others = places
+            first, *others = run
             found += _explained(judged, range(first, first + 1 + len(others)), faults)
     return found
 
 
-def _explained(
-    judged: Sequence[Judged], run: range, faults: Mapping[str, FaultSpec]
-) -> list[Spell]:
+def _explained(judged: Sequence[Judged], run: range, faults: Mapping[str, FaultSpec]) -> list[Run]:
     """One fault for all windows of a run if there is one; else one after the other. If none of them
     persists, but the deviation does, nothing known fits."""
     needed, inside = windows_needed(judged, run[0]), _inside(run)
     counts = Counter(name for i in inside for name in judged[i].fitting)
     most = {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
     found = [
-        Spell(part, _cause(judged, part, names, faults) if names else None, len(part) < needed)
+        Run(part, _cause(judged, part, names, faults) if names else None, len(part) < needed)
         for part, names in ([(run, most)] if most else _parts(judged, run))
     ]
-    if len(run) >= needed and all(spell.brief for spell in found):
-        return [Spell(run, None, False)]
+    if len(run) >= needed and all(one.brief for one in found):
+        return [Run(run, None, False)]
     return found
 
 
@@ -89,9 +87,9 @@ def _parts(judged: Sequence[Judged], run: range) -> Iterator[tuple[range, set[st
     yield range(first, run.stop), fitting
 
 
-def windows_needed(judged: Sequence[Judged], place: int) -> int:
+def windows_needed(judged: Sequence[Judged], index: int) -> int:
     """Number of windows in a row that a finding needs, in the piece of one of them."""
-    beside = sum(one.window.piece == judged[place].window.piece for one in judged)
+    beside = sum(one.window.piece == judged[index].window.piece for one in judged)
     return min(limits.WINDOWS_IN_A_ROW, beside)
 
 
@@ -117,7 +115,7 @@ def _cause(
         for name in names
     ]
     weight = 0.5 if len(inside) > 1 else 1.0
-    evidence = np.round(-0.5 * weight * np.sum(left, axis=1)[:, None], limits.SPELL_DECIMALS)
+    evidence = np.round(-0.5 * weight * np.sum(left, axis=1)[:, None], limits.EVIDENCE_DECIMALS)
     prior = np.log([[faults[name].odds] for name in names])
     posterior, unprejudiced = (shares(e)[:, 0].tolist() for e in (evidence + prior, evidence))
     weighed = [Other(*one) for one in zip(names, posterior, unprejudiced, strict=True)]

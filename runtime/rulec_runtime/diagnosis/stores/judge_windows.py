@@ -21,9 +21,9 @@ from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
-from rulec_runtime.diagnosis.stores.window_fit import Fitted, KnownErrors, Model, model_of
+from rulec_runtime.diagnosis.stores.window_fit import ErrorEstimate, Fitted, Model, model_of
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
-from rulec_runtime.recordings.robust_statistics import memory_of
+from rulec_runtime.recordings.robust_statistics import autocorrelation_time
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Tested:
 
 @dataclass(frozen=True)
 class Judged:
-    """A window, the errors known before it, and the result.
+    """A window, the estimate of the errors before it, and the result.
 
     `freedom` is the number of independent values in its readings; `floor` the standard uncertainty
     of the degree of each fault near 0 (absent: the window cannot show it); `tests` exist if it is
@@ -51,7 +51,7 @@ class Judged:
     """
 
     window: Window
-    known: KnownErrors
+    prior: ErrorEstimate
     plain: Fitted | None = None
     freedom: int = 0
     deviating: bool = False
@@ -84,16 +84,16 @@ class Judge:
     def judge(self, windows: Sequence[Window], learning: bool = True) -> list[Judged]:
         """Judge all windows in order of time; without `learning` each with the prior only."""
         errors, states = self.model.errors, self.model.states
-        known = KnownErrors(np.zeros(len(errors)), np.eye(len(errors)))
+        estimate = ErrorEstimate(np.zeros(len(errors)), np.eye(len(errors)))
         # Constants, which have a value, do not drift.
         drifts = np.array([e.value == 0.0 for e in errors], dtype=bool)
         chance = alarm_chance(len(windows))
         result: list[Judged] = []
         learned = -np.inf
         for window in windows:
-            now = known.later(window.middle, drifts)
+            prior = estimate.later(window.middle, drifts)
             before = result[-1] if result and result[-1].window.piece == window.piece else None
-            judged = self._judged(Judged(window, now), before, chance)
+            judged = self._judged(Judged(window, prior), before, chance)
             result.append(judged)
             plain = judged.plain
             if not learning or window.time[0] <= learned or plain is None or judged.deviating:
@@ -101,7 +101,7 @@ class Judge:
             if plain.chi < chi_square_limit(judged.freedom, common.CALM):
                 covariance = plain.covariance[states:, states:]
                 mean = plain.unknowns[states:]
-                known = KnownErrors(mean, covariance, window.middle, now.windows + 1)
+                estimate = ErrorEstimate(mean, covariance, window.middle, prior.windows + 1)
                 learned = float(window.time[-1])
         return result
 
@@ -113,7 +113,7 @@ class Judge:
         starts = [*starts, nominal_starts(self.model.dynamics)]
         counts = np.isfinite(one.window.measured).sum(axis=0)
         freedom = max(int(float(counts @ self.share) - self.model.states), 1)
-        guesses = [np.append(start, one.known.mean) for start in starts]
+        guesses = [np.append(start, one.prior.mean) for start in starts]
         plain = self._best(one, guesses, chi_square_limit(freedom, quantile(chance)))
         if plain is None:
             return one
@@ -139,7 +139,7 @@ class Judge:
         """The best fit, with some degrees free; guesses are tried until one is good enough."""
         best: Fitted | None = None
         for guess in guesses:
-            found = self.model.fit(one.window, one.known, guess, faults)
+            found = self.model.fit(one.window, one.prior, guess, faults)
             if found is not None and (best is None or found.chi < best.chi):
                 best = found
             if best is not None and best.chi < limit:
@@ -150,7 +150,7 @@ class Judge:
         """Gradient by each degree at 0, and the information on it with all errors free."""
         count = len(plain.unknowns)
         unknowns = np.append(plain.unknowns, np.zeros(len(self.faults)))
-        every = self.model.at(one.window, one.known, unknowns, self.faults)
+        every = self.model.at(one.window, one.prior, unknowns, self.faults)
         assert every is not None, "the same course as without faults"
         shared = every.information[:count, count:]
         explained, whole = plain.covariance @ shared, np.diag(every.information)[count:]
@@ -163,7 +163,7 @@ class Judge:
     ) -> Tested:
         """Fit a fault: from where it fitted the window before, then from the fit without it, with
         the degree by its slopes."""
-        fault, plain, mean = self.model.ruleset.fault_by_id[name], one.plain, one.known.mean
+        fault, plain, mean = self.model.ruleset.fault_by_id[name], one.plain, one.prior.mean
         assert plain is not None
         size = [np.clip(degree, limits.SMALLEST_START, limits.LARGEST_START * fault.highest)]
         starts, errors = np.split(plain.unknowns, [self.model.states])
@@ -223,11 +223,11 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     """Find the usual misfit, and judge all windows with it."""
     model = model_of(ruleset, windows.noise, windows.level)
     alone = Judge(model, np.ones(len(windows.noise)), ()).judge(windows.members, learning=False)
-    misfit, memory = _left(alone, windows.noise)
+    misfit, correlation = _left(alone, windows.noise)
     left = limits.LARGEST_MISFIT**2
     for last in range(limits.MISFIT_PASSES + 1):
-        weights = replace(model, spread=misfit * np.sqrt(memory))
-        judge = Judge(weights, 1.0 / memory, model.dynamics.faults)
+        weights = replace(model, spread=misfit * np.sqrt(correlation))
+        judge = Judge(weights, 1.0 / correlation, model.dynamics.faults)
         judged = judge.judge(windows.members)
         ratios = [j.chi / j.freedom for j in judged if j.plain is not None]
         more = min(float(np.quantile(ratios, limits.USUAL_MISFIT)) if ratios else 0.0, left)
@@ -241,13 +241,13 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
 def _left(judged: Sequence[Judged], noise: Array) -> tuple[Array, Array]:
     """Robust standard deviation and correlation time of the residuals of each output."""
     errors = [j.plain.error for j in judged if j.plain is not None]
-    misfit, memory = noise.copy(), np.ones(len(noise))
+    misfit, correlation = noise.copy(), np.ones(len(noise))
     for i in range(len(noise)):
         own = [(e[:, i], np.isfinite(e[:, i])) for e in errors if np.isfinite(e[:, i]).any()]
         if own:
-            spreads = [float(np.sqrt(np.mean(e[known] ** 2))) for e, known in own]
+            spreads = [float(np.sqrt(np.mean(e[finite] ** 2))) for e, finite in own]
             misfit[i] = max(float(np.quantile(spreads, limits.USUAL_MISFIT)), noise[i])
-            lags = [memory_of(e, known) for e, known in own]
-            found = float(np.quantile(lags, limits.USUAL_MISFIT))
-            memory[i] = found if found > limits.SLOW_ERROR else 1.0
-    return misfit, memory
+            times = [autocorrelation_time(e, finite) for e, finite in own]
+            found = float(np.quantile(times, limits.USUAL_MISFIT))
+            correlation[i] = found if found > limits.SLOW_ERROR else 1.0
+    return misfit, correlation

@@ -18,7 +18,7 @@ PAUSE_STORES = 20.0
 """Sampling intervals without a sample that balances cannot be followed across: what is given may
 have been anything. Origin: assumed."""
 
-WINDOW_KNOWN = 0.8
+WINDOW_COMPLETE = 0.8
 """Share of the samples of a window in which given readings, and some measured one, must be there.
 Origin: assumed."""
 
@@ -42,7 +42,7 @@ SLOW_ERROR = 1.5
 REMARKABLE_MISFIT = 1.5
 """Usual misfit over noise from which on it is worth a remark. Origin: assumed."""
 
-EDGE_PLACES = 32
+EDGE_TIMES = 32
 """Times that are tried for the beginning or the end of a fault. Origin: assumed."""
 
 HIDDEN_EFFECT = 1e-9
@@ -60,7 +60,7 @@ assumed."""
 FITS_MOST = 0.8
 """Share of windows that a fault must fit in to explain all of them. Origin: assumed."""
 
-SPELL_DECIMALS = 2
+EVIDENCE_DECIMALS = 2
 """Decimals of log-likelihoods: faults that a fit tells apart by less are named in their order.
 Origin: numerical, windows are fitted no closer."""
 

@@ -50,7 +50,7 @@ class LastingError:
 
 
 @dataclass(frozen=True)
-class KnownErrors:
+class ErrorEstimate:
     """What is known about all errors: mean and covariance, at a time, from so many windows."""
 
     mean: Array
@@ -58,11 +58,11 @@ class KnownErrors:
     time: float = 0.0
     windows: int = 0
 
-    def later(self, time: float, drifts: Array) -> KnownErrors:
+    def later(self, time: float, drifts: Array) -> ErrorEstimate:
         """What is still known at a later time; `drifts` flags those that return to their prior."""
-        kept = np.where(drifts, remembered(time - self.time), 1.0)
-        covariance = self.covariance * np.outer(kept, kept) + np.diag(1.0 - kept**2)
-        return replace(self, mean=kept * self.mean, covariance=covariance, time=time)
+        share = np.where(drifts, remembered(time - self.time), 1.0)
+        covariance = self.covariance * np.outer(share, share) + np.diag(1.0 - share**2)
+        return replace(self, mean=share * self.mean, covariance=covariance, time=time)
 
 
 @dataclass(frozen=True)
@@ -127,16 +127,16 @@ class Model:
         time = window.time - window.time[0]
         course = self.balances.run(time, window.inputs, held, values, seeds)
         shown, slopes = course.shown.copy(), course.slopes.copy()
-        for place, error, x in own:
+        for column, error, x in own:
             if error.input:
-                slopes[:, :, place] *= error.slope(x)
+                slopes[:, :, column] *= error.slope(x)
             else:
                 shown[:, error.output] += error.at(x)
-                slopes[:, error.output, place] = error.slope(x)
+                slopes[:, error.output, column] = error.slope(x)
         return shown, slopes, course.states
 
     def at(
-        self, window: Window, known: KnownErrors, unknowns: Array, faults: Sequence[str] = ()
+        self, window: Window, prior: ErrorEstimate, unknowns: Array, faults: Sequence[str] = ()
     ) -> Fitted | None:
         """How well some unknowns fit; None if they cannot be simulated."""
         try:
@@ -144,10 +144,10 @@ class Model:
         except RanAway:
             return None
         error = window.measured - shown
-        there, certain = np.isfinite(error), inverse(known.covariance)
+        there, certain = np.isfinite(error), inverse(prior.covariance)
         rows, table = (error / self.spread)[there], (slopes / self.spread[:, None])[there]
         own = slice(self.states, self.states + len(self.errors))
-        off = unknowns[own] - known.mean
+        off = unknowns[own] - prior.mean
         chi = float(rows @ rows + off @ certain @ off)
         if not chi < limits.LARGEST_CHI_SQUARE:
             return None
@@ -157,7 +157,7 @@ class Model:
         return Fitted(unknowns, chi, error, states, information, pull)
 
     def fit(
-        self, window: Window, known: KnownErrors, guess: Array, faults: Sequence[str] = ()
+        self, window: Window, prior: ErrorEstimate, guess: Array, faults: Sequence[str] = ()
     ) -> Fitted | None:
         """The most probable unknowns, from a guess; degrees stay in their range. None if nothing
         can be simulated."""
@@ -165,7 +165,7 @@ class Model:
         free, damping = np.full(len(guess) - len(specs), np.inf), limits.FIRST_DAMPING
         low = np.append(-free, [spec.lowest for spec in specs])
         high = np.append(free, [s.highest * (1.0 - common.BELOW_HIGHEST) for s in specs])
-        best = self.at(window, known, guess, faults)
+        best = self.at(window, prior, guess, faults)
         for _ in range(limits.WINDOW_STEPS):
             if best is None or damping > limits.LARGEST_DAMPING:
                 break
@@ -174,7 +174,7 @@ class Model:
             )
             step, own = np.zeros(len(guess)), best.information[np.ix_(~ended, ~ended)]
             step[~ended] = inverse(own + damping * np.diag(np.diag(own))) @ best.pull[~ended]
-            trial = self.at(window, known, np.clip(best.unknowns + step, low, high), faults)
+            trial = self.at(window, prior, np.clip(best.unknowns + step, low, high), faults)
             if trial is None or not trial.chi < best.chi:
                 damping *= limits.MORE_DAMPING
                 continue

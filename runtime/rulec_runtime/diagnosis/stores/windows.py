@@ -40,7 +40,7 @@ class Window:
         return float(0.5 * (self.time[0] + self.time[-1]))
 
     @property
-    def known(self) -> Array:
+    def completeness(self) -> Array:
         """Share of the samples in which each output was measured, shape (outputs,)."""
         return np.asarray(np.isfinite(self.measured).mean(axis=0))
 
@@ -165,12 +165,12 @@ def _window(dynamics: Dynamics, piece: Window, number: int, first: int, length: 
     window = Window(
         time=piece.time[rows], inputs=inputs, measured=measured, piece=number, first=first
     )
-    given = np.isfinite(inputs).mean(axis=0) >= limits.WINDOW_KNOWN
+    given = np.isfinite(inputs).mean(axis=0) >= limits.WINDOW_COMPLETE
     because = [
         f"{n} has no reading" for n, there in zip(dynamics.inputs, given, strict=True) if not there
     ]
-    if not (window.known >= limits.WINDOW_KNOWN).any():
-        some = zip(dynamics.outputs, piece.known > 0.0, strict=True)
+    if not (window.completeness >= limits.WINDOW_COMPLETE).any():
+        some = zip(dynamics.outputs, piece.completeness > 0.0, strict=True)
         names = [name for name, there in some if there] or dynamics.outputs
         because.append(NO_READING.format(" and ".join(names)))
     if because:

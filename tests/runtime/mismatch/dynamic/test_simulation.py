@@ -8,7 +8,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.columns import glitches_in, runs_of_same
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust_statistics import memory_of
+from rulec_runtime.recordings.robust_statistics import autocorrelation_time
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.simulation.balances import RanAway
 from scipy.linalg import toeplitz
@@ -131,9 +131,11 @@ def test_memory_of_a_fading_error(rho: float, expected: float) -> None:
     """The sum of squared correlations of an AR(1) process is (1 + rho**2)/(1 - rho**2), also where
     blocks are held out, which are no zeros; that of white noise is 1 to the last digit."""
     error = lfilter([1.0], [1.0, -rho], np.random.default_rng(1).standard_normal(N))
-    assert memory_of(error, ALL) == pytest.approx(expected, rel=0.2 if rho else 0.0)
+    assert autocorrelation_time(error, ALL) == pytest.approx(expected, rel=0.2 if rho else 0.0)
     known = (np.arange(N) // 400) % 5 != 2
-    assert memory_of(error, known) == pytest.approx(memory_of(error, ALL), rel=0.15)
+    assert autocorrelation_time(error, known) == pytest.approx(
+        autocorrelation_time(error, ALL), rel=0.15
+    )
 
 
 def test_noise_that_lasts_is_counted() -> None:
