@@ -90,12 +90,12 @@ class Metric:
         return Metric(*tables, self.basis)
 
     def moving(self, places: Sequence[int]) -> ChiSquare:
-        """Chi-square where some flows move, by their places; those of a problem are these flows of
+        """Chi-square where some flows move, by their rows; those of a problem are these flows of
         one point after the other."""
-        rank, (n, rows) = len(self.basis), self.weighted.shape
-        own, points = self.basis[:, places], rows // rank
+        rank, (n, size) = len(self.basis), self.weighted.shape
+        own, points = self.basis[:, places], size // rank
         moved = points * len(places)
-        half = self.inverse.reshape(n, rows * points, rank) @ own
+        half = self.inverse.reshape(n, size * points, rank) @ own
         curvature = (own.T @ half.reshape(n, points, rank, moved)).reshape(n, moved, moved)
         slope = (self.weighted.reshape(n, points, rank) @ own).reshape(n, moved)
         columns = np.ascontiguousarray(slope.T), np.ascontiguousarray(curvature.transpose(1, 2, 0))

@@ -146,7 +146,7 @@ def _fits_alike(
     shown: Sequence[int] = range(len(singles))
     if len(test.basis) >= limits.MANY_RESIDUALS:
         basis, shown = _contrasts(ruleset, observed, isolation, stacks)
-        test = test.seen_by(basis)
+        test = test.in_basis(basis)
     asked = [[one in own for own in candidates] for one in singles]
     tried, times = [np.array(asked, dtype=bool)], [ONSET]
     if len(first.learned):

@@ -48,16 +48,16 @@ class Contrasts:
     def rows(self, fault: int) -> dict[tuple[int, int], Array]:
         """Combinations of the flows that show a fault, shape (flows,) each; for one that moves many
         flows, the most informative ones, and the sum of all."""
-        places, slopes = self.test.each[fault]
+        rows, slopes = self.test.each[fault]
         slope, found = slopes[:, 0, 0], {}
         for k, weight in enumerate(self._weights):
-            most = np.arange(len(places))
-            if len(places) > limits.ROWS_OF_A_FAULT:
-                together = slope @ weight[places]
-                share = np.abs(slope * together[places])
+            most = np.arange(len(rows))
+            if len(rows) > limits.ROWS_OF_A_FAULT:
+                together = slope @ weight[rows]
+                share = np.abs(slope * together[rows])
                 most = np.argsort(-share, kind="stable")[: limits.ROWS_OF_A_FAULT - 1]
                 found[k, -1 - fault] = together
-            found |= {(k, places[i]): weight[places[i]] for i in most.tolist()}
+            found |= {(k, rows[i]): weight[rows[i]] for i in most.tolist()}
         return found
 
     def basis(self, faults: Iterable[int]) -> tuple[Array, list[int]]:

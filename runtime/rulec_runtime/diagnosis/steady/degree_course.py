@@ -22,7 +22,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import times_of
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
-from rulec_runtime.diagnosis.steady.degree_search import Trial
+from rulec_runtime.diagnosis.steady.degree_search import DegreeSearch
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, stacked_test, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import spread_evenly
@@ -308,13 +308,13 @@ class Stack:
         whitening matrix; `lenient`: with the tolerance of its law. None if the law has no value
         there."""
         spec, test = self.test.ruleset.faults[fault], self.test
-        here = replace(test, present=degree[:, None], known=None)
-        trial = Trial(test=here, faults=(spec,), touched=test.touched((spec,)))
-        moved, slopes = trial.moved_and_slopes(degree[None, :, None])
-        own = test.basis[:, trial.places]
+        here = replace(test, present=degree[:, None], computed=None)
+        search = DegreeSearch(test=here, faults=(spec,), touched=test.touched((spec,)))
+        moved, slopes = search.moved_and_slopes(degree[None, :, None])
+        own = test.basis[:, search.rows]
         residuals = test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()
         table = self._in_columns((own @ slopes[:, 0, :, 0]).T.ravel())
-        covariance = test.covariance(trial.scales(np.ones((1, 1))))[0]
+        covariance = test.covariance(search.scales(np.ones((1, 1))))[0]
         if lenient:
             for row, column in zip(moved[:, :, 0], own.T, strict=True):
                 off = spec.tolerance * np.outer(row, column).ravel()
@@ -343,13 +343,13 @@ def stack_of(
     time, present = times_of(observed)[members], np.ones((len(members), 1))
     if len(members) < limits.POINTS_THAT_GROW or not np.all(np.diff(time) > 0.0):
         return None
-    test = stacked_test(ruleset, observed, valid, members[:, None], present, wanders=limits.WANDERS)
+    test = stacked_test(ruleset, observed, valid, members[:, None], present, limits.DRIFT_TIMES)
     if len(test.basis) >= limits.MANY_RESIDUALS:
         one = test_of(ruleset, observed, valid, members[len(members) // 2 :][:1])
         some, shown = Contrasts(one, len(members)).basis(named)
         if not shown:
             return None
-        test = test.seen_by(some)
+        test = test.in_basis(some)
     # For readings beyond all limits, rounding hides the errors.
     sound = len(test.basis) and _whitener(test.covariance()[0]) is not None
     if not sound or not np.isfinite(test.residuals).all():

@@ -59,8 +59,8 @@ def fit(
         asked = ~np.any(unread, axis=(0, 1)) & (True if tried is None else tried[i])
         problems = np.flatnonzero(asked) if touched else np.zeros(0, dtype=int)
         for at in (problems[low : low + size] for low in range(0, len(problems), size)):
-            trial = Trial(test=test.at(at), faults=faults, touched=touched)
-            outcome = trial.outcome(test.metric.problems(at), begin[:, :, at])
+            search = DegreeSearch(test=test.at(at), faults=faults, touched=touched)
+            outcome = search.outcome(test.metric.problems(at), begin[:, :, at])
             found.degree[:, i, at], found.u[:, i, at] = outcome[:2]
             found.distance[i, at], found.evidence[i, at] = outcome[2:]
     return found
@@ -85,7 +85,7 @@ def pair_starts() -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class DegreeSearch:
     """A hypothesis tried on n problems; `touched` are the usable observers that its faults bias."""
 
     test: HypothesisTest
@@ -95,15 +95,15 @@ class Trial:
     def outcome(self, metric: Metric, starts: Array) -> tuple[Array, Array, Array, Array]:
         """Best degrees and their uncertainties, shape (faults, n), chi-square left and
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
-        pure = metric.moving(self.places)
-        best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
+        pure = metric.moving(self.rows)
+        best = self._fit(pure, self._point(pure, self._best_start(pure, starts)))
         # Not for a change of the liquid that runs off: no small one leaves as little.
         far = np.flatnonzero(~self._believed(best.degree))
         if len(far) and len(self.faults) == 1 and self.faults[0].module:
             some, own = self.at(far), pure.problems(far)
-            best.enter(far, some._place(own, some._small(starts[..., far])))
+            best.enter(far, some._point(own, some._small(starts[..., far])))
         # A fault changes the errors of a flow along with the flow.
-        pure = self.test.rescaled(self.scales(best.degree), self.places)
+        pure = self.test.rescaled(self.scales(best.degree), self.rows)
         best = best.judged_by(pure)
         again = self._fit(pure, best)
         best = best.where(self._believed(again.degree), again)
@@ -122,14 +122,14 @@ class Trial:
         distance = np.where(believed, left, np.inf)
         return best.degree, u, distance, evidence
 
-    def at(self, chosen: np.ndarray) -> Trial:
+    def at(self, chosen: np.ndarray) -> DegreeSearch:
         """The same on some of the problems."""
         return replace(self, test=self.test.at(chosen))
 
     @cached_property
-    def places(self) -> list[int]:
-        """Places of the touched flows among the usable ones."""
-        return [self.test.places[name] for name in self.touched]
+    def rows(self) -> list[int]:
+        """Rows of the touched flows among the usable ones."""
+        return [self.test.rows[name] for name in self.touched]
 
     def moved(self, degree: Array) -> Array:
         """How far undoing the faults moves the touched flows, (touched, ..., points, n), m3/s, at
@@ -150,12 +150,12 @@ class Trial:
             inputs[name] = np.broadcast_to(self._readings[name], shape).ravel()
         out = {name: one.reshape(shape) for name, one in plan.run(inputs).items()}
         # The baseline leaves a share of each, as its correction scales with an estimate.
-        kept = self.test.kept(self.faults, self.touched)
-        each = zip(self.touched, self.test.flows[self.places], kept, strict=True)
+        left = self.test.share_left(self.faults, self.touched)
+        each = zip(self.touched, self.test.flows[self.rows], left, strict=True)
         moved = np.array([(out[f"q:{o}"] - flow) * share for o, flow, share in each])
         none = np.zeros(shape)
         steep = [[out.get(f"dq:{o}:{name}", none) for name in slopes] for o in self.touched]
-        return moved, np.array(steep) * kept[:, None] if slopes else none
+        return moved, np.array(steep) * left[:, None] if slopes else none
 
     @cached_property
     def _readings(self) -> Mapping[str, Array]:
@@ -189,8 +189,8 @@ class Trial:
         left = []
         for degree in np.moveaxis(tried, 1, 0):
             scale = self._scale(degree)
-            chi = self.test.rescaled(Scales(scale, scale), self.places)
-            left.append(self._place(chi, degree).distance)
+            chi = self.test.rescaled(Scales(scale, scale), self.rows)
+            left.append(self._point(chi, degree).distance)
         first = np.argmax(left <= np.min(left, axis=0) + common.COVERAGE**2, axis=0)
         small: Array = np.take_along_axis(tried, first[None, None], axis=1)[:, 0]
         return np.where(small > 0.0, small, self._range[1])
@@ -203,22 +203,22 @@ class Trial:
         best = np.argmin(finite(distance), axis=0)
         return np.asarray(np.take_along_axis(degree, best[None, None], axis=1)[:, 0])
 
-    def _place(self, chi: ChiSquare, degree: Array) -> Place:
+    def _point(self, chi: ChiSquare, degree: Array) -> SearchPoint:
         """Chi-square with the faults undone at degrees, shape (faults, n)."""
         moved, slopes = self.moved_and_slopes(self._everywhere(degree))
         moved, effect = in_a_row(moved), in_a_row(slopes * self.test.present)
         distance, slope = chi.at(moved)
-        return Place(degree, moved, slope, effect, finite(distance))
+        return SearchPoint(degree, moved, slope, effect, finite(distance))
 
-    def _fit(self, chi: ChiSquare, begin: Place) -> Place:
+    def _fit(self, chi: ChiSquare, begin: SearchPoint) -> SearchPoint:
         """Degrees of least distance: Gauss-Newton with halved steps."""
-        trial, best, left = self, begin, np.arange(len(self.test))
+        search, best, left = self, begin, np.arange(len(self.test))
         low, top = self._range
         share = np.ones(len(left))
         found = begin.problems(left)
         for _ in range(limits.FIT_STEPS):
             degree = np.clip(best.degree + share * newton_step(chi, best), low, top)
-            next_one = trial._place(chi, degree)
+            next_one = search._point(chi, degree)
             better = next_one.is_better(best)
             moved = np.max(np.abs(degree - best.degree), axis=0, initial=0.0)
             best = best.where(better, next_one)
@@ -229,7 +229,7 @@ class Trial:
                 left, share, best = left[going], share[going], best.problems(going)
                 if not len(left):
                     return found
-                trial, chi = trial.at(going), chi.problems(going)
+                search, chi = search.at(going), chi.problems(going)
         found.enter(left, best)
         return found
 
@@ -252,7 +252,7 @@ class Trial:
         scale = np.ones_like(flows)
         moved = self.moved(self._everywhere(degree))
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale[self.places] += moved / flows[self.places]
+            scale[self.rows] += moved / flows[self.rows]
         most = limits.LARGEST_SCALE
         return np.where(np.isfinite(scale), np.clip(scale, -most, most), 1.0)
 
@@ -277,7 +277,7 @@ class Trial:
         return covariance
 
 
-class Place(NamedTuple):
+class SearchPoint(NamedTuple):
     """A point of the search, n problems last.
 
     Degrees (faults, n), movement of the flows and half the slope of chi-square there, both (flows,
@@ -290,12 +290,12 @@ class Place(NamedTuple):
     effect: Array
     distance: Array
 
-    def judged_by(self, chi: ChiSquare) -> Place:
+    def judged_by(self, chi: ChiSquare) -> SearchPoint:
         """The same point with another chi-square."""
         distance, slope = chi.at(self.moved)
         return self._replace(slope=slope, distance=finite(distance))
 
-    def is_better(self, other: Place) -> np.ndarray:
+    def is_better(self, other: SearchPoint) -> np.ndarray:
         """Whether chi-square is less than at another point, shape (n,).
 
         The difference of a quadratic between two points is exact in the slopes; a difference of
@@ -304,26 +304,26 @@ class Place(NamedTuple):
         gain = np.einsum("in,in->n", self.moved - other.moved, self.slope + other.slope)
         return np.asarray(np.isfinite(self.distance) & (gain < 0))
 
-    def where(self, better: np.ndarray, other: Place) -> Place:
+    def where(self, better: np.ndarray, other: SearchPoint) -> SearchPoint:
         """Take over the problems where `other` is better."""
         if better.all():
             return other
-        return Place(*(np.where(better, b, a) for a, b in zip(self, other, strict=True)))
+        return SearchPoint(*(np.where(better, b, a) for a, b in zip(self, other, strict=True)))
 
-    def problems(self, chosen: np.ndarray) -> Place:
+    def problems(self, chosen: np.ndarray) -> SearchPoint:
         """Some of the problems."""
-        return Place(*(own[..., chosen] for own in self))
+        return SearchPoint(*(own[..., chosen] for own in self))
 
-    def enter(self, chosen: np.ndarray, found: Place) -> None:
+    def enter(self, chosen: np.ndarray, found: SearchPoint) -> None:
         """Write results of some of the problems."""
         for own, new in zip(self, found, strict=True):
             own[..., chosen] = new
 
 
-def newton_step(chi: ChiSquare, place: Place) -> Array:
+def newton_step(chi: ChiSquare, point: SearchPoint) -> Array:
     """Gauss-Newton change of the degrees, shape (faults, n); 0 where there is none."""
-    pull = -np.einsum("idn,in->dn", place.effect, place.slope)
-    change = np.einsum("ijn,jn->in", inverse_information(chi.information(place.effect)), pull)
+    pull = -np.einsum("idn,in->dn", point.effect, point.slope)
+    change = np.einsum("ijn,jn->in", inverse_information(chi.information(point.effect)), pull)
     return np.where(np.isfinite(change).all(axis=0), change, 0.0)
 
 

@@ -27,7 +27,7 @@ class Scales:
     lasting: Array
 
 
-Wanders = tuple[tuple[float, float], ...]
+TimeConstants = tuple[tuple[float, float], ...]
 """Time constants of lasting errors, s, with their shares of the variance."""
 
 
@@ -37,8 +37,8 @@ class HypothesisTest:
 
     A problem is one point, or several that have the same degrees wherever the faults are present.
     `members` are its points, `present` is 1 where the faults are present and 0 elsewhere, both of
-    shape (points, n). Without `wanders` the points are on their own, relative to their baselines.
-    `known` is the metric as measured, if it has been worked out.
+    shape (points, n). Without `time_constants` a point is alone, relative to its baseline.
+    `computed` is the metric as measured, if it has been worked out.
     """
 
     ruleset: Ruleset
@@ -47,9 +47,9 @@ class HypothesisTest:
     basis: Array
     members: np.ndarray
     present: Array
-    wanders: Wanders = ()
-    known: Metric | None = None
-    kept_errors: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+    time_constants: TimeConstants = ()
+    computed: Metric | None = None
+    error_cache: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.members.shape[1])
@@ -58,15 +58,15 @@ class HypothesisTest:
         """Some of the problems."""
         members, present = self.members[:, chosen], self.present[:, chosen]
         # A metric is too expensive to work out twice.
-        known = self.known or self.__dict__.get("metric")
-        own = None if known is None else known.problems(chosen)
-        return replace(self, members=members, present=present, known=own)
+        metric = self.computed or self.__dict__.get("metric")
+        own = None if metric is None else metric.problems(chosen)
+        return replace(self, members=members, present=present, computed=own)
 
     def at_other_times(self, present: Array) -> HypothesisTest:
         """The problems again, once or more, with the faults present at other points."""
         again = np.tile(np.arange(len(self)), present.shape[1] // len(self))
-        known = self.metric.problems(again)
-        return replace(self, members=self.members[:, again], present=present, known=known)
+        metric = self.metric.problems(again)
+        return replace(self, members=self.members[:, again], present=present, computed=metric)
 
     @property
     def freedom(self) -> int:
@@ -76,7 +76,7 @@ class HypothesisTest:
     @cached_property
     def metric(self) -> Metric:
         """Residuals in the metric of their covariance, as measured."""
-        return self.known or self._metric_of(None)
+        return self.computed or self._metric_of(None)
 
     def _metric_of(self, scales: Scales | None) -> Metric:
         return metric_of(self.covariance(scales), self.residuals, self.basis)
@@ -86,7 +86,7 @@ class HypothesisTest:
         points * rank), (m3/s)^2."""
         members, basis, rank = self.members, self.basis, len(self.basis)
         points, n = members.shape
-        if not self.wanders:
+        if not self.time_constants:
             return self._alone(members[0], scales)
         shared, noise = self._errors(members)
         if scales is not None:
@@ -96,8 +96,10 @@ class HypothesisTest:
             np.tensordot(basis, shared, axes=1).transpose(3, 2, 0, 1).reshape(n, -1, len(shared[0]))
         )
         time = times_of(self.observed)[members]
-        kept = sum(part * remembered(time[:, None] - time, each) for each, part in self.wanders)
-        lasts = np.asarray(kept).transpose(2, 0, 1)
+        correlation = sum(
+            part * remembered(time[:, None] - time, each) for each, part in self.time_constants
+        )
+        lasts = np.asarray(correlation).transpose(2, 0, 1)
         whole = (gradients @ gradients.transpose(0, 2, 1)).reshape(n, points, rank, points, rank)
         whole *= lasts[:, :, None, :, None]
         half = np.tensordot(basis, noise, axes=1)
@@ -123,22 +125,22 @@ class HypothesisTest:
         """Slopes of the usable flows by lasting errors, and the covariance of errors new at each
         point, points and problems last."""
         key = members.tobytes()
-        if key not in self.kept_errors:
+        if key not in self.error_cache:
             # Kept for the same problems with other residuals, which follow next.
-            self.kept_errors.clear()
+            self.error_cache.clear()
             own, every = np.flatnonzero(self.valid), members.ravel()
             shared = self.observed.shared[..., every][own]
             noise = np.moveaxis(self.observed.noise[every][:, own][:, :, own], 0, -1)
-            self.kept_errors[key] = (
+            self.error_cache[key] = (
                 shared.reshape(*shared.shape[:2], *members.shape),
                 noise.reshape(*noise.shape[:2], *members.shape),
             )
-        return self.kept_errors[key]
+        return self.error_cache[key]
 
-    def rescaled(self, scales: Scales, places: Sequence[int]) -> ChiSquare:
+    def rescaled(self, scales: Scales, rows: Sequence[int]) -> ChiSquare:
         """Chi-square with the errors of some flows scaled, where the same flows move, by their
-        places."""
-        return self._metric_of(scales).moving(places)
+        rows."""
+        return self._metric_of(scales).moving(rows)
 
     @cached_property
     def residuals(self) -> Array:
@@ -160,50 +162,50 @@ class HypothesisTest:
         """The members' part of a table, shape (observers, n), for the usable observers."""
         return np.asarray(table[np.flatnonzero(self.valid)[:, None, None], self.members])
 
-    def seen_by(self, basis: Array) -> HypothesisTest:
+    def in_basis(self, basis: Array) -> HypothesisTest:
         """The same problems in other combinations of the flows, shape (rank, usable flows)."""
-        found = replace(self, basis=basis, known=None)
+        found = replace(self, basis=basis, computed=None)
         # These do not depend on the combinations, so they are worked out once.
         for name in ("flows", "offsets", "each"):
             found.__dict__[name] = getattr(self, name)
         return found
 
     def effects(self, chosen: Sequence[int] | None = None) -> Array:
-        """Slopes of the residuals by a small degree of each fault, or of some by their places,
+        """Slopes of the residuals by a small degree of each fault, or of some by their indexes,
         shape (n, points * rank, faults), m3/s; 0 where the residuals do not show a fault."""
         asked = range(len(self.ruleset.faults)) if chosen is None else chosen
         table = np.zeros((len(self.basis), len(asked), *self.members.shape))
         own = np.zeros((len(asked), len(self)))
         for i, fault in enumerate(asked):
-            for place, slope in zip(*self.each.get(fault, ((), ())), strict=True):
+            for row, slope in zip(*self.each.get(fault, ((), ())), strict=True):
                 own[i] = np.maximum(own[i], np.max(np.abs(slope), axis=0))
-                table[:, i] += self.basis[:, place, None, None] * slope
+                table[:, i] += self.basis[:, row, None, None] * slope
         residual = self._in_a_row(table * self.present)
         visible = np.sqrt(np.sum(residual**2, axis=1)) > common.UNTOUCHED * own.T
         return np.where(visible[:, None], residual, 0.0)
 
     @cached_property
     def each(self) -> dict[int, tuple[list[int], Array]]:
-        """Per fault of the ruleset, by its place, the places of the usable flows that it moves, and
+        """Per fault of the ruleset, by its index, the rows of the usable flows that it moves, and
         their slopes by a small degree: shape (touched, points, n), m3/s."""
-        plan = self.ruleset.undone_slopes(tuple(self.places))
+        plan = self.ruleset.undone_slopes(tuple(self.rows))
         inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
         inputs |= {n: readings.ravel() for n, readings in self.readings(plan.used_inputs).items()}
         slopes, found = plan.run(inputs), {}
         for i, fault in enumerate(self.ruleset.faults):
             observers = [o for o in fault.affects if f"dq:{o}:{fault.id}" in slopes]
             if observers:
-                kept = self.kept((fault,), observers)
+                left = self.share_left((fault,), observers)
                 own = np.empty((len(observers), self.members.size))
                 for row, observer in zip(own, observers, strict=True):
                     row[:] = slopes[f"dq:{observer}:{fault.id}"]
-                places = [self.places[o] for o in observers]
-                found[i] = places, own.reshape(kept.shape) * kept * ~self.unread(fault)
+                rows = [self.rows[o] for o in observers]
+                found[i] = rows, own.reshape(left.shape) * left * ~self.unread(fault)
         return found
 
     def towards(self, chosen: Sequence[int] | None = None) -> tuple[Array, Array]:
         """Decrease of half of chi-square per small degree of each fault, or of some by their
-        places, and information on the degree, both (faults, n); 0 where no usable observer shows
+        indexes, and information on the degree, both (faults, n); 0 where no usable observer shows
         it."""
         slope = self.effects(chosen)
         information = np.einsum("nrf,nrf->fn", slope, self.metric.inverse @ slope)
@@ -215,24 +217,24 @@ class HypothesisTest:
         return {name: values[name][self.members] for name in signals if name in values}
 
     @cached_property
-    def places(self) -> dict[str, int]:
-        """Places of the usable observers among the usable flows."""
+    def rows(self) -> dict[str, int]:
+        """Rows of the usable observers among the usable flows."""
         usable = (o.id for o, v in zip(self.ruleset.observers, self.valid, strict=True) if v)
-        return {name: place for place, name in enumerate(usable)}
+        return {name: row for row, name in enumerate(usable)}
 
     def touched(self, faults: tuple[FaultSpec, ...]) -> tuple[str, ...]:
         """Usable observers that some faults bias."""
         return tuple(
-            o for o in dict.fromkeys(o for f in faults for o in f.affects) if o in self.places
+            o for o in dict.fromkeys(o for f in faults for o in f.affects) if o in self.rows
         )
 
-    def kept(self, faults: tuple[FaultSpec, ...], observers: Sequence[str]) -> Array:
+    def share_left(self, faults: tuple[FaultSpec, ...], observers: Sequence[str]) -> Array:
         """Share of flows that the baseline leaves, shape (observers, points, n); all if a fault is
         in a sensor, as it takes its errors along."""
-        places = [self.places[name] for name in observers]
+        rows = [self.rows[name] for name in observers]
         if any(f.in_sensor for f in faults):
-            return np.ones((len(places), *self.members.shape))
-        return self._left[places]
+            return np.ones((len(rows), *self.members.shape))
+        return self._left[rows]
 
     @cached_property
     def _left(self) -> Array:
@@ -282,7 +284,7 @@ def stacked_test(
     valid: np.ndarray,
     members: np.ndarray,
     present: Array,
-    wanders: Wanders = ((limits.LASTING, 1.0),),
+    time_constants: TimeConstants = ((limits.LASTING, 1.0),),
 ) -> HypothesisTest:
     """Test of stacks, n of them, of points: a degree that fits one of them must fit all. `members`
     and `present` of shape (points, n)."""
@@ -293,5 +295,5 @@ def stacked_test(
         basis=residual_basis(ruleset, valid),
         members=members,
         present=present,
-        wanders=wanders,
+        time_constants=time_constants,
     )

@@ -84,7 +84,7 @@ def _telling_most(
     one = test_of(whole.ruleset, whole.observed, whole.valid, middle)
     scores, best, own = np.zeros(len(every)), whole, every
     for basis, shown in Contrasts(one, len(whole.members)).groups():
-        test = whole.seen_by(basis)
+        test = whole.in_basis(basis)
         found = _scores(test, shown)[:, 0]
         if found.max() > scores.max():
             best, own = test, np.isin(np.arange(len(every)), shown)

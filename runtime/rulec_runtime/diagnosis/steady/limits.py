@@ -117,7 +117,7 @@ BENDING = (0.0, 0.1, 0.5, 2.0)
 """By how much growth may change on its way, over growth that leads to a usual degree. Origin:
 assumed; each way is as likely, and counts by its evidence."""
 
-WANDERS = ((LASTING, 0.125), (7.0 * 86400.0, 0.125), (90.0 * 86400.0, 0.25), (math.inf, 0.5))
+DRIFT_TIMES = ((LASTING, 0.125), (7.0 * 86400.0, 0.125), (90.0 * 86400.0, 0.25), (math.inf, 0.5))
 """Times, s, over which parts of the variance of lasting errors lose their memory, and these parts,
 where degrees are followed over hours or months: the day, the week, the season, and what never
 changes. Origin: assumed; the bound of a sensor's class holds its calibration, which stays, and as

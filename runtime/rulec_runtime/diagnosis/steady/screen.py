@@ -32,14 +32,14 @@ def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
     minus infinity where nothing is known."""
     least = np.full(tried.shape, -np.inf)
     for i in np.flatnonzero(tried.any(axis=1)).tolist():
-        places = [test.places[name] for name in test.touched((test.ruleset.faults[i],))]
-        if not places:
+        rows = [test.rows[name] for name in test.touched((test.ruleset.faults[i],))]
+        if not rows:
             continue
         problems = np.flatnonzero(tried[i])
-        size = max(limits.TABLE // (len(places) * len(test.members)) ** 2, 1)
+        size = max(limits.TABLE // (len(rows) * len(test.members)) ** 2, 1)
         for at in (problems[part] for part in batches(len(problems), size)):
-            free = np.repeat(test.present[:, at], len(places), axis=0)
-            least[i, at] = _without(test.metric.problems(at).moving(places), free)
+            free = np.repeat(test.present[:, at], len(rows), axis=0)
+            least[i, at] = _without(test.metric.problems(at).moving(rows), free)
     return least
 
 
