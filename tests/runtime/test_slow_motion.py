@@ -11,7 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.sensors.agreement import Agreement, Bench
+from rulec_runtime.diagnosis.sensors.agreement import Agreement, Check
 from rulec_runtime.diagnosis.steady.observe import observe, reason
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.verdict_per_sample import trace
@@ -187,13 +187,13 @@ def test_fault_where_many_flows_meet_is_there_when_it_shows(
 def test_few_hypotheses_are_left_of_one_impossible_column(monkeypatch: pytest.MonkeyPatch) -> None:
     """Headers of columns that agree are not doubted because another column is out of its range."""
     tried = []
-    agreement = Bench.agreement
+    agreement = Check.agreement
 
-    def counted(bench: Bench, points: Points) -> Agreement:
+    def counted(check: Check, points: Points) -> Agreement:
         tried.append(points)
-        return agreement(bench, points)
+        return agreement(check, points)
 
-    monkeypatch.setattr(Bench, "agreement", counted)
+    monkeypatch.setattr(Check, "agreement", counted)
     rules = rules_of(10)
     sound = recorded(rules, 200, [], 1.0, np.random.default_rng(5))
     values = {**sound.values, "D1_1.dp": 1e-3 * sound.values["D1_1.dp"]}

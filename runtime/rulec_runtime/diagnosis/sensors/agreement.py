@@ -56,8 +56,8 @@ class Agreement:
 
 
 @dataclass(frozen=True)
-class Bench:
-    """Settled stretches of a recording; `noise` per signal, SI."""
+class Check:
+    """Settled stretches whose estimates are compared; `noise` per signal, SI."""
 
     ruleset: Ruleset
     stretches: Stretches
@@ -131,7 +131,7 @@ class Bench:
 
 
 @once
-def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
+def check_of(recording: Recording, ruleset: Ruleset) -> Check | None:
     """Settled stretches as in the diagnosis; None if there are none."""
     noise = noise_at_work(recording, ruleset)
     if is_point_table(recording, ruleset):
@@ -143,4 +143,4 @@ def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
     most = max(min(common.STRETCHES_LOOKED_AT, at_once(ruleset)), limits.FEWEST_STRETCHES)
     chosen = np.unique(np.linspace(0, len(stretches) - 1, most).astype(int))
     some = Stretches(stretches.first[chosen], stretches.last[chosen])
-    return Bench(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)
+    return Check(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)

@@ -14,17 +14,17 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.agreement import Bench
+from rulec_runtime.diagnosis.sensors.agreement import Check
 from rulec_runtime.diagnosis.sensors.conditions import Found, dead_in
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
 from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.recording import Recording
 
 
-def dead_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Iterator[Found]:
+def dead_readings(recording: Recording, ruleset: Ruleset, check: Check) -> Iterator[Found]:
     """Dead readings."""
-    first, last = bench.stretches.first, bench.stretches.last
-    for signal in (s for s in ruleset.signals if bench.readers(s.id).any()):
+    first, last = check.stretches.first, check.stretches.last
+    for signal in (s for s in ruleset.signals if check.readers(s.id).any()):
         values = recording.values.get(signal.id, np.zeros(0))
         zero = at_zero(signal, values)
         if zero.sum() < common.PERSISTENCE:
@@ -34,7 +34,7 @@ def dead_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Itera
             run
             for run in runs_where(zero, 1)
             if any(
-                _flows(bench, signal, point, frozen=frozen)
+                _flows(check, signal, point, frozen=frozen)
                 for point in np.flatnonzero((first >= run[0]) & (last <= run[1])).tolist()
             )
         ]
@@ -61,49 +61,49 @@ def _zero(signal: SignalSpec) -> float:
     return signal.offset if signal.lowest is None else signal.lowest
 
 
-def _flows(bench: Bench, signal: SignalSpec, point: int, *, frozen: bool) -> bool:
+def _flows(check: Check, signal: SignalSpec, point: int, *, frozen: bool) -> bool:
     """Whether liquid flows in a stretch in which a reading is at zero."""
-    module, values = signal.id.partition(".")[0], bench.points.values
-    found = _flow_without(bench, signal.id, module, point)
+    module, values = signal.id.partition(".")[0], check.points.values
+    found = _flow_without(check, signal.id, module, point)
     if found is None:
         inputs = [
             values[s.id][point] >= s.minimum
-            for s in bench.ruleset.signals
+            for s in check.ruleset.signals
             if s.is_input and s.minimum is not None and s.id.partition(".")[0] == module
             if s.id in values
         ]
         return frozen and not signal.is_input and bool(inputs) and all(inputs)
     flow, u = found
-    own = bench.readers(signal.id)
-    read = [o for o, reads in zip(bench.ruleset.observers, own, strict=True) if reads]
+    own = check.readers(signal.id)
+    read = [o for o, reads in zip(check.ruleset.observers, own, strict=True) if reads]
     reference = max(abs(o.reference) for o in read)
     if flow <= max(limits.FLOWS_BEYOND * u, limits.FLOWS_PART * reference):
         return False
     # A small part of its range may be all that a reading should show: then an estimate by it is
     # closer to the flow by the others than to the estimate with zero in its place.
-    own &= bench.recorded.valid[:, point]
-    names = [f"q:{bench.ruleset.observers[i].id}" for i in np.flatnonzero(own)]
-    plan = bench.ruleset.plan.select(names)
+    own &= check.recorded.valid[:, point]
+    names = [f"q:{check.ruleset.observers[i].id}" for i in np.flatnonzero(own)]
+    plan = check.ruleset.plan.select(names)
     inputs_of = {name: float(values[name][point]) for name in plan.used_inputs & values.keys()}
     at_low = plan.run({**inputs_of, signal.id: _zero(signal)})
     zero = np.array([np.nan_to_num(at_low[name][0]) for name in names])
-    shown = bench.recorded.observed.flows[own, point]
+    shown = check.recorded.observed.flows[own, point]
     shows = np.abs(shown - flow) < np.abs(shown - zero)
     return not np.any(shows & (np.abs(zero - flow) > limits.FLOWS_BEYOND * u))
 
 
-def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[float, float] | None:
+def _flow_without(check: Check, signal: str, module: str, point: int) -> tuple[float, float] | None:
     """Flow through a module and its uncertainty, m3/s, by estimates that do not need a signal."""
-    observed, observers = bench.recorded.observed, bench.ruleset.observers
+    observed, observers = check.recorded.observed, check.ruleset.observers
     outside = {name for name, flags in observed.extrapolated.items() if flags[point]}
     inside = np.array([outside.isdisjoint(o.signals) for o in observers], dtype=bool)
-    usable = observed.valid[:, point] & ~bench.readers(signal) & inside
+    usable = observed.valid[:, point] & ~check.readers(signal) & inside
     if not usable.any():
         return None
-    table = free_flows(bench.ruleset)
-    place = {name: i for i, name in enumerate(bench.ruleset.modules)}
-    rows = table[np.array([place[o.module] for o in observers])[usable]]
-    wanted = table[place[module]]
+    table = free_flows(check.ruleset)
+    index = {name: i for i, name in enumerate(check.ruleset.modules)}
+    rows = table[np.array([index[o.module] for o in observers])[usable]]
+    wanted = table[index[module]]
     covariance = observed.covariance[point][np.ix_(usable, usable)]
     weight = np.linalg.pinv(covariance / np.mean(np.diag(covariance)))
     information = rows.T @ weight @ rows

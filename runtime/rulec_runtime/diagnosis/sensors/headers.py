@@ -18,7 +18,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.agreement import Bench
+from rulec_runtime.diagnosis.sensors.agreement import Check
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.units import Mixup, like_a_reading, mixups, of_one_dimension
 from rulec_runtime.diagnosis.steady.points import Points
@@ -47,30 +47,30 @@ class Misread:
     mended: str
 
 
-def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | None:
+def misread_columns(raw: Recording, check: Check, still: Set[str]) -> Misread | None:
     """The one misreading that explains a recording, if there is one.
 
-    `bench` holds the readings without impossible ones, `raw` all of them; signals at `still` have
+    `check` holds the readings without impossible ones, `raw` all of them; signals at `still` have
     no variation that could fit.
     """
-    if bench.stretches.lengths.sum() < limits.FEWEST_FOR_HEADERS or not _doubtful(bench):
+    if check.stretches.lengths.sum() < limits.FEWEST_FOR_HEADERS or not _doubtful(check):
         return None
     best, least = None, (0, np.inf)
-    for misread in _candidates(raw, bench, still):
-        points = bench.with_readings(misread.values, misread.noise)
-        left = _Otherwise(bench, misread, points).left()
+    for misread in _candidates(raw, check, still):
+        points = check.with_readings(misread.values, misread.noise)
+        left = _Otherwise(check, misread, points).left()
         # One cause for many columns comes before one column of them.
         if left is not None and (-len(misread.mendings), left) < least:
             best, least = misread, (-len(misread.mendings), left)
     return best
 
 
-def _doubtful(bench: Bench) -> bool:
+def _doubtful(check: Check) -> bool:
     """Whether most of a recording disagrees, or cannot be compared."""
-    recorded = bench.recorded
-    there = bench.points.values.keys()
-    usable = np.array([set(o.signals) <= there for o in bench.ruleset.observers], dtype=bool)
-    most = recorded.freedom.max(initial=len(residual_basis(bench.ruleset, usable)))
+    recorded = check.recorded
+    there = check.points.values.keys()
+    usable = np.array([set(o.signals) <= there for o in check.ruleset.observers], dtype=bool)
+    most = recorded.freedom.max(initial=len(residual_basis(check.ruleset, usable)))
     whole = recorded.sound & (recorded.freedom == most)
     return bool(whole.mean() <= limits.AGREES_AS_RECORDED)
 
@@ -79,14 +79,14 @@ def _doubtful(bench: Bench) -> bool:
 class _Otherwise:
     """The readings with some columns read differently, beside those as recorded."""
 
-    bench: Bench
+    check: Check
     misread: Misread
     points: Points
 
     @cached_property
     def readers(self) -> np.ndarray:
         """Flags of the observers that read some of the columns."""
-        return np.asarray(np.any([self.bench.readers(s) for s in self.misread.signals], axis=0))
+        return np.asarray(np.any([self.check.readers(s) for s in self.misread.signals], axis=0))
 
     @cached_property
     def apart(self) -> np.ndarray:
@@ -102,21 +102,21 @@ class _Otherwise:
     @cached_property
     def judged(self) -> np.ndarray:
         """Stretches, shape (n,), in which estimates that read the columns can be compared."""
-        before = self.bench.recorded
+        before = self.check.recorded
         return np.asarray(before.valid[self.readers].any(axis=0) & (before.freedom > 1))
 
     def left(self) -> float | None:
         """Chi-square over its limit that is left at a typical operating point; None if the columns
         may as well be as recorded, or the estimates do not agree this way either."""
-        bench, before, readers = self.bench, self.bench.recorded, self.readers
+        check, before, readers = self.check, self.check.recorded, self.readers
         sound = before.sound & before.valid[readers].all(axis=0)
         if not self.apart.any() or sound[self.apart].mean() > limits.AGREES_AS_RECORDED:
             return None
         # What does not read these columns must agree as it is: most other ways need not be tried.
-        least = bench.least(readers)
-        if not np.any(self.apart & (least <= bench.widest_limit)) or self._rivalled(least):
+        least = check.least(readers)
+        if not np.any(self.apart & (least <= check.widest_limit)) or self._rivalled(least):
             return None
-        found = bench.agreement(self.points)
+        found = check.agreement(self.points)
         running = found.valid[readers].any(axis=0) & (found.freedom > 0) & self.apart
         usable = before.valid[readers].sum(axis=0) >= found.valid[readers].sum(axis=0)
         agreed = before.sound & usable & (before.freedom >= found.freedom)
@@ -128,7 +128,7 @@ class _Otherwise:
         ):
             return None
         # Nearly all of some stretches agree, or one and the same fault explains the rest.
-        after, chi = bench.explained(found), found.excess * found.limit
+        after, chi = check.explained(found), found.excess * found.limit
         quiet = after.judged & ~after.deviating
         each = quiet | ((after.probability > 0.0) & (after.freedom > 1))
         best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
@@ -137,7 +137,7 @@ class _Otherwise:
         if self.misread.condition is SWAPPED and self.judged.mean() >= common.NEARLY_ALL:
             # Swapped columns are rare: the swap must remove what one fault would leave.
             one = np.where(before.sound, before.excess * before.limit, np.inf)
-            as_recorded = bench.explained_as_recorded.distance
+            as_recorded = check.explained_as_recorded.distance
             one = np.fmin(one, np.min(as_recorded, axis=0, initial=np.inf))
             rest = np.fmin(chi, np.min(after.distance, axis=0, initial=np.inf))
             if np.median((one - rest)[self.judged]) <= limits.SWAP_GAIN:
@@ -154,8 +154,8 @@ class _Otherwise:
         """
         if self.judged.mean() < common.NEARLY_ALL:
             return False
-        before, explained = self.bench.recorded, self.bench.explained_as_recorded
-        for i, fault in enumerate(self.bench.ruleset.faults):
+        before, explained = self.check.recorded, self.check.explained_as_recorded
+        for i, fault in enumerate(self.check.ruleset.faults):
             fits = explained.probability[i] > 0.0
             off = self.judged & fits & ~before.sound
             own = fault.in_sensor and not set(fault.scales).isdisjoint(self.misread.signals)
@@ -170,14 +170,14 @@ class _Otherwise:
         return False
 
 
-def _candidates(raw: Recording, bench: Bench, still: Set[str]) -> Iterator[Misread]:
+def _candidates(raw: Recording, check: Check, still: Set[str]) -> Iterator[Misread]:
     """Other readings of columns that look like readings: one in another unit, all of a dimension in
     one that their headers do not state, two exchanged."""
-    ruleset, values, noise = bench.ruleset, {}, {}
+    ruleset, values, noise = check.ruleset, {}, {}
     for name, column in raw.values.items():
         # The means of all readings, even of impossible ones.
         if np.isfinite(column).any():
-            values[name] = means_between(column, bench.stretches.first, bench.stretches.last)[0]
+            values[name] = means_between(column, check.stretches.first, check.stretches.last)[0]
             noise[name] = noise_of(column)
     known = {name for name in noise if np.isfinite(values[name]).any()}
     used = [s for s in ruleset.signals if s.id in (ruleset.observed & known) - still]

@@ -14,7 +14,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.sensors.agreement import bench_of
+from rulec_runtime.diagnosis.sensors.agreement import check_of
 from rulec_runtime.diagnosis.sensors.conditions import (
     CLOCK,
     RANGE,
@@ -71,8 +71,8 @@ def examine(
     still = mended | {finding.signal for finding, _ in stuck}
     misread = _misread_of(recording, clean, ruleset, still) if by_model and headers else None
     if by_model and not misread:
-        bench = None if ruleset.dynamics else bench_of(clean, ruleset)
-        dead = [] if bench is None else [*dead_readings(clean, ruleset, bench)]
+        check = None if ruleset.dynamics else check_of(clean, ruleset)
+        dead = [] if check is None else [*dead_readings(clean, ruleset, check)]
         found, clean = found + dead, without(clean, dead)
         if dead and headers:
             misread = _misread_of(recording, clean, ruleset, still)
@@ -191,14 +191,14 @@ def _frozen_of(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
         from rulec_runtime.diagnosis.sensors.stores import silent_readings
 
         return silent_readings(recording, ruleset)
-    bench = bench_of(recording, ruleset)
-    return () if bench is None else frozen_readings(recording, ruleset, bench)
+    check = check_of(recording, ruleset)
+    return () if check is None else frozen_readings(recording, ruleset, check)
 
 
 def _misread_of(
     recording: Recording, clean: Recording, ruleset: Ruleset, still: Set[str]
 ) -> Misread | None:
     """Columns that do not match their headers, other than constant ones."""
-    bench = None if ruleset.dynamics else bench_of(clean, ruleset)
+    check = None if ruleset.dynamics else check_of(clean, ruleset)
     constant = {name for name, values in clean.values.items() if never_moves(values)}
-    return None if bench is None else misread_columns(recording, bench, still | constant)
+    return None if check is None else misread_columns(recording, check, still | constant)

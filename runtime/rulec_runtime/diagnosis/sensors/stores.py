@@ -52,7 +52,7 @@ def silent_readings(recording: Recording, ruleset: Ruleset) -> Iterator[Found]:
             # The balances must move it by more than its sensor and its display hide.
             u = float(np.median(systematic_u(signal, course)))
             digit = last_digit(signal.shown(float(shown[0]))) * abs(signal.factor)
-            hidden = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
-            if np.ptp(course) > hidden:
+            smallest = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
+            if np.ptp(course) > smallest:
                 because = "it never moves, while the balances say that it should"
                 yield stuck_in(recording, every, signal, because)
