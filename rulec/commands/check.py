@@ -14,7 +14,7 @@ from rulec_runtime.commands.destinations import console, note_aside, write_json,
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.formats import STANDARD_INPUT, is_called_recording, place_of
+from rulec_runtime.recordings.formats import STANDARD_INPUT, file_and_table, is_called_recording
 
 from rulec.knowledge.layers import version_of_rulec, yaml_files_in
 from rulec.language.diagnostics import Diagnostic, Place, Refused, render_all
@@ -73,7 +73,7 @@ def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int
 
 def is_recording(path: Path) -> bool:
     """Whether a path is a recording: a file other than YAML, or a folder of recordings alone."""
-    place = place_of(path)[0]
+    place = file_and_table(path)[0]
     if place.is_dir():
         return any(is_called_recording(f) for f in place.iterdir()) and not yaml_files_in(place)
     return place == STANDARD_INPUT or (place.is_file() and place.suffix not in (".yaml", ".yml"))

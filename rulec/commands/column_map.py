@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime import limits as limits_of_runtime
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset, SignalSpec
-from rulec_runtime.recordings.column_roles import Places, places_of
+from rulec_runtime.recordings.column_roles import ColumnRoles, roles_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.formats import opened_sheet, opened_table
 from rulec_runtime.recordings.quality import standard_of
@@ -97,9 +97,9 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
         columns[signal.id] = title, stated if is_unit else signal.unit
         bare |= set() if stated else {signal.id}
     with opened_table(path, form) as table:
-        places = places_of(path, table.titles, form)
-        time = _time(path, table, places, form, ruleset)
-        file = {**_layout(path, table, places, form), **_numbers(path, table, places, form)}
+        roles = roles_of(path, table.titles, form)
+        time = _time(path, table, roles, form, ruleset)
+        file = {**_layout(path, table, roles, form), **_numbers(path, table, roles, form)}
     of_time = time.get("from", "")
     several = isinstance(of_time, list)
     mapped = replace(
@@ -155,15 +155,15 @@ def _conversion(unit: str, ruleset: Ruleset) -> tuple[float, float]:
 
 
 def _time(
-    path: Path, table: Sheet, places: Places, form: FileForm, ruleset: Ruleset
+    path: Path, table: Sheet, roles: ColumnRoles, form: FileForm, ruleset: Ruleset
 ) -> dict[str, Any]:
     """The entry of a column map for the time."""
-    at = places.time or ((places.pairs[0].time,) if places.pairs else ())
+    at = roles.time or ((roles.pairs[0].time,) if roles.pairs else ())
     if not at:
         return {}
     titles = [table.titles[i].strip() for i in at]
     found: dict[str, Any] = {"from": titles[0] if len(titles) == 1 else titles}
-    cells = table.read([at[0]], (), form).kept[0]
+    cells = table.read([at[0]], (), form).raw[0]
     if isinstance(cells, Dates):
         return found
     unit = parts_of(titles[0])[1] or table.units[at[0]].strip()
@@ -180,21 +180,21 @@ def _time(
     return found | ({"dates": times.order} if times.order else {})
 
 
-def _layout(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, Any]:
+def _layout(path: Path, table: Sheet, roles: ColumnRoles, form: FileForm) -> dict[str, Any]:
     """The entries of a column map for columns that are neither time nor signal."""
     found: dict[str, Any] = {}
-    beside = [*(places.quality_of or {}).values(), *(p.quality for p in places.pairs)]
-    qualities = [i for i in dict.fromkeys((places.quality, *beside)) if i >= 0]
+    beside = [*(roles.quality_of or {}).values(), *(p.quality for p in roles.pairs)]
+    qualities = [i for i in dict.fromkeys((roles.quality, *beside)) if i >= 0]
     usual = [t.strip() for t in table.titles] == ["tag", "time", "value"]
-    if places.layout == "long" and not usual:
-        found = {"layout": "long", "tag": table.titles[places.tag].strip()}
-        found["value"] = table.titles[places.value].strip()
-    elif places.layout == "pairs":
+    if roles.layout == "long" and not usual:
+        found = {"layout": "long", "tag": table.titles[roles.tag].strip()}
+        found["value"] = table.titles[roles.value].strip()
+    elif roles.layout == "pairs":
         found = {"layout": "pairs"}
-    if places.quality >= 0:
-        found["quality"] = table.titles[places.quality].strip()
+    if roles.quality >= 0:
+        found["quality"] = table.titles[roles.quality].strip()
     if qualities:
-        texts = set().union(*map(texts_of, table.read(qualities, ()).kept))
+        texts = set().union(*map(texts_of, table.read(qualities, ()).raw))
         standard = form.good or standard_of(path, table.titles[qualities[0]], texts)
         good = (standard,) if isinstance(standard, str) and standard else tuple(standard)
         found |= {"good": _shown(good)} if good else {}
@@ -206,12 +206,12 @@ def _shown(good: Sequence[str]) -> str | list[Any]:
     return good[0] if named else [int(x) if x.isdigit() else x for x in good]
 
 
-def _numbers(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, str]:
+def _numbers(path: Path, table: Sheet, roles: ColumnRoles, form: FileForm) -> dict[str, str]:
     """The signs in numbers that another program might read differently."""
-    aside = {*places.time, places.tag, places.quality, places.unit}
+    aside = {*roles.time, roles.tag, roles.quality, roles.unit}
     at = (
-        [places.value]
-        if places.layout == "long"
+        [roles.value]
+        if roles.layout == "long"
         else [i for i in range(len(table.titles)) if i not in aside]
     )
     sample = list(islice(table.lines(), limits_of_runtime.SHOWING_ROWS))

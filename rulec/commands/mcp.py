@@ -14,7 +14,7 @@ from typing import Any
 
 from rulec_runtime.output.open_file import FOLDERS, is_below, is_named
 from rulec_runtime.output.refusal import Misused, Refusal, to_install
-from rulec_runtime.recordings.formats import place_of
+from rulec_runtime.recordings.formats import file_and_table
 
 from rulec.commands.check import json_form as found_form
 from rulec.commands.check_files import collect
@@ -91,7 +91,7 @@ class Desk:
     def _path(self, text: str) -> Path:
         """A path that may be read; ``#`` may precede the name of a table in the file."""
         path = self._folder / text
-        place = place_of(path)[0]
+        place = file_and_table(path)[0]
         if not (is_below(place, self._folder) or is_named(place)):
             raise Refusal(f"'{text[:80]}' leads out of the served folder; {FOLDERS} names others")
         if not place.exists():

@@ -24,7 +24,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import written
-from rulec_runtime.recordings.formats import OTHERS, csv_name, is_there, place_of
+from rulec_runtime.recordings.formats import OTHERS, csv_name, file_and_table, is_there
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
 from rulec.commands.arguments import Plant, Recorded, files_given, is_path, names_given, ruleset_of
@@ -197,7 +197,7 @@ def simulate(
         files=tuple(files),
         prediction=prediction,
         notes=tuple(dict.fromkeys([*notes, *prediction.notes])),
-        folder=place_of(name)[0].is_dir() and is_path(inputs),
+        folder=file_and_table(name)[0].is_dir() and is_path(inputs),
         in_memory=not is_path(inputs),
     )
 
@@ -234,7 +234,7 @@ def _starts(
     (name,) = names_given([recording])
     if not is_path(recording):
         return [starts_of(ruleset, f) for f in files_given(recording, name, ruleset, notes)]
-    is_folder = place_of(source)[0].is_dir()
+    is_folder = file_and_table(source)[0].is_dir()
     wanted = [name / path.name for path in files_of(source)] if is_folder else [name]
     absent = [path for path in wanted if not is_there(path)]
     if absent:
@@ -271,7 +271,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _check_target(inputs: str, output: str) -> None:
     """Refuse to overwrite the inputs; a folder goes to a folder, a file to a file."""
-    source, target = place_of(Path(inputs))[0], Path(output)
+    source, target = file_and_table(Path(inputs))[0], Path(output)
     if target.suffix.lower() in OTHERS:
         raise Misused(f"-o {target}: recordings are written as CSV; name it .csv or .csv.gz")
     if output == STANDARD_OUTPUT:

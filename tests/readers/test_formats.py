@@ -262,7 +262,7 @@ def test_hdf5_never_leads_out_of_its_file(
 def test_structures_without_end(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) -> None:
     """A group that stands in itself is looked at once, many groups are refused; of structures in
     structures some levels are looked at, and no more."""
-    monkeypatch.setattr(limits, "MOST_PLACES", 50)
+    monkeypatch.setattr(limits, "MOST_OBJECTS", 50)
     with h5py.File(tmp_path / "x.h5", "w") as file:
         file["time"] = file["A.dp"] = np.arange(60.0)
         file["again"] = file["/"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.column_roles import Pair, Places, places_of
+from rulec_runtime.recordings.column_roles import ColumnRoles, Pair, roles_of
 from rulec_runtime.recordings.long_table import LongTable, Readings, held, long_sheet, rows_written
 from rulec_runtime.recordings.quality import codes_remark, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
@@ -19,27 +19,27 @@ from rulec_runtime.recordings.time_column import TimeReader, seconds_in, time_of
 def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:
     """A table with a column per signal. Raises `RecordingRefused` if it contradicts its column
     map."""
-    places = places_of(path, sheet.titles, form)
-    if places.layout == "long":
-        return long_sheet(path, sheet, places, form)
-    if places.layout == "pairs":
-        return pair_sheet(path, sheet, places.pairs, form)
-    if len(places.time) < 2 and not places.quality_of and form.hold != "last":
+    roles = roles_of(path, sheet.titles, form)
+    if roles.layout == "long":
+        return long_sheet(path, sheet, roles, form)
+    if roles.layout == "pairs":
+        return pair_sheet(path, sheet, roles.pairs, form)
+    if len(roles.time) < 2 and not roles.quality_of and form.hold != "last":
         return sheet
-    return wide_sheet(path, sheet, places, form)
+    return wide_sheet(path, sheet, roles, form)
 
 
-def wide_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
+def wide_sheet(path: Path, sheet: Sheet, roles: ColumnRoles, form: FileForm) -> Sheet:
     """A table without its columns of qualities and with one column of time."""
-    aside = {*places.time[1:], *(places.quality_of or {}).values()}
+    aside = {*roles.time[1:], *(roles.quality_of or {}).values()}
     there = [i for i in range(len(sheet.titles)) if i not in aside]
     titles = [sheet.titles[i] for i in there]
     if len(form.time) > 1:
-        titles[there.index(places.time[0])] = form.time_title
+        titles[there.index(roles.time[0])] = form.time_title
 
-    def read(kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
-        wanted = [there[i] for i in kept], [there[i] for i in numbers]
-        return _read_wide(path, sheet, places, form, *wanted)
+    def read(raw: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+        wanted = [there[i] for i in raw], [there[i] for i in numbers]
+        return _read_wide(path, sheet, roles, form, *wanted)
 
     return replace(
         sheet,
@@ -51,13 +51,13 @@ def wide_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
 
 
 def _read_wide(
-    path: Path, sheet: Sheet, places: Places, form: FileForm, kept: list[int], numbers: list[int]
+    path: Path, sheet: Sheet, roles: ColumnRoles, form: FileForm, raw: list[int], numbers: list[int]
 ) -> Table:
     """Columns of a table, read together with the other parts of its time and with qualities."""
-    judges = {i: q for i, q in (places.quality_of or {}).items() if i in numbers}
-    parts = places.time if len(places.time) > 1 or form.hold == "last" else ()
-    table = sheet.read([*kept, *parts, *judges.values()], numbers, form)
-    cells, beside = table.kept[: len(kept)], table.kept[len(kept) :]
+    judges = {i: q for i, q in (roles.quality_of or {}).items() if i in numbers}
+    parts = roles.time if len(roles.time) > 1 or form.hold == "last" else ()
+    table = sheet.read([*raw, *parts, *judges.values()], numbers, form)
+    cells, beside = table.raw[: len(raw)], table.raw[len(raw) :]
     columns = dict(zip(numbers, table.columns, strict=True))
     qualities = [texts_of(cells) for cells in beside[len(parts) :]]
     found = set().union(*qualities)
@@ -69,17 +69,17 @@ def _read_wide(
         columns[index] = judged(path, columns[index], sheet.titles[quality], texts, found, form)
     if parts:
         time, remarks = time_of_parts(path, beside[: len(parts)], form, remarks)
-        cells = tuple(time if i == parts[0] else c for i, c in zip(kept, cells, strict=True))
+        cells = tuple(time if i == parts[0] else c for i, c in zip(raw, cells, strict=True))
         if form.hold == "last":
             columns, remarks = held(columns, time, form, remarks)
-    return replace(table, kept=cells, columns=tuple(columns[i] for i in numbers), remarks=remarks)
+    return replace(table, raw=cells, columns=tuple(columns[i] for i in numbers), remarks=remarks)
 
 
 def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) -> Sheet:
     """A table with one time, made from pairs of columns."""
     asked = [*(p.time for p in pairs), *(p.quality for p in pairs if p.quality >= 0)]
     table = sheet.read(asked, [p.value for p in pairs], replace(form, layout="pairs"))
-    cells = dict(zip(asked, table.kept, strict=True))
+    cells = dict(zip(asked, table.raw, strict=True))
     notes = list[str]()
     times = [TimeReader(path, form, notes).read(cells[p.time]) for p in pairs]
     qualities = {p: texts_of(cells[p.quality]) for p in pairs if p.quality >= 0}

@@ -87,11 +87,11 @@ def array_sheet(
 ) -> Sheet:
     """A table of `rows` rows whose columns are arrays."""
 
-    def read(kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
-        wanted = list(dict.fromkeys([*kept, *numbers]))
+    def read(raw: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+        wanted = list(dict.fromkeys([*raw, *numbers]))
         written = [Convention(form.decimal, form.thousands)] * len(numbers)
         columns = columns_of(titles, numbers, written, form)
-        aside = [GrowingCells() for _ in kept]
+        aside = [GrowingCells() for _ in raw]
         before = 0
         for piece in pieces(wanted):
             cells = dict(zip(wanted, map(cells_of, piece), strict=True))
@@ -105,10 +105,10 @@ def array_sheet(
                     column.parts.append(part)
                 else:
                     read_cells(column, list(part), before, comma=True)
-            for growing, index in zip(aside, kept, strict=True):
+            for growing, index in zip(aside, raw, strict=True):
                 growing.add(cells[index])
             before += len(cells[wanted[0]]) if wanted else 0
-        return Table(kept=tuple(one.joined() for one in aside), columns=columns)
+        return Table(raw=tuple(one.joined() for one in aside), columns=columns)
 
     def lines() -> Iterator[list[str]]:
         for piece in pieces(range(len(titles))):

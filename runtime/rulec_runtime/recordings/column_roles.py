@@ -40,7 +40,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Places:
+class ColumnRoles:
     """Columns of a table by role; -1 for none.
 
     `time` are the parts of one time; `quality_of` gives the column of qualities of another column.
@@ -56,7 +56,7 @@ class Places:
     quality_of: Mapping[int, int] | None = None
 
 
-def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
+def roles_of(path: Path, titles: Sequence[str], form: FileForm) -> ColumnRoles:
     """Roles of the columns of a table. Raises `RecordingRefused` if a column of the column map is
     missing."""
     plain = [title.strip() for title in titles]
@@ -97,7 +97,7 @@ def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
                 f"{path}: the column map says that columns stand in pairs of time and value, and "
                 "the titles do not: each column of readings needs one of times before it"
             )
-        return Places("pairs", pairs=pairs)
+        return ColumnRoles("pairs", pairs=pairs)
     if layout == "long":
         if not is_long:
             raise RecordingRefused(
@@ -105,8 +105,8 @@ def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
                 "name them in the column map, as in 'file: {layout: long, tag: Name, value: Wert}'"
             )
         quality = stated(form.quality, "quality", QUALITIES)
-        return Places("long", time, tag, value, quality, usual(UNITS))
-    return Places("wide", time, quality_of=_qualities(titles, times, form))
+        return ColumnRoles("long", time, tag, value, quality, usual(UNITS))
+    return ColumnRoles("wide", time, quality_of=_qualities(titles, times, form))
 
 
 def _stem(title: str, words: Collection[str]) -> str:

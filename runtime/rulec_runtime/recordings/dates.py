@@ -47,12 +47,12 @@ _MONTHS = {
 _ZONES = {"Z": 0, "UTC": 0, "GMT": 0, "CET": 60, "MEZ": 60, "CEST": 120, "MESZ": 120}
 """Minutes ahead of UTC of zones with unambiguous names."""
 
-_PLACES: dict[Order, tuple[int, int, int]] = {
+_ORDERS: dict[Order, tuple[int, int, int]] = {
     "day first": (2, 1, 0),
     "month first": (2, 0, 1),
     "year first": (0, 1, 2),
 }
-"""Places of year, month and day in a date."""
+"""Order of year, month and day in a date."""
 
 _DATE = re.compile(
     r"(?:[^\W\d_]{2,9}\.?,?\s+)?"
@@ -78,7 +78,7 @@ def orders_of(cells: Iterable[str]) -> tuple[str, tuple[Order, ...]]:
     >>> orders_of(["3/4/2025"])
     ('3/4/2025', ('day first', 'month first'))
     """
-    left = tuple(_PLACES)
+    left = tuple(_ORDERS)
     first = ""
     for cell in cells:
         orders = _orders(cell.strip())
@@ -103,7 +103,7 @@ def _orders(text: str) -> tuple[Order, ...]:
     latest = datetime.now(UTC).year + 1
     return tuple(
         order
-        for order, (y, m, d) in _PLACES.items()
+        for order, (y, m, d) in _ORDERS.items()
         if _year(parts[y]) <= latest and int(parts[m]) <= 12 and int(parts[d]) <= 31
     )
 
@@ -159,7 +159,7 @@ def _day(first: str, second: str, third: str, sign: str, order: Order) -> tuple[
         order = "month first"
     elif not second.isdigit() or (not order and sign == "."):
         order = "day first"
-    y, m, d = ((first, second, third)[place] for place in _PLACES[order])
+    y, m, d = ((first, second, third)[i] for i in _ORDERS[order])
     return _year(y), _month(m), int(d)
 
 

@@ -32,12 +32,12 @@ from rulec_runtime.recordings.titles import is_time, names_of_times
 STANDARD_INPUT = Path("-")
 
 
-def place_of(path: Path) -> tuple[Path, str]:
+def file_and_table(path: Path) -> tuple[Path, str]:
     """File or folder, and the name of a table in it, or an empty one.
 
     An existing file with # in its name is that file.
 
-    >>> place_of(Path("-#slow"))
+    >>> file_and_table(Path("-#slow"))
     (PosixPath('-'), 'slow')
     """
     text = str(path)
@@ -52,17 +52,17 @@ def place_of(path: Path) -> tuple[Path, str]:
 
 def is_there(path: Path) -> bool:
     """Whether a recording exists: a file, a folder, or standard input."""
-    place = place_of(path)[0]
-    return place == STANDARD_INPUT or place.exists()
+    file = file_and_table(path)[0]
+    return file == STANDARD_INPUT or file.exists()
 
 
 def opened(path: Path) -> BinaryIO:
     """The bytes of a recording; standard input may be opened repeatedly."""
-    place = place_of(path)[0]
-    if place == STANDARD_INPUT:
+    file = file_and_table(path)[0]
+    if file == STANDARD_INPUT:
         return io.BytesIO(_whole(sys.stdin.buffer))
     try:
-        return open_file.opened(place)
+        return open_file.opened(file)
     except OSError as error:
         if error.errno != errno.EINVAL:
             raise
@@ -150,28 +150,28 @@ def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
     """
     with opened_table(path, form) as table:
         sheet = arrange(path, table, form)
-        yield replace(sheet, read=lambda kept, numbers, _=form: sheet.read(kept, numbers, form))
+        yield replace(sheet, read=lambda raw, numbers, _=form: sheet.read(raw, numbers, form))
 
 
 @contextmanager
 def opened_table(path: Path, form: FileForm) -> Iterator[Sheet]:
     """The same as it is written."""
-    place, name = place_of(path)
+    source, name = file_and_table(path)
     times = names_of_times(form)
     with opened(path) as file:
-        kind = format_of(file, place)
-        reader = _reader(kind, place)
-        found = _careful(lambda: reader(file, place, times), kind, place)
+        kind = format_of(file, source)
+        reader = _reader(kind, source)
+        found = _careful(lambda: reader(file, source, times), kind, source)
         for one in found:
             refuse_columns(path, len(one.titles))
         sheet = which(path, found, name, times)
         read, lines = sheet.read, sheet.lines
         yield replace(
             sheet,
-            read=lambda kept, numbers, form=form: _careful(
-                lambda: read(kept, numbers, form), kind, place
+            read=lambda raw, numbers, form=form: _careful(
+                lambda: read(raw, numbers, form), kind, source
             ),
-            lines=partial(_careful, lines, kind, place),
+            lines=partial(_careful, lines, kind, source),
         )
 
 

@@ -17,7 +17,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.columns import means_between
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.formats import bytes_of, place_of
+from rulec_runtime.recordings.formats import bytes_of, file_and_table
 from rulec_runtime.recordings.plant_calendar import Calendar
 from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import (
@@ -52,7 +52,7 @@ def check_different(paths: Sequence[Path]) -> None:
     known: dict[str, Path] = {}
     for path in paths:
         for file in files_of(path):
-            digest = hashlib.sha256(bytes_of(file)).hexdigest() + place_of(file)[1]
+            digest = hashlib.sha256(bytes_of(file)).hexdigest() + file_and_table(file)[1]
             if digest in known:
                 other = known[digest]
                 what = "the same file" if file == other else f"a copy of {other}"

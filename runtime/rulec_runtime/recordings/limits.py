@@ -44,7 +44,7 @@ between a third and a twentieth."""
 LINES_ABOVE_TITLES = 60
 """Lines above the titles of a table at most: what a logger tells of itself. Origin: assumed."""
 
-MOST_PLACES = 10_000
+MOST_OBJECTS = 10_000
 """Groups and data sets of a file at most that are looked at. Origin: assumed; loggers write some
 thousand channels."""
 

@@ -17,7 +17,7 @@ from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
-from rulec_runtime.recordings.column_roles import Places
+from rulec_runtime.recordings.column_roles import ColumnRoles
 from rulec_runtime.recordings.columns import interval_of, nearest
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
 from rulec_runtime.recordings.larger_than_memory import Growing
@@ -104,9 +104,9 @@ class LongTable:
     left_out: tuple[int, int]
     decimals: set[str]
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+    def read(self, raw: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
         form = self.form
-        found = {index - 1: self.readings[index - 1] for index in (*numbers, *kept) if index}
+        found = {index - 1: self.readings[index - 1] for index in (*numbers, *raw) if index}
         most = max(found, key=lambda k: len(found[k].at), default=0)
         base = self._rows(found, most)
         times = _taken(self.times, base)
@@ -117,7 +117,7 @@ class LongTable:
             placed = {k: _nearest(at, r.at) for k, r in found.items()}
         columns = {k: self._column(k, placed[k]) for k in found}
         return Table(
-            kept=tuple(self._texts(columns[i - 1]) if i else times for i in kept),
+            raw=tuple(self._texts(columns[i - 1]) if i else times for i in raw),
             columns=tuple(columns[index - 1] for index in numbers),
             left_out=self.left_out[0],
             first_left_out=self.left_out[1],
@@ -152,15 +152,15 @@ class LongTable:
                 )
         return base.rows
 
-    def _column(self, k: int, places: NDArray[np.intp]) -> Column:
-        """The reading of a tag at each place, NaN for -1."""
+    def _column(self, k: int, indexes: NDArray[np.intp]) -> Column:
+        """The reading of a tag at each index, NaN for -1."""
         own, column = self.readings[k], Column(self.tags[k], decimals=self.decimals, placed={})
-        numbers = np.full(len(places), np.nan)
-        there = np.flatnonzero(places >= 0)
-        numbers[there] = own.numbers[places[there]]
+        numbers = np.full(len(indexes), np.nan)
+        there = np.flatnonzero(indexes >= 0)
+        numbers[there] = own.numbers[indexes[there]]
         column.parts.append(numbers)
         if self.words:
-            for row, source in zip(there.tolist(), own.rows[places[there]].tolist(), strict=True):
+            for row, source in zip(there.tolist(), own.rows[indexes[there]].tolist(), strict=True):
                 if (word := self.words.get(source)) is not None:
                     column.say(row, word)
         return column
@@ -204,45 +204,45 @@ class LongTable:
             )
 
 
-def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
+def long_sheet(path: Path, sheet: Sheet, roles: ColumnRoles, form: FileForm) -> Sheet:
     """A table with a column per tag, made from a long one."""
-    beside = [i for i in (places.quality, places.unit) if i >= 0]
-    asked = [*places.time, places.tag, *beside]
-    table = sheet.read(asked, [places.value], replace(form, layout="long"))
-    cells = dict(zip(asked, table.kept, strict=True))
-    times, notes = time_of_parts(path, [cells[i] for i in places.time], form)
-    names = [text.strip() for text in texts_of(cells[places.tag])]
+    beside = [i for i in (roles.quality, roles.unit) if i >= 0]
+    asked = [*roles.time, roles.tag, *beside]
+    table = sheet.read(asked, [roles.value], replace(form, layout="long"))
+    cells = dict(zip(asked, table.raw, strict=True))
+    times, notes = time_of_parts(path, [cells[i] for i in roles.time], form)
+    names = [text.strip() for text in texts_of(cells[roles.tag])]
     tags = {name: k for k, name in enumerate(dict.fromkeys(names))}
     number = np.array([tags[name] for name in names], dtype=np.intp)
     (column,) = table.columns
     values, words = column.numbers(), dict(column.placed or {})
-    if places.quality >= 0:
-        title, texts = sheet.titles[places.quality], texts_of(cells[places.quality])
+    if roles.quality >= 0:
+        title, texts = sheet.titles[roles.quality], texts_of(cells[roles.quality])
         good = good_of(path, title, set(texts), form)
         notes = (*notes, *codes_remark(path, title, set(texts), form))
         words |= {k: as_word(text) for k, text in enumerate(texts) if not good[text]}
     values[[*words]] = np.nan
-    units = texts_of(cells[places.unit]) if places.unit >= 0 else []
+    units = texts_of(cells[roles.unit]) if roles.unit >= 0 else []
     seconds = seconds_in(times, form)
-    known = np.flatnonzero(np.isfinite(seconds))
-    order = known[np.lexsort((seconds[known], number[known]))]
+    dated = np.flatnonzero(np.isfinite(seconds))
+    order = dated[np.lexsort((seconds[dated], number[dated]))]
     edges = np.searchsorted(number[order], np.arange(len(tags) + 1))
     parts = [order[low:high] for low, high in pairwise(edges.tolist())]
     readings = tuple(Readings(rows, seconds[rows], values[rows]) for rows in parts)
-    untimed = int(np.isfinite(values).sum() - np.isfinite(values[known]).sum())
+    untimed = int(np.isfinite(values).sum() - np.isfinite(values[dated]).sum())
     left_out = table.left_out, table.first_left_out
     long = LongTable(
         path, tuple(tags), readings, times, words, form, untimed, left_out, column.decimals
     )
     count = f"a reading a row; {plural(len(tags), 'tag', 'tags')} became columns"
-    others = {*range(len(sheet.titles))} - {*asked, places.value}
+    others = {*range(len(sheet.titles))} - {*asked, roles.value}
     if others:
         unread = ", ".join(f"'{sheet.titles[i].strip()}'" for i in sorted(others))
         count += f"; not read: {unread}"
     return replace(
         sheet,
-        titles=(sheet.titles[places.time[0]], *tags),
-        units=(sheet.units[places.time[0]], *_units(path, tuple(tags), number, units)),
+        titles=(sheet.titles[roles.time[0]], *tags),
+        units=(sheet.units[roles.time[0]], *_units(path, tuple(tags), number, units)),
         read=long.read,
         lines=lambda: lines_of(long.read, len(long.tags) + 1),
         rows=None,
@@ -269,12 +269,12 @@ def _units(
 
 def _apart(at: Array, least: float) -> NDArray[np.intp]:
     """Positions of times, in order, each later than the one before, by `least` or more."""
-    kept, last = [], -np.inf
-    for place, time in enumerate(at.tolist()):
+    rows, last = [], -np.inf
+    for row, time in enumerate(at.tolist()):
         if time > last and time - last >= least:
-            kept.append(place)
+            rows.append(row)
             last = time
-    return np.array(kept, dtype=np.intp)
+    return np.array(rows, dtype=np.intp)
 
 
 def _nearest(base: Array, own: Array) -> NDArray[np.intp]:

@@ -18,7 +18,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.formats import is_there, opened_sheet, place_of
+from rulec_runtime.recordings.formats import file_and_table, is_there, opened_sheet
 from rulec_runtime.recordings.header import assign, result_of
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.recording_file import form_of
@@ -64,7 +64,7 @@ class ModuleResults:
 
 def holds_results(path: Path, ruleset: Ruleset) -> bool:
     """Whether a file holds estimates of observers instead of a recording."""
-    if not is_there(path) or place_of(path)[0].is_dir():
+    if not is_there(path) or file_and_table(path)[0].is_dir():
         return False
     with opened_sheet(path, form_of(ruleset)) as sheet:
         titles = {parts_of(as_meant(t.strip()))[0] for t in sheet.titles}
@@ -80,7 +80,7 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
     _check(path, [target.signal for target in header.targets], ruleset)
     title, unit = header.time_title, header.time_unit
     zone, form = ruleset.time_zone, form_of(ruleset)
-    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
+    time, zones = read_times(path, table.raw[0], title, unit, ruleset.units, zone, notes, form)
     values = {
         target.signal: column.numbers() * target.factor + target.offset
         for target, column in zip(header.targets, table.columns, strict=True)

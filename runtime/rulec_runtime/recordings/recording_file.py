@@ -23,9 +23,9 @@ from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import (
     CSV,
     STANDARD_INPUT,
+    file_and_table,
     is_called_recording,
     opened_sheet,
-    place_of,
 )
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.table import Dates, Table
@@ -66,16 +66,16 @@ class RecordingFile:
 def files_of(path: Path) -> list[Path]:
     """The file, or all recordings of a folder sorted by name: its CSV files, or if it has none,
     those of other formats. A table named after a folder applies to each file."""
-    place, table = place_of(path)
-    if place == STANDARD_INPUT:
+    file, table = file_and_table(path)
+    if file == STANDARD_INPUT:
         return [path]
-    if not place.is_dir():
-        if not place.exists():
-            near = near_file(place)
+    if not file.is_dir():
+        if not file.exists():
+            near = near_file(file)
             hint = f"; did you mean '{near}'?" if near else ""
             raise RecordingRefused(f"{path}: there is no such file{hint}")
         return [path]
-    files = sorted(f for f in place.iterdir() if is_called_recording(f))
+    files = sorted(f for f in file.iterdir() if is_called_recording(f))
     csv = [f for f in files if f.name.lower().endswith(CSV.suffixes)]
     if not files:
         raise RecordingRefused(
@@ -118,7 +118,7 @@ def _file(
     """Times, in a unit if they are numbers, and readings of a table."""
     title, zone, form = header.time_title, ruleset.time_zone, form_of(ruleset)
     try:
-        time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
+        time, zones = read_times(path, table.raw[0], title, unit, ruleset.units, zone, notes, form)
     except RecordingRefused:
         if header.targets:
             raise

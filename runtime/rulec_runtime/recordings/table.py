@@ -34,13 +34,13 @@ class Table:
 
     Attributes
     ----------
-    kept : columns in the form of the file (times), in the order asked for.
+    raw : columns in the form of the file (times), in the order asked for.
     columns : the others, as numbers.
     left_out : number of rows with a wrong number of cells; the first is `first_left_out`.
     remarks : on oddities found while reading.
     """
 
-    kept: tuple[Cells, ...]
+    raw: tuple[Cells, ...]
     columns: tuple[Column, ...]
     left_out: int = 0
     first_left_out: int = 0
@@ -52,7 +52,7 @@ class Read(Protocol):
     form."""
 
     def __call__(
-        self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = ..., /
+        self, raw: Sequence[int], numbers: Sequence[int], form: FileForm = ..., /
     ) -> Table: ...
 
 
@@ -83,7 +83,7 @@ class Sheet:
 
 def lines_of(read: Read, count: int) -> Iterator[list[str]]:
     """All rows of a table of `count` columns as text."""
-    columns = (texts_of(cells) for cells in read(range(count), ()).kept)
+    columns = (texts_of(cells) for cells in read(range(count), ()).raw)
     return (list(row) for row in zip(*columns, strict=True))
 
 

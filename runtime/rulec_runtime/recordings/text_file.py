@@ -29,17 +29,17 @@ class _Reader(io.RawIOBase):
     """A file read from its beginning; several readers are independent of each other."""
 
     def __init__(self, file: BinaryIO) -> None:
-        self._file, self._place = file, 0
+        self._file, self._position = file, 0
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: object) -> int:
         view = memoryview(buffer)  # type: ignore[arg-type]
-        self._file.seek(self._place)
+        self._file.seek(self._position)
         found = self._file.read(len(view))
         view[: len(found)] = found
-        self._place += len(found)
+        self._position += len(found)
         return len(found)
 
 

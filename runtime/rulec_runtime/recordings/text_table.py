@@ -50,15 +50,15 @@ class TextTable:
     has_units: bool
     times: frozenset[str]
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+    def read(self, raw: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         """Read columns; rows with a wrong number of cells are left out, since none of their cells
         can be trusted. Raises `RecordingRefused`."""
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))
         notes = list[str]()
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
         columns = columns_of(self.titles, numbers, written, form)
-        parts = {index for index in kept if is_time(self.titles[index], self.times)}
-        texts = tuple(self._growing(index, parts, form, notes) for index in kept)
+        parts = {index for index in raw if is_time(self.titles[index], self.times)}
+        texts = tuple(self._growing(index, parts, form, notes) for index in raw)
         width, below = len(self.titles), self._below()
         count = whole = first_left_out = 0
         while part := list(islice(below, BATCH)):
@@ -68,10 +68,10 @@ class TextTable:
                 odd = next(k for k, row in enumerate(part) if not is_whole(row, width))
                 first_left_out = count + odd + 1
             if not whole and rows and numbers:
-                refuse_words(self.path, rows[0], (*kept, *numbers))
+                refuse_words(self.path, rows[0], (*raw, *numbers))
             for column, index in zip(columns, numbers, strict=True):
                 read_cells(column, [row[index] for row in rows], whole, self.separator != ",")
-            for text, index in zip(texts, kept, strict=True):
+            for text, index in zip(texts, raw, strict=True):
                 text.add([row[index] for row in rows])
             count, whole = count + len(part), whole + len(rows)
         self._check(count, whole, columns)
@@ -79,7 +79,7 @@ class TextTable:
         if marks and not form.thousands:
             notes.insert(0, f"{' and '.join(marks)} in its numbers marks thousands")
         return Table(
-            kept=tuple(text.joined() for text in texts),
+            raw=tuple(text.joined() for text in texts),
             columns=columns,
             remarks=tuple(notes),
             left_out=count - whole,

@@ -61,7 +61,7 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
     with opened_sheet(path) as sheet:
         (index, title, unit), chosen = _columns(path, sheet.titles, ruleset, notes)
         table = sheet.read([index], list(chosen.values()))
-    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units)
+    time, zones = read_times(path, table.raw[0], title, unit, ruleset.units)
     if zones is not None:
         raise RecordingRefused(
             f"{path}: the times are dates; write seconds since the first sample of the recording"

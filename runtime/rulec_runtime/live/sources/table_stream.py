@@ -19,7 +19,7 @@ from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_head import LineCutter, TableHead, head_in
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.column_roles import places_of
+from rulec_runtime.recordings.column_roles import roles_of
 from rulec_runtime.recordings.csv_table import (
     UNKNOWN,
     Column,
@@ -63,13 +63,13 @@ class TableStream:
         """Read the head. Raises `RecordingRefused` for a table of another plant."""
         notes = list(left_out_above(head.above))
         header = assign(self._path, head.titles, self._ruleset, notes, head.units)
-        places = places_of(self._path, head.titles, self._form)
-        if places.layout != "wide" or len(places.time) > 1 or self._form.hold == "last":
+        roles = roles_of(self._path, head.titles, self._form)
+        if roles.layout != "wide" or len(roles.time) > 1 or self._form.hold == "last":
             raise RecordingRefused(
                 f"{self._path}: watch reads tables with a column per signal and one of times; have "
                 "this one written so, or read it with rulec diagnose when it is complete"
             )
-        self._qualities = places.quality_of or {}
+        self._qualities = roles.quality_of or {}
         if not self._ruleset.read.intersection(t.signal for t in header.targets):
             raise foreign(str(self._path), self._ruleset)
         title, unit = header.time_title, header.time_unit
@@ -162,8 +162,8 @@ class TableStream:
     def _see_qualities(self, rows: list[list[str]]) -> None:
         """Remember all qualities: those of a few rows may not show their standard."""
         if self._qualities and len(self._known_qualities) < FEW_TEXTS:
-            places = {*self._qualities.values()}
-            self._known_qualities |= {row[i] for row in rows for i in places}
+            columns = {*self._qualities.values()}
+            self._known_qualities |= {row[i] for row in rows for i in columns}
 
     def _seconds(self, cells: list[str]) -> Array:
         """Seconds, since 1970 for dates; one without a zone is in the zone of the column map."""

@@ -46,7 +46,7 @@ class _Walk:
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size
         self._visited: set[Any] = set()
-        self._places = 0
+        self._objects = 0
         self.outside: list[str] = []
         self._opaque: list[str] = []
 
@@ -120,10 +120,10 @@ class _Walk:
         return True
 
     def _count(self) -> None:
-        self._places += 1
-        if self._places > limits.MOST_PLACES:
+        self._objects += 1
+        if self._objects > limits.MOST_OBJECTS:
             raise RecordingRefused(
-                f"{self._path}: it holds more than {limits.MOST_PLACES} arrays and groups, as no "
+                f"{self._path}: it holds more than {limits.MOST_OBJECTS} arrays and groups, as no "
                 "recording does; copy the recording's group into a file of its own"
             )
 

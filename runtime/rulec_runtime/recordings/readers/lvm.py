@@ -41,9 +41,9 @@ def _first(head: Mapping[str, Sequence[str]], tag: str) -> str:
     return next(iter(head.get(tag, ())), "").strip()
 
 
-def _heads(lines: Iterator[str], known: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Tags of a head, up to its end, added to the known ones."""
-    found = {tag: list(cells) for tag, cells in known.items()}
+def _heads(lines: Iterator[str], defaults: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Tags of a head, up to its end, added to the defaults."""
+    found = {tag: list(cells) for tag, cells in defaults.items()}
     for line in lines:
         sign = _separator(found)
         cells = line.rstrip("\r\n").split(sign)
@@ -94,8 +94,8 @@ def _rows(
             continue
         segment = _heads(chain([line], lines), head)
         named = next(lines, "").rstrip("\r\n").split(separator)
-        places = _channels(named, len(titles), kind)
-        if [named[p].strip() for p in places if p < len(named)] != [*titles]:
+        columns = _channels(named, len(titles), kind)
+        if [named[p].strip() for p in columns if p < len(named)] != [*titles]:
             raise RecordingRefused(
                 f"{path}: its segments hold different channels; export them as files of their own"
             )
@@ -103,7 +103,7 @@ def _rows(
         for count, row in enumerate(takewhile(str.strip, lines)):  # an empty line ends it
             cells = row.rstrip("\r\n").split(separator)
             first = cells[0] if kind.lower() != "no" else ""
-            yield [when(count, first), *(cells[p] if p < len(cells) else "" for p in places)]
+            yield [when(count, first), *(cells[p] if p < len(cells) else "" for p in columns)]
 
 
 def _times(segment: Mapping[str, Sequence[str]], kind: str) -> Callable[[int, str], str]:
