@@ -239,7 +239,7 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
     ]
     monkeypatch.setenv("TERM", "dumb")
     out = io.StringIO()
-    with LiveScreen(nobody, terminal(out), told=2) as live:
+    with LiveScreen(nobody, terminal(out), reported=2) as live:
         live.show(replace(now, past=now.past[:2]))
     assert "1 event in between stands in the journal" in out.getvalue()
     assert 4 == len(out.getvalue().splitlines())

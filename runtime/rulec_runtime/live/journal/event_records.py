@@ -94,11 +94,11 @@ def event_of(record: Record) -> Event:
         raise JournalRefused("this is no event") from None
 
 
-def other_content(place: str, plant: str, number: int, kept: Record, new: Record) -> JournalRefused:
+def other_content(where: str, plant: str, number: int, old: Record, new: Record) -> JournalRefused:
     """The refusal of an event whose number another event already has."""
     return JournalRefused(
-        f"{place} holds another event {number} of {plant}: '{kept['text']}' at "
-        f"{moment(kept)}, now '{new['text']}' at {moment(new)}; this watcher started from another "
+        f"{where} holds another event {number} of {plant}: '{old['text']}' at "
+        f"{moment(old)}, now '{new['text']}' at {moment(new)}; this watcher started from another "
         "state than that in the journal: watch into another journal, or under another plant name"
     )
 

@@ -74,13 +74,13 @@ def usable(reading: float, why: str, largest: float) -> tuple[float, str]:
 
 @dataclass
 class _Missing:
-    """Why a signal has no reading, since when for this reason, and since when at all, s; `told` is
-    the reason last reported as check function."""
+    """Why a signal has no reading, since when for this reason, and since when at all, s; the reason
+    last `reported` as check function."""
 
     why: str
     since: float
     first: float
-    told: str = ""
+    reported: str = ""
 
 
 class Assembler:
@@ -137,8 +137,8 @@ class Assembler:
             if not why:
                 return
             if before is None or before.why != why:
-                first, told = (before.first, before.told) if before else (now, "")
-                before = _Missing(why, now, first, told)
+                first, reported = (before.first, before.reported) if before else (now, "")
+                before = _Missing(why, now, first, reported)
                 text = f"{signal} has no reading: {why}"
                 self._hand.notices([notice("refused", clocks.time(), text)])
             self._missing[signal] = before
@@ -176,8 +176,8 @@ class Assembler:
         now = clocks.monotonic()
         for name in (name for name, of in self._place_of.items() if of == place):
             self._values[name] = nan
-            told = self._missing[name].told if name in self._missing else ""
-            self._missing[name] = _Missing("no value has come", now, now, told)
+            reported = self._missing[name].reported if name in self._missing else ""
+            self._missing[name] = _Missing("no value has come", now, now, reported)
 
     def tick(self) -> None:
         """Call this periodically: it ends rows that wait for a place, and reports silent places,
@@ -198,10 +198,10 @@ class Assembler:
                 found.append(notice("stale", clocks.time(), text))
             for signal, one in self._missing.items():
                 place = self._place_of[signal]
-                lasts = silent.get(place, now - (one.since if one.told else one.first))
-                heard = place in self._heard and lasts >= self._stale and one.told != one.why
+                lasts = silent.get(place, now - (one.since if one.reported else one.first))
+                heard = place in self._heard and lasts >= self._stale and one.reported != one.why
                 if heard or place in alone:
-                    one.told = one.why
+                    one.reported = one.why
                     text = f"{signal} has had no reading for {lasts:.0f} s: {one.why}"
                     found.append(notice("stale", clocks.time(), text, signal=signal))
             self._hand.notices(found)

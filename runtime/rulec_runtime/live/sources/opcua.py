@@ -61,7 +61,7 @@ class Link:
         self._heard = 0.0
         self._over, self._why = asyncio.Event(), ""
         self._gone: float | None = None
-        self._told = ""
+        self._reported = ""
         self._alive = False
         self.answered, self.refused = Event(), ""
 
@@ -204,8 +204,8 @@ class Link:
     def _end(self, kind: NoticeKind, text: str) -> None:
         """The connection has ended, which is reported once per loss."""
         self._rows.lost(self._server.name)
-        if self._gone is None or (kind == "refused" and text != self._told):
-            self._gone, self._told = self._gone or clocks.time(), text
+        if self._gone is None or (kind == "refused" and text != self._reported):
+            self._gone, self._reported = self._gone or clocks.time(), text
             self._hand.notices([notice(kind, clocks.time(), text)])
 
 

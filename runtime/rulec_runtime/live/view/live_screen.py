@@ -22,7 +22,7 @@ from rulec_runtime.live.episode import line_of
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
-from rulec_runtime.live.view.words import lead, link, listed, news, overall
+from rulec_runtime.live.view.words import display_state, lead, link, listed, overall
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.wording import status_in_words
@@ -134,7 +134,7 @@ class LiveScreen:
     """The display of `rulec watch` on a terminal, as long as the context lasts.
 
     `acknowledge` takes the id of an episode and who acknowledges; the drawing thread calls it.
-    `told` is the number of the last event shown before. `show` is cheap: news are drawn within
+    `reported` is the number of the last event shown before. `show` is cheap: news are drawn within
     `REDRAWN` seconds, rows alone every `TICK`, however fast they come.
     """
 
@@ -143,12 +143,12 @@ class LiveScreen:
         acknowledge: Callable[[str, str], None],
         console: Console,
         keys: Keys | None = None,
-        told: int = 0,
+        reported: int = 0,
     ) -> None:
         self._acknowledge = acknowledge
         self._console = console
         self._keys = keys or Keys()
-        self._told = told
+        self._reported = reported
         self._state = ViewState()
         self._now: Now | None = None
         self._changed = threading.Event()
@@ -194,12 +194,12 @@ class LiveScreen:
         self._raise()
         before, self._now = self._now, now
         if self._live is not None:
-            if before is None or news(now) != news(before):
+            if before is None or display_state(now) != display_state(before):
                 self._changed.set()
             return
-        for line in event_lines(now, self._told):
+        for line in event_lines(now, self._reported):
             self._console.print(line, soft_wrap=True)
-        self._told = max([self._told, *(event.number for event in now.past)])
+        self._reported = max([self._reported, *(event.number for event in now.past)])
 
     @property
     def failed(self) -> bool:
@@ -247,8 +247,8 @@ def event_lines(now: Now, last: int) -> Iterator[Text]:
     new = [event for event in reversed(now.past) if event.number > last]
     if new and last and new[0].number > last + 1:
         gone = new[0].number - last - 1
-        told = plural(gone, "event in between stands", "events in between stand")
-        yield styled("[dim]{} in the journal[/]", told)
+        text = plural(gone, "event in between stands", "events in between stand")
+        yield styled("[dim]{} in the journal[/]", text)
     for event in new:
         yield line_of(event, now.calendar)
 

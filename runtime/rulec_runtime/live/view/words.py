@@ -167,7 +167,7 @@ def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
     return moment(now.calendar, event.time), badge, event.what, event.text
 
 
-def news(now: Now) -> tuple[object, ...]:
+def display_state(now: Now) -> tuple[object, ...]:
     """Everything whose change an operator should see at once."""
     latest = now.past[0].number if now.past else 0
     return latest, now.status, now.connected, now.remark, now.acknowledged, len(now.active)
