@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
-from rulec_runtime.commands.watch_opened import KeptFiles, kept_journal
+from rulec_runtime.commands.watch_opened import BufferedFiles, buffered_journal
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal
@@ -20,16 +20,16 @@ from tests.live.journal.events import event, events_in, kept_in
 @contextmanager
 def kept(
     folder: Path, waiting: Path | None = None, state: bool = True
-) -> Iterator[tuple[KeptFiles, list[str]]]:
+) -> Iterator[tuple[BufferedFiles, list[str]]]:
     """Files of a watch, and what could not be written in the end."""
     unwritten: list[str] = []
     with ExitStack() as stack:
         where = str(folder / "state") if state else None
         events = str(folder / "events.jsonl")
-        yield KeptFiles((events, where), "abc", waiting, stack, unwritten), unwritten
+        yield BufferedFiles((events, where), "abc", waiting, stack, unwritten), unwritten
 
 
-def put(files: KeptFiles, number: int, dated: bool = True) -> Event:
+def put(files: BufferedFiles, number: int, dated: bool = True) -> Event:
     """One more event, with the state behind it."""
     new = event(number)
     files.sink.put([new], f"state {number}".encode(), dated=dated)
@@ -117,7 +117,7 @@ def test_a_journal_on_such_a_disk(
         remounted(small_disk, "ro")
     where, said, number = str(small_disk / "journal.db"), "", before
     with ExitStack() as stack:
-        journal = kept_journal(where, "abc", None, stack, [])
+        journal = buffered_journal(where, "abc", None, stack, [])
         saved = journal.saved()
         if full:
             filled(small_disk)

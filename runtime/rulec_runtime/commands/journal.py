@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
         plants = journal.plants()
         if options.plant is not None and options.plant not in plants:
             held = f"it holds {', '.join(plants)}" if plants else "nothing was told yet"
-            raise JournalRefused(f"{journal.place} holds nothing of {options.plant}; {held}")
+            raise JournalRefused(f"{journal.address} holds nothing of {options.plant}; {held}")
         if options.ack is not None:
             _acknowledge(journal, options, plants, out)
         which: dict[str, Any] = {

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from rulec_runtime.commands.watch_opened import Opened, opened
+from rulec_runtime.commands.watch_opened import Setup, set_up
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.live import limits, state
@@ -28,36 +28,36 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
     ruleset = load(Path(options.plant))
     unwritten: list[str] = []
     with _ends_when_asked(), ExitStack() as stack:
-        what = opened(options, ruleset, stack, unwritten)
-        memory = _watch(what, ruleset, options.until_end)
+        setup = set_up(options, ruleset, stack, unwritten)
+        memory = _watch(setup, ruleset, options.until_end)
     active = {one.status for one in memory.episodes if one.active}
     failed = active & set(options.fail_on.split(","))
     return limits.FAILED if failed else int(bool(unwritten))
 
 
-def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
-    memory, source, present = what.memory, what.source, what.present
+def _watch(setup: Setup, ruleset: Ruleset, until_end: bool) -> Memory:
+    memory, source, present = setup.memory, setup.source, setup.present
     with suppress(KeyboardInterrupt):
-        while not source.ended and not what.screen.quit:
+        while not source.ended and not setup.screen.quit:
             came = source.take(limits.WAIT)
             if not memory.count:
                 # A source knows only from its first rows on whether its times are dates.
                 recent = nothing_yet(source.dated).recent
                 memory = replace(memory, recent=recent)
-            news: list[Event] = []
+            events: list[Event] = []
             begun = time.monotonic()
-            for updated, events, diagnosis in judged(ruleset, memory, came):
+            for updated, new, diagnosis in judged(ruleset, memory, came):
                 memory = updated
-                news += events
-                present.update(memory, events, diagnosis)
-                what.screen.show(present.now())
+                events += new
+                present.update(memory, new, diagnosis)
+                setup.screen.show(present.now())
             took = time.monotonic() - begun
-            if came or news:
-                _keep(what, ruleset, memory, news)
+            if came or events:
+                _keep(setup, ruleset, memory, events)
             if not came and until_end:
                 break
-            what.screen.show(present.now())
-            for sink in what.sinks:
+            setup.screen.show(present.now())
+            for sink in setup.sinks:
                 sink.show(present.now())
             if sum(len(one) for one in came if isinstance(one, Rows)) <= limits.CAUGHT_UP:
                 # A large plant is judged at most half of the time; what comes meanwhile waits.
@@ -65,11 +65,11 @@ def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
     return memory
 
 
-def _keep(what: Opened, ruleset: Ruleset, memory: Memory, news: Sequence[Event]) -> None:
-    if what.sinks:
-        data = state.to_bytes(ruleset, memory, getattr(what.source, "position", {}))
-        for sink in what.sinks:
-            sink.put(list(news), data, dated=what.source.dated)
+def _keep(setup: Setup, ruleset: Ruleset, memory: Memory, events: Sequence[Event]) -> None:
+    if setup.sinks:
+        data = state.to_bytes(ruleset, memory, getattr(setup.source, "position", {}))
+        for sink in setup.sinks:
+            sink.put(list(events), data, dated=setup.source.dated)
 
 
 @contextmanager

@@ -35,7 +35,7 @@ Acknowledge = Callable[[str, str], None]
 
 
 @dataclass(frozen=True)
-class Opened:
+class Setup:
     """Everything that a watch uses, and its memory at the start."""
 
     memory: Memory
@@ -45,9 +45,9 @@ class Opened:
     sinks: tuple[WatchSink, ...]
 
 
-def opened(
+def set_up(
     options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack, unwritten: list[str]
-) -> Opened:
+) -> Setup:
     """Open what the options name. `stack` closes it; `unwritten` then gets a message for what could
     not be written. Raises `Refusal` for mistakes of the user."""
     if options.state and options.journal:
@@ -55,11 +55,11 @@ def opened(
     folder = _waiting(options)
     journal = None
     if options.journal:
-        journal = kept_journal(options.journal, ruleset.plant, folder, stack, unwritten)
+        journal = buffered_journal(options.journal, ruleset.plant, folder, stack, unwritten)
     waiting = folder or (None if journal is None else journal.folder)
     files, names = None, (options.events, options.state)
     if any(names):
-        files = KeptFiles(names, ruleset.plant, waiting, stack, unwritten)
+        files = BufferedFiles(names, ruleset.plant, waiting, stack, unwritten)
     memory, position = _restored(ruleset, files, journal)
     own = None if files is None else files.folder
     sinks = sinks_of(options, ruleset, waiting or own, stack)
@@ -79,8 +79,8 @@ def opened(
     if options.page:
         url = _page(options.page, present, acknowledge, stack)
         out.print(styled("[dim]page: {}[/]", url))
-    screen = stack.enter_context(LiveScreen(acknowledge, out, told=memory.number))
-    return Opened(memory, source, present, screen, tuple(sinks))
+    screen = stack.enter_context(LiveScreen(acknowledge, out, reported=memory.number))
+    return Setup(memory, source, present, screen, tuple(sinks))
 
 
 def _waiting(options: argparse.Namespace) -> Path | None:
@@ -90,12 +90,12 @@ def _waiting(options: argparse.Namespace) -> Path | None:
 
 
 def _restored(
-    ruleset: Ruleset, files: KeptFiles | None, journal: KeptJournal | None
+    ruleset: Ruleset, files: BufferedFiles | None, journal: BufferedJournal | None
 ) -> tuple[Memory, Mapping[str, Any]]:
     """The latest saved memory, and the position of the source."""
     saved = [] if files is None else files.saved()
-    if journal is not None and (kept := journal.saved()) is not None:
-        saved.append(kept)
+    if journal is not None and (stored := journal.saved()) is not None:
+        saved.append(stored)
     found = [state.from_bytes(ruleset, *one) for one in saved]
     latest = max(found, key=lambda one: (one[0].number, one[0].count), default=None)
     return (nothing_yet(False), {}) if latest is None else latest
@@ -205,7 +205,7 @@ def _close(outbox: Outbox, unwritten: list[str]) -> None:
     """Write what waits as far as possible; report what is left, also in `unwritten`."""
     if not outbox.close():
         return
-    text = f"{outbox.place}: {outbox.told()} could not be written"
+    text = f"{outbox.address}: {outbox.summary()} could not be written"
     if outbox.file is not None and outbox.file.exists():
         text += f"; what waits stands in {outbox.file} and is written at the next start"
     else:
@@ -214,7 +214,7 @@ def _close(outbox: Outbox, unwritten: list[str]) -> None:
     unwritten.append(text)
 
 
-class KeptJournal:
+class BufferedJournal:
     """A journal with its outbox; `folder` holds what waits, None for memory alone."""
 
     def __init__(
@@ -228,27 +228,27 @@ class KeptJournal:
     ) -> None:
         self._journal, self._plant = journal, plant
         self.folder = folder
-        self._seen: Callable[[frozenset[str]], None] = lambda _: None
+        self._show_acknowledged: Callable[[frozenset[str]], None] = lambda _: None
         self.sink = waiting_in(folder, name, journal, plant, stack, unwritten, self.note)
 
     def saved(self) -> tuple[bytes, str] | None:
-        """The latest state, from the journal or its outbox, and its place.
+        """The latest state, from the journal or its outbox, and its address.
 
         Raises `JournalTrouble` if the database does not answer and nothing waits: it is unknown
         then which events were reported. A read-only database causes an error at the first write.
         """
         left = self.sink.left  # read first: what is written meanwhile is in the database
         with suppress(JournalTrouble):  # each commit holds the plant as well
-            self._journal.hold(self._plant)
+            self._journal.take_lease(self._plant)
         try:
-            kept = self._journal.state(self._plant)
+            stored = self._journal.state(self._plant)
         except JournalTrouble:
             if left is None and self._journal.is_there:
                 raise
-            kept = None
-        if left is not None and (kept is None or kept.number < left[0]):
+            stored = None
+        if left is not None and (stored is None or stored.number < left[0]):
             return left[1], str(self.sink.file)
-        return None if kept is None else (kept.state, self._journal.place)
+        return None if stored is None else (stored.state, self._journal.address)
 
     def note(self, notes: Sequence[Note]) -> None:
         """Write acknowledgements, and show those of everybody. Raises `JournalTrouble`."""
@@ -257,7 +257,7 @@ class KeptJournal:
                 self._journal.acknowledge(self._plant, note.episode, note.by, note.at)
             except JournalRefused as error:
                 say_aside(str(error))
-        self._seen(self._journal.acknowledged(self._plant))
+        self._show_acknowledged(self._journal.acknowledged(self._plant))
 
     def joined_to(self, present: Present) -> Callable[[str, str], None]:
         """Show earlier events and acknowledgements of the journal; returns a function that
@@ -268,7 +268,7 @@ class KeptJournal:
             before = []  # `rulec journal` lists its events when it is back
         present.recall([entry.event for entry in before])
         present.acknowledged(self.sink.noted)
-        self._seen = present.acknowledged
+        self._show_acknowledged = present.acknowledged
         with suppress(JournalTrouble):  # retried later; the outbox reports it
             self.note(())
 
@@ -280,9 +280,9 @@ class KeptJournal:
         return acknowledge
 
 
-def kept_journal(
+def buffered_journal(
     where: str, plant: str, folder: Path | None, stack: ExitStack, unwritten: list[str]
-) -> KeptJournal:
+) -> BufferedJournal:
     """Open a journal; the end of `stack` writes what waits, or adds a message to `unwritten`.
 
     Raises `JournalRefused` if it is not a journal, or another process watches the plant.
@@ -293,11 +293,11 @@ def kept_journal(
     journal = open_journal(where, patient=True)
     stack.callback(journal.close)
     name = "journal"
-    if "://" not in journal.place:
-        file = Path(journal.place)
+    if "://" not in journal.address:
+        file = Path(journal.address)
         name, folder = file.name, folder or file.parent
     stack.callback(_released, journal, plant)
-    return KeptJournal(journal, name, plant, folder, stack, unwritten)
+    return BufferedJournal(journal, name, plant, folder, stack, unwritten)
 
 
 def _released(journal: Journal, plant: str) -> None:
@@ -305,7 +305,7 @@ def _released(journal: Journal, plant: str) -> None:
         journal.release(plant)
 
 
-class KeptFiles:
+class BufferedFiles:
     """Files of events and of the state after them, with their outbox; `folder` holds what waits.
 
     The end of `stack` writes that, or adds a message to `unwritten`. Raises `JournalRefused` for a

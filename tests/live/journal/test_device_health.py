@@ -18,9 +18,9 @@ from tests.live.sources.plant_server import certificate, free_port
 DEVICES = "http://opcfoundation.org/UA/DI/"
 
 
-def asked(place: str, work: Callable[[Client], Awaitable[Any]], user: str = "") -> Any:
+def asked(address: str, work: Callable[[Client], Awaitable[Any]], user: str = "") -> Any:
     async def run() -> Any:
-        client = Client(place, timeout=4)
+        client = Client(address, timeout=4)
         if user:
             client.set_user(user)
         async with client:
@@ -55,17 +55,17 @@ def server() -> Iterator[DeviceHealth]:
 
 
 def test_health_of_plant_and_modules(server: DeviceHealth) -> None:
-    first = asked(server.place, health_of)
+    first = asked(server.address, health_of)
     assert all(not v.StatusCode.is_good() for v in first.values())
     server.show([LEAKAGE, replace(LEAKAGE, id="2", status="M")])
-    found = asked(server.place, health_of)
+    found = asked(server.address, health_of)
     assert values(found) == {"abc": 3, "A": 3, "B": 0, "C": 0}
     assert all(v.StatusCode.is_good() for v in found.values())
     stuck = replace(LEAKAGE, id="3", kind="sensor", module="B", status="C")
     blind = replace(LEAKAGE, id="4", kind="unknown", module="", status="F")
     over = replace(LEAKAGE, id="5", module="C", active=False)
     server.show([LEAKAGE, stuck, blind, over], usable=False)
-    found = asked(server.place, health_of)
+    found = asked(server.address, health_of)
     assert values(found) == {"abc": 1, "A": 3, "B": 2, "C": 0}
     assert all(v.StatusCode.name == "UncertainLastUsableValue" for v in found.values())
 
@@ -97,11 +97,11 @@ async def changed(client: Client) -> list[str]:
 def test_clients_change_nothing(server: DeviceHealth, user: str) -> None:
     server.show([LEAKAGE])
     try:
-        told = asked(server.place, changed, user)
+        told = asked(server.address, changed, user)
     except ua.UaStatusCodeError as error:
         told = [type(error).__name__] if user else ["let in"]  # no name is taken
     assert set(told) <= {"BadUserAccessDenied", "BadIdentityTokenRejected"}, told
-    assert values(asked(server.place, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
+    assert values(asked(server.address, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
 
 
 def test_signed_and_encrypted_for_those_it_trusts(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_signed_and_encrypted_for_those_it_trusts(tmp_path: Path) -> None:
     server.show([LEAKAGE])
 
     async def by(name: str | None) -> dict[str, ua.DataValue]:
-        client = Client(server.place, timeout=2)
+        client = Client(server.address, timeout=2)
         if name is not None:
             client.application_uri = f"urn:{name}"
             await client.set_security(

@@ -123,11 +123,11 @@ def tls_broker(folder: Path) -> Iterator[OwnBroker]:
     made.stop()
 
 
-def opened(place: str, folder: Path, ca: str) -> Taken:
+def opened(address: str, folder: Path, ca: str) -> Taken:
     file = folder / "map.yaml"
     security = f"security: {{ca: {ca}.crt}}\n" if ca else ""
     file.write_text(f"{security}signals: {{A.dp: t/dp}}\n", encoding="utf-8")
-    return Taken(open_source(f"mqtts://{place}", compiled("abc"), file))
+    return Taken(open_source(f"mqtts://{address}", compiled("abc"), file))
 
 
 def test_a_source_reads_from_the_right_broker_alone(tls_broker: OwnBroker, folder: Path) -> None:

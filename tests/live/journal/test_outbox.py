@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rulec_runtime.commands.watch_opened import KeptJournal
+from rulec_runtime.commands.watch_opened import BufferedJournal
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.outbox import Outbox, spill_beside
@@ -24,7 +24,7 @@ from tests.live.journal.events import LEAKAGE, event, story
 class Frail:
     """A sink that can be broken; a clock that is set by hand."""
 
-    place = "frail"
+    address = "frail"
 
     def __init__(self) -> None:
         self.broken: Exception | None = None
@@ -148,19 +148,19 @@ class FrailJournal:
         self.gone = False
 
     def __getattr__(self, name: str) -> Any:
-        if self.gone and name != "place":
+        if self.gone and name != "address":
             raise JournalTrouble("the database is gone")
         return getattr(self.journal, name)
 
 
 @contextmanager
-def noting(frail: FrailJournal, folder: Path) -> Iterator[tuple[KeptJournal, Present]]:
+def noting(frail: FrailJournal, folder: Path) -> Iterator[tuple[BufferedJournal, Present]]:
     """A journal that a watch keeps, and the moment that shows what is acknowledged."""
     present = Present(compiled("abc"), "x", nothing_yet(True))
     with ExitStack() as stack:
-        kept = KeptJournal(frail, "j", "abc", folder, stack, [])  # type: ignore[arg-type]
-        kept.joined_to(present)
-        yield kept, present
+        buffered = BufferedJournal(frail, "j", "abc", folder, stack, [])  # type: ignore[arg-type]
+        buffered.joined_to(present)
+        yield buffered, present
 
 
 def noted(frail: FrailJournal) -> list[tuple[str, str | None, float | None]]:

@@ -85,15 +85,15 @@ def test_texts_that_no_database_keeps_are_kept_as_far_as_can_be(journal: Journal
 
 
 def test_a_second_watcher_is_refused(journal: Journal, where: str) -> None:
-    journal.hold("abc")
+    journal.take_lease("abc")
     with closing(open_journal(where)) as other:
         with pytest.raises(JournalRefused, match=r"abc is watched already: process \d+ on "):
-            other.hold("abc")
+            other.take_lease("abc")
         with pytest.raises(JournalRefused, match="watched already"):
             other.commit("abc", story(), None)
         other.commit("xyz", story(), None)
         journal.release("abc")
-        other.hold("abc")
+        other.take_lease("abc")
         with pytest.raises(JournalRefused, match="watched already"):
             journal.commit("abc", story(), None)  # who was replaced writes no more
         assert numbers(journal, plant="abc") == []
@@ -112,11 +112,11 @@ def test_a_second_watcher_is_refused(journal: Journal, where: str) -> None:
 def test_lease_of_another_watcher_runs_out(change: str, free: bool, tmp_path: Path) -> None:
     file = tmp_path / "j.db"
     with closing(open_journal(str(file))) as journal, closing(open_journal(str(file))) as other:
-        journal.hold("abc")
+        journal.take_lease("abc")
         with closing(sqlite3.connect(file)) as changed, changed:
             changed.execute(f"UPDATE watchers SET {change}")
         with nullcontext() if free else pytest.raises(JournalRefused, match="watched already"):
-            other.hold("abc")
+            other.take_lease("abc")
 
 
 def test_what_is_no_journal(tmp_path: Path) -> None:

@@ -94,10 +94,10 @@ def _file(path: Path, make: bool) -> sa.Engine:
     return engine
 
 
-def prepared(engine: sa.Engine, place: str) -> None:
+def prepared(engine: sa.Engine, address: str) -> None:
     """Switch a file that is a journal to WAL mode, in which readers never wait."""
     if engine.dialect.name == "sqlite":
-        with translated(place), engine.connect() as connection:
+        with translated(address), engine.connect() as connection:
             driver: Any = connection.connection
             driver.execute("PRAGMA journal_mode=WAL").fetchall()
 
@@ -151,7 +151,7 @@ def _server(url: sa.URL) -> tuple[sa.Engine, str]:
 
 
 @contextmanager
-def translated(place: str) -> Iterator[None]:
+def translated(address: str) -> Iterator[None]:
     """Translate database errors: `JournalTrouble` may pass, `JournalRefused` is permanent."""
     try:
         yield
@@ -161,9 +161,9 @@ def translated(place: str) -> Iterator[None]:
         lasting = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
         plain = type(error) is exc.DatabaseError  # SQLite: not a database, or a damaged one
         if plain or isinstance(error, lasting):
-            raise JournalRefused(f"{place}: {reason}") from None
-        raise JournalTrouble(f"{place}: {reason}") from None
+            raise JournalRefused(f"{address}: {reason}") from None
+        raise JournalTrouble(f"{address}: {reason}") from None
     except exc.TimeoutError:
-        raise JournalTrouble(f"{place}: no connection is free") from None
+        raise JournalTrouble(f"{address}: no connection is free") from None
     except (exc.SQLAlchemyError, sqlite3.Error) as error:
-        raise JournalTrouble(f"{place}: {type(error).__name__}") from None
+        raise JournalTrouble(f"{address}: {type(error).__name__}") from None

@@ -66,7 +66,7 @@ class DeviceHealth:
                 "a folder of trusted ones"
             )
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # clients' mistakes are theirs
-        self.place = f"opc.tcp://{host}:{port}"
+        self.address = f"opc.tcp://{host}:{port}"
         self._plant, self._modules, self._security = plant, tuple(dict.fromkeys(modules)), security
         self._nodes: dict[str, tuple[Any, Any]] = {}
         self._loop = asyncio.new_event_loop()
@@ -78,7 +78,7 @@ class DeviceHealth:
             self._end()
             if isinstance(error, Exception):
                 reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-                raise JournalRefused(f"device health at {self.place}: {reason}") from None
+                raise JournalRefused(f"device health at {self.address}: {reason}") from None
             raise
 
     def show(self, active: Iterable[Episode], usable: bool = True) -> None:
@@ -86,7 +86,7 @@ class DeviceHealth:
         try:
             self._wait(self._show(tuple(active), usable))
         except (Late, ua.UaError, OSError) as error:
-            raise JournalTrouble(f"{self.place}: {type(error).__name__}") from None
+            raise JournalTrouble(f"{self.address}: {type(error).__name__}") from None
 
     def close(self) -> None:
         """Stop the server."""
@@ -111,7 +111,7 @@ class DeviceHealth:
         )
         await self._secure(server)
         await server.init()
-        server.set_endpoint(self.place)
+        server.set_endpoint(self.address)
         server.set_server_name(f"rulec: {self._plant}")
         devices = await server.register_namespace(_DEVICES)
         own = await server.register_namespace(f"urn:rulec:{self._plant}")

@@ -27,14 +27,14 @@ class LinesFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.place = str(path)
+        self.address = str(path)
         self._path = path
         self._last: dict[str, int] = {}
         try:
             self._file = self._opened()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise JournalRefused(f"{self.place}: {reason}") from None
+            raise JournalRefused(f"{self.address}: {reason}") from None
 
     def last(self, plant: str) -> int:
         """Number of the last event of a plant; 0 before any."""
@@ -58,12 +58,12 @@ class LinesFile:
                     number = record["number"]
                     mine = forms.get(number, record) if other == plant else record
                     if any(mine[name] != record.get(name) for name in ("time", "what", "text")):
-                        raise other_content(self.place, plant, number, record, forms[number])
+                        raise other_content(self.address, plant, number, record, forms[number])
             # Known events that are not in this file are in one that was moved away.
             if new := [n for n in sorted(forms) if n > last]:
                 self._file.add("".join(json_line(forms[n]) for n in new))
         except OSError as error:
-            raise JournalTrouble(f"{self.place}: {error.strerror or error}") from None
+            raise JournalTrouble(f"{self.address}: {error.strerror or error}") from None
         self._last[plant] = max([last, *new])
 
     def close(self) -> None:
@@ -77,13 +77,15 @@ class LinesFile:
         try:
             file = Appended(self._path)
         except BlockingIOError:
-            raise JournalRefused(f"{self.place}: another process writes into it") from None
+            raise JournalRefused(f"{self.address}: another process writes into it") from None
         try:
             for plant, record in self._records(file):
                 self._last[plant] = max(record["number"], self._last.get(plant, 0))
             half = file.half(len(_BEGINS)).rstrip(b"\0")
             if not _BEGINS.startswith(half):
-                raise JournalRefused(f"{self.place}: its last line is no event; name another file")
+                raise JournalRefused(
+                    f"{self.address}: its last line is no event; name another file"
+                )
             file.cut()
         except BaseException:
             file.close()
@@ -101,7 +103,7 @@ class LinesFile:
                     raise TypeError
             except (Damaged, KeyError, TypeError, ValueError):
                 raise JournalRefused(
-                    f"{self.place}: line {i} is no event; name another file"
+                    f"{self.address}: line {i} is no event; name another file"
                 ) from None
             yield plant, record
 
@@ -115,7 +117,7 @@ class Files:
 
     def __init__(self, lines: LinesFile | None, state: Path | None) -> None:
         self.lines, self.state = lines, state
-        self.place = str(state) if lines is None else lines.place
+        self.address = str(state) if lines is None else lines.address
 
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool

@@ -63,7 +63,7 @@ class MqttOut:
             raise JournalRefused(f"{before} cannot be the beginning of an MQTT topic")
         if password and parts.scheme == "mqtt" and not is_loopback(host):
             raise JournalRefused(f"the password for {host} would travel readable; write mqtts://")
-        self.place = f"{parts.scheme}://{host}:{port}"
+        self.address = f"{parts.scheme}://{host}:{port}"
         self.sessions = 0
         """Number of accepted connections; after each, the status must be published again."""
         self._say, self._distrusted = say, False
@@ -93,7 +93,7 @@ class MqttOut:
         confirm them."""
         new = [event for event in events if event.number > self._last]
         if new and not self._client.is_connected():
-            raise JournalTrouble(f"{self.place}: no connection")
+            raise JournalTrouble(f"{self.address}: no connection")
         for event in new:
             sent = self._sent.get(event.number)
             if sent is None or sent.rc:
@@ -112,7 +112,7 @@ class MqttOut:
         date = iso(time) if dated and time is not None else None
         text = json.dumps({"status": status, "active": active, "time": time, "date": date})
         if not self._client.is_connected():
-            raise JournalTrouble(f"{self.place}: no connection")
+            raise JournalTrouble(f"{self.address}: no connection")
         self._client.publish(f"{self._topic}/status", machine_text(text), qos=1, retain=True)
 
     def close(self) -> None:
@@ -126,14 +126,14 @@ class MqttOut:
         if not code.is_failure:
             self.sessions += 1
         elif self._say is not None:
-            self._say(f"{self.place}: the broker refuses: {code.getName()}")
+            self._say(f"{self.address}: the broker refuses: {code.getName()}")
 
     def _on_connect_fail(self, _client: Any, _data: Any) -> None:
         """paho passes no reason, but calls this while it handles the exception."""
         error = sys.exc_info()[1]
         if isinstance(error, ssl.SSLError) and self._say is not None and not self._distrusted:
             self._distrusted = True
-            self._say(f"{self.place}: {tls_reason(error)}")
+            self._say(f"{self.address}: {tls_reason(error)}")
 
     def _confirmed(self, sent: paho.MQTTMessageInfo) -> None:
         try:
@@ -142,4 +142,4 @@ class MqttOut:
                 return
         except (RuntimeError, ValueError):
             pass  # not sent yet: no connection, or the queue is full
-        raise JournalTrouble(f"{self.place}: the broker does not confirm what was sent")
+        raise JournalTrouble(f"{self.address}: the broker does not confirm what was sent")

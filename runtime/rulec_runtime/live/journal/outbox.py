@@ -118,7 +118,7 @@ class Sink(Protocol):
         it never will."""
 
     @property
-    def place(self) -> str:
+    def address(self) -> str:
         """Its name, for people."""
 
 
@@ -169,9 +169,9 @@ class Outbox:
         return left.events[-1].number, left.state
 
     @property
-    def place(self) -> str:
+    def address(self) -> str:
         """Name of the sink, for people."""
-        return self._sink.place
+        return self._sink.address
 
     @property
     def newest(self) -> int:
@@ -189,13 +189,13 @@ class Outbox:
         """Ids of the episodes whose acknowledgements wait."""
         return frozenset(note.episode for note in self._pending.notes)
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """What waits, for people."""
         events, notes = self._pending.events, self._pending.notes
         counts = ((len(events), "event"), (len(notes), "acknowledgement"))
         return " and ".join(counted(number, what) for number, what in counts if number)
 
-    def put(self, news: Sequence[Event], state: bytes | None = None, *, dated: bool = True) -> None:
+    def put(self, new: Sequence[Event], state: bytes | None = None, *, dated: bool = True) -> None:
         """Add events, and the state after them.
 
         Raises `JournalRefused` if the sink has refused for good, `JournalTrouble` if the queue is
@@ -205,14 +205,14 @@ class Outbox:
             if self._refused is not None:
                 raise JournalRefused(self._refused)
             before = self._pending
-            new = [event for event in news if event.number > self.written]
-            if new and len(before.events) + len(new) > limits.MOST_PENDING:
+            fresh = [event for event in new if event.number > self.written]
+            if fresh and len(before.events) + len(fresh) > limits.MOST_PENDING:
                 raise JournalTrouble(
-                    f"{self.place}: {len(before.events)} events wait to be written, no more "
+                    f"{self.address}: {len(before.events)} events wait to be written, no more "
                     "are taken"
                 )
-            state = before.state if state is None and not new else state
-            events = (*before.events, *new)
+            state = before.state if state is None and not fresh else state
+            events = (*before.events, *fresh)
             self._pending = replace(before, events=events, state=state, dated=dated)
             self._changed.notify_all()
             if self._ahead:
@@ -273,7 +273,7 @@ class Outbox:
                 self._due = self._clock() + self._wait
                 self._wait = min(2 * self._wait, limits.LAST_RETRY)
             except Exception as error:  # a bug of ours must neither end the diagnosis nor be silent
-                of_ours = f"{self.place}: {type(error).__name__}: {error}"
+                of_ours = f"{self.address}: {type(error).__name__}: {error}"
                 self._refused = str(error) if isinstance(error, JournalRefused) else of_ours
                 self._spill_due = self._clock()
                 self._say(self._refused)
@@ -319,7 +319,7 @@ class Outbox:
             lasted = duration(now - self._trouble)
             self._trouble, count = None, len(pending.events)
             what = f", with {counted(count, 'event')} that waited" if count else ""
-            self._say(f"{self.place}: written again after {lasted}{what}")
+            self._say(f"{self.address}: written again after {lasted}{what}")
 
     def _unfiled(self, pending: Pending) -> bool:
         """Whether something waits that the file should have, and has not."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class WatchSink(Protocol):
     """A destination of the results of a watch."""
 
-    def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
+    def put(self, events: Sequence[Event], state: bytes, *, dated: bool) -> None:
         """Take the events of the last rows, and the state after them.
 
         Raises `JournalRefused` or `JournalTrouble` if the watch must not continue without the sink.
@@ -42,12 +42,12 @@ class MqttSink:
         self._shown: tuple[object, ...] = ()
         self._due = 0.0
 
-    def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
+    def put(self, events: Sequence[Event], state: bytes, *, dated: bool) -> None:
         self._dated = dated
-        if not news:
+        if not events:
             return
         try:
-            self._outbox.put(news, dated=dated)
+            self._outbox.put(events, dated=dated)
             self._deaf = False
         except (JournalRefused, JournalTrouble) as error:
             if not self._deaf:
@@ -73,7 +73,7 @@ class HealthSink:
         self._server = server
         self._shown: tuple[object, ...] = ()
 
-    def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
+    def put(self, events: Sequence[Event], state: bytes, *, dated: bool) -> None:
         pass
 
     def show(self, now: Now) -> None:

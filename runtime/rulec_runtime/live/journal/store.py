@@ -45,8 +45,8 @@ def open_journal(where: str, *, make: bool = True, patient: bool = False) -> Jou
     is there, and `JournalTrouble` if the database does not answer now, unless `patient`: then the
     check follows when it answers.
     """
-    engine, place = engine_of(where, make)
-    journal = Journal(engine, place, make)
+    engine, address = engine_of(where, make)
+    journal = Journal(engine, address, make)
     try:
         with suppress(JournalTrouble) if patient else nullcontext():
             journal.check()
@@ -62,19 +62,19 @@ class Journal:
     All methods raise `JournalTrouble` if the database is gone or full, and then change nothing.
     """
 
-    def __init__(self, engine: sa.Engine, place: str, make: bool) -> None:
+    def __init__(self, engine: sa.Engine, address: str, make: bool) -> None:
         self._engine, self._make = engine, make
         self._checked = False
         self._me = Watcher()
-        self.place = place
+        self.address = address
         """Path or URL without the password, for people."""
 
     def check(self) -> None:
         """Raises `JournalRefused` if the database is not a journal of ours."""
         with self._begun(reading=not self._make) as connection:
-            checked(connection, self.place, self._make)
+            checked(connection, self.address, self._make)
         if self._make:
-            prepared(self._engine, self.place)
+            prepared(self._engine, self.address)
         self._checked = True
 
     @contextmanager
@@ -87,7 +87,7 @@ class Journal:
 
     @contextmanager
     def _begun(self, reading: bool) -> Iterator[sa.Connection]:
-        with translated(self.place), self._engine.connect() as plain:
+        with translated(self.address), self._engine.connect() as plain:
             connection = plain.execution_options(**READING) if reading else plain
             with connection.begin():
                 yield connection
@@ -95,13 +95,13 @@ class Journal:
     @property
     def is_there(self) -> bool:
         """Whether it may contain something, which a missing file does not."""
-        return "://" in self.place or Path(self.place).exists()
+        return "://" in self.address or Path(self.address).exists()
 
-    def hold(self, plant: str) -> None:
+    def take_lease(self, plant: str) -> None:
         """Take the lease of a plant, or renew it; no other watcher can until `release`, or the end
         of this process. Raises `JournalRefused` while another one holds it."""
         with self.transaction() as connection:
-            self._me.held(connection, plant, self.place)
+            self._me.take_lease(connection, plant, self.address)
 
     def release(self, plant: str) -> None:
         """Give up the lease of a plant."""
@@ -118,7 +118,7 @@ class Journal:
         is taken, and while another process watches the plant.
         """
         with self.transaction() as connection:
-            self._me.held(connection, plant, self.place)
+            self._me.take_lease(connection, plant, self.address)
             self._keep(connection, plant, [record_of(event, dated) for event in events])
             if state is not None:
                 number = max((e.number for e in events), default=_last(connection, plant))
@@ -134,16 +134,16 @@ class Journal:
         for record in records:
             before = new.setdefault(record["number"], record)
             if before != record:
-                raise other_content(self.place, plant, record["number"], before, record)
+                raise other_content(self.address, plant, record["number"], before, record)
         if not new:
             return
         between = EVENTS.c.number.between(min(new), max(new))
         for row in connection.execute(sa.select(EVENTS).where(EVENTS.c.plant == plant, between)):
-            kept = dict(row._mapping)
-            del kept["plant"]
-            record = new.pop(kept["number"], kept)
-            if kept != record:
-                raise other_content(self.place, plant, kept["number"], kept, record)
+            stored = dict(row._mapping)
+            del stored["plant"]
+            record = new.pop(stored["number"], stored)
+            if stored != record:
+                raise other_content(self.address, plant, stored["number"], stored, record)
         if new:
             rows = [{"plant": plant, **record} for _, record in sorted(new.items())]
             connection.execute(EVENTS.insert(), rows)
@@ -205,8 +205,8 @@ class Journal:
         with self.transaction(reading=True) as connection:
             result = connection.execute(query.execution_options(yield_per=limits.BATCH))
             for row in result:
-                kept = dict(row._mapping)
-                yield Entry(kept["plant"], event_of(kept), kept["iso"], kept["by"], kept["at"])
+                data = dict(row._mapping)
+                yield Entry(data["plant"], event_of(data), data["iso"], data["by"], data["at"])
 
     def holds(self, plant: str, episode: str) -> bool:
         """Whether there is an event of an episode."""
@@ -224,7 +224,7 @@ class Journal:
         if not who:
             raise JournalRefused("whoever acknowledges needs a name")
         if not self.holds(plant, episode):
-            raise JournalRefused(f"{self.place} holds no episode {episode} of {plant}")
+            raise JournalRefused(f"{self.address} holds no episode {episode} of {plant}")
         with self.transaction() as connection:
             when = clock(connection) if at is None else at
             row = {"plant": plant, "episode": keepable(episode), "by": who, "at": when}

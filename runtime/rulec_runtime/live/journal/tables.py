@@ -56,7 +56,7 @@ WATCHERS = sa.Table(
 _VERSION = sa.Table("rulec_journal", METADATA, sa.Column("version", sa.Integer, primary_key=True))
 
 
-def checked(connection: sa.Connection, place: str, make: bool) -> None:
+def checked(connection: sa.Connection, address: str, make: bool) -> None:
     """Check that the tables exist in this version; creates them in an empty database if `make`.
 
     Raises `JournalRefused` for a foreign database, or another version.
@@ -69,11 +69,11 @@ def checked(connection: sa.Connection, place: str, make: bool) -> None:
         if there:
             names = ", ".join(sorted(there)[:3])
             raise JournalRefused(
-                f"{place} is no journal: it holds tables of something else "
+                f"{address} is no journal: it holds tables of something else "
                 f"({names}); name another one"
             )
         if not make:
-            raise JournalRefused(f"{place} is empty, it holds no journal")
+            raise JournalRefused(f"{address} is empty, it holds no journal")
         METADATA.create_all(connection)
         connection.execute(_VERSION.insert().values(version=limits.SCHEMA))
         return
@@ -81,11 +81,11 @@ def checked(connection: sa.Connection, place: str, make: bool) -> None:
     if versions != [limits.SCHEMA]:
         found = ", ".join(map(str, versions)) or "none"
         raise JournalRefused(
-            f"{place} is a journal of version {found}, this rulec reads {limits.SCHEMA}: use the "
+            f"{address} is a journal of version {found}, this rulec reads {limits.SCHEMA}: use the "
             "rulec that wrote it, or another journal"
         )
     if gone := {table.name for table in METADATA.sorted_tables} - there:
-        raise JournalRefused(f"{place} is a damaged journal: no table {', '.join(sorted(gone))}")
+        raise JournalRefused(f"{address} is a damaged journal: no table {', '.join(sorted(gone))}")
 
 
 def clock(connection: sa.Connection) -> float:

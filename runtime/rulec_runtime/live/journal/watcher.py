@@ -49,7 +49,7 @@ class Watcher:
     machine: str = field(default_factory=_machine)
     process: str = field(default_factory=lambda: _process(os.getpid()))
 
-    def held(self, connection: sa.Connection, plant: str, place: str) -> None:
+    def take_lease(self, connection: sa.Connection, plant: str, address: str) -> None:
         """Take or renew the lease of the plant, within a transaction.
 
         Raises `JournalRefused` while another watcher holds it.
@@ -69,7 +69,7 @@ class Watcher:
         ).one()
         if row.token != self.token and self._lives(row, now):
             raise JournalRefused(
-                f"{plant} is watched already: {row.name} writes into {place}; one watcher at a "
+                f"{plant} is watched already: {row.name} writes into {address}; one watcher at a "
                 f"time. If it is dead, its place is free after {limits.LEASE:g} s"
             )
         connection.execute(WATCHERS.update().where(WATCHERS.c.plant == plant).values(mine))
