@@ -127,26 +127,26 @@ def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
 
 
 def changes(
-    ruleset: Ruleset, known: Sequence[Episode], diagnosis: Diagnosis, horizon: Horizon, number: int
+    ruleset: Ruleset, before: Sequence[Episode], diagnosis: Diagnosis, horizon: Horizon, number: int
 ) -> tuple[tuple[Episode, ...], tuple[Event, ...]]:
     """The current episodes, and events for what is new.
 
-    `known` are the episodes reported before that are active or within the horizon; `number` is that
-    of the last event.
+    `before` are earlier episodes that are active or within the horizon; `number` is that of the
+    last event.
     """
     found = every = _merged(episodes_of(diagnosis, horizon), horizon)
     # Windows move with every row, so what a few rows of a plant that stores show may fluctuate.
     wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(horizon.time))
-    events, kept = list[Event](), list[Episode]()
+    events, current = list[Event](), list[Episode]()
 
     def report(what: What, old: Episode, now: Episode) -> None:
         text, next_one = _words(ruleset, what, old, now), number + 1 + len(events)
         events.append(Event(number=next_one, time=horizon.until, what=what, text=text, episode=now))
 
-    for old in known:
+    for old in before:
         mine = [one for one in found if _same(old, one, horizon)]
-        if old.kind == "source" or (not mine and _may_return(old, known, found, horizon, wait)):
-            kept.append(old)
+        if old.kind == "source" or (not mine and _may_return(old, before, found, horizon, wait)):
+            current.append(old)
             continue
         found = [one for one in found if one not in mine]
         now = replace(mine[-1] if mine else replace(old, active=False), id=old.id, told=old.told)
@@ -163,14 +163,14 @@ def changes(
         if what is not None:
             now = replace(now, told=(now.until, now.degree))
             report(what, old, now)
-        kept.append(now)
+        current.append(now)
     for new in (replace(one, told=(one.until, one.degree)) for one in found):
-        kept.append(new)
+        current.append(new)
         report("began", new, new)
         if not new.active:
             report("ended", new, new)
-    kept = [one for one in kept if one.active or one.until >= horizon.since]
-    return tuple(kept), tuple(events)
+    current = [one for one in current if one.active or one.until >= horizon.since]
+    return tuple(current), tuple(events)
 
 
 def _merged(episodes: Iterable[Episode], horizon: Horizon) -> list[Episode]:
@@ -221,14 +221,14 @@ def _goes_on(first: Episode, second: Episode, horizon: Horizon) -> bool:
 
 
 def _may_return(
-    old: Episode, known: Sequence[Episode], found: Sequence[Episode], horizon: Horizon, wait: int
+    old: Episode, before: Sequence[Episode], found: Sequence[Episode], horizon: Horizon, wait: int
 ) -> bool:
     """Whether it is too early to end an episode. That takes as many rows as beginning one, unless a
     new fault explains the same rows."""
     if not old.active or old.kind not in ("fault", "unknown"):
         return False
     for one in found:
-        new = not any(_same(other, one, horizon) for other in known)
+        new = not any(_same(other, one, horizon) for other in before)
         if new and one.kind == "fault" and _at_one_time(old, one):
             return False
     return horizon.rows_between(old.until, horizon.until) < wait

@@ -51,14 +51,14 @@ def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
 
 def _updated(ruleset: Ruleset, memory: Memory) -> Update:
     """Judge the whole memory, then drop the rows that exceed it."""
-    diagnosis, settled, kept = judged_memory(ruleset, memory)
+    diagnosis, settled, after = judged_memory(ruleset, memory)
     time = memory.recent.time
     horizon = Horizon(time, float(time[-1]) if settled is None else settled)
     episodes, events = changes(ruleset, memory.episodes, diagnosis, horizon, memory.number)
-    kept = replace(kept, episodes=episodes, number=memory.number + len(events))
-    if ruleset.dynamics is not None and len(kept.recent) >= 2 * limits.KEPT_ROWS:
-        kept = replace(kept, recent=reference_and_latest(kept.recent, episodes))
-    return Update(kept, events, replace(diagnosis, samples=memory.count))
+    after = replace(after, episodes=episodes, number=memory.number + len(events))
+    if ruleset.dynamics is not None and len(after.recent) >= 2 * limits.KEPT_ROWS:
+        after = replace(after, recent=reference_and_latest(after.recent, episodes))
+    return Update(after, events, replace(diagnosis, samples=memory.count))
 
 
 def judged(

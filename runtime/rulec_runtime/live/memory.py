@@ -80,11 +80,11 @@ def without_first(recent: Recording, cut: int) -> Recording:
 
 def reference_and_latest(recent: Recording, episodes: tuple[Episode, ...]) -> Recording:
     """The latest rows; with an active fault also those before it, for comparison."""
-    n, kept = len(recent), limits.KEPT_ROWS
+    n, count = len(recent), limits.KEPT_ROWS
     active = [one.since for one in episodes if one.kind == "fault" and one.active]
     sound = int(np.searchsorted(recent.time, min(active))) if active else 0
-    first = np.arange(max(sound - kept // 2, 0), sound) if sound < n - kept else np.arange(0)
-    chosen = np.concatenate([first, np.arange(n - kept, n)])
+    first = np.arange(max(sound - count // 2, 0), sound) if sound < n - count else np.arange(0)
+    chosen = np.concatenate([first, np.arange(n - count, n)])
     rows = _chosen(recent, chosen.astype(int))
     latest = np.arange(len(chosen)) >= len(first)
     return replace(rows, segment=np.where(latest, rows.segment.max() + 1, rows.segment))

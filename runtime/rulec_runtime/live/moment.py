@@ -116,5 +116,5 @@ class Present:
     def acknowledged(self, episodes: frozenset[str]) -> None:
         """Mark episodes as acknowledged, here or elsewhere."""
         with self._lock:
-            known = self._now.acknowledged | episodes
-            self._now = replace(self._now, acknowledged=known)
+            every = self._now.acknowledged | episodes
+            self._now = replace(self._now, acknowledged=every)

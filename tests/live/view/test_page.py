@@ -14,7 +14,7 @@ import httpx
 import pytest
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view import limits
-from rulec_runtime.live.view.html import LOOK, POLICY, SCRIPT, key_of
+from rulec_runtime.live.view.html import CSS, POLICY, SCRIPT, key_of
 from rulec_runtime.live.view.machine_forms import TYPE, metrics
 from rulec_runtime.live.view.page import Page, application, serve
 from rulec_runtime.live.view.page_access import Gate, PageRefused, is_loopback
@@ -60,9 +60,9 @@ def test_page_shows_the_finding_first_and_asks_for_nothing_else() -> None:
     assert answer.headers["content-security-policy"] == POLICY
     assert "unsafe" not in POLICY
     assert 1 == answer.text.count("<script") == answer.text.count(f"<script>{SCRIPT}</script>")
-    assert f"<style>{LOOK}</style>" in answer.text
+    assert f"<style>{CSS}</style>" in answer.text
     assert not re.search(r'\sstyle=|\son\w+=|(src|href)="(?!data:,|#)', answer.text.lower())
-    assert not re.search(r"url\(|import", LOOK)
+    assert not re.search(r"url\(|import", CSS)
     assert answer.headers["cache-control"] == "no-store"
     assert answer.headers["x-content-type-options"] == "nosniff"
     blind = text_of(replace(before(), status="ok"))
@@ -240,7 +240,7 @@ def test_no_text_becomes_markup_a_line_or_a_control_character(text: str) -> None
     page = client.get("/").text
     known = Marked(text_of(failing())).found | {("span", "class"), ("p", "class")}
     assert Marked(page).found <= known
-    body = page.replace(SCRIPT, "").replace(LOOK, "")
+    body = page.replace(SCRIPT, "").replace(CSS, "")
     odd = {c for c in body if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}
     assert odd <= {"\n"}
     data = client.get("/now.json").text

@@ -1,9 +1,9 @@
-"""Assemble values of several places into rows, and hand these to the thread that takes rows.
+"""Assemble values of several senders into rows, and hand these to the thread that takes rows.
 
-A place is a server or, if signals come separately, a signal. A row is complete when every connected
-place has sent something since the last row, or an interval after its first value. Values hold until
-new ones come or their place is lost. A signal without a usable value is reported at once, and as
-check function if that lasts.
+A sender is a server or, if signals come separately, a signal. A row is complete when each connected
+sender has sent something since the last row, or an interval after its first value. Values hold
+until new ones come or their sender is lost. A signal without a usable value is reported at once,
+and as check function if that lasts.
 """
 
 import time as clocks
@@ -84,28 +84,28 @@ class _Missing:
 
 
 class Assembler:
-    """Rows from values; `place_of` names the place of each signal.
+    """Rows from values; `sender_of` names the sender of each signal.
 
     A source that is not read is reported as a whole, not by its signals; a signal that comes on its
     own and is silent while others are not, by itself.
     """
 
     def __init__(
-        self, source: SourceMap, place_of: Mapping[str, str], hand: Handover, remarks: Remarks
+        self, source: SourceMap, sender_of: Mapping[str, str], hand: Handover, remarks: Remarks
     ) -> None:
         self._interval, self._stale = source.interval, source.stale
         self._hand, self._remarks = hand, remarks
-        self._place_of = place_of
-        self._values = dict.fromkeys(place_of, nan)
-        self._silence = {place: Silence(source.stale) for place in place_of.values()}
+        self._sender_of = sender_of
+        self._values = dict.fromkeys(sender_of, nan)
+        self._silence = {sender: Silence(source.stale) for sender in sender_of.values()}
         self._heard = set(self._silence)
         self._missing: dict[str, _Missing] = {}
         self._pending: set[str] = set()
         self._first = self._first_time = 0.0
         self._newest = self._last = -inf
         self._lock = RLock()
-        for place in self._silence:
-            self._take_away(place)
+        for sender in self._silence:
+            self._take_away(sender)
 
     @property
     def begun(self) -> bool:
@@ -114,20 +114,20 @@ class Assembler:
 
     @property
     def silent(self) -> bool:
-        """Whether some place is silent."""
+        """Whether some sender is silent."""
         return len(self._heard) < len(self._silence)
 
-    def found(self, place: str) -> None:
-        """A lost place is connected again; the caller reports it."""
+    def found(self, sender: str) -> None:
+        """A lost sender is connected again; the caller reports it."""
         with self._lock:
-            self._silence[place].heard()
-            self._heard.add(place)
+            self._silence[sender].heard()
+            self._heard.add(sender)
 
-    def living(self, places: Iterable[str]) -> None:
-        """Places are connected but have no new values: the old ones hold."""
+    def living(self, senders: Iterable[str]) -> None:
+        """Senders are connected but have no new values: the old ones hold."""
         with self._lock:
-            for place in self._heard.intersection(places):
-                self._silence[place].heard()
+            for sender in self._heard.intersection(senders):
+                self._silence[sender].heard()
 
     def take(self, signal: str, reading: float, why: str) -> None:
         """The reading of a signal, or `why` it has none, which is reported if it is new."""
@@ -144,16 +144,16 @@ class Assembler:
             self._missing[signal] = before
 
     def put(
-        self, places: Iterable[str], values: Mapping[str, tuple[float, str]], time: float
+        self, senders: Iterable[str], values: Mapping[str, tuple[float, str]], time: float
     ) -> None:
-        """New values of places at a time, s since 1970: readings in SI, or NaN and the reason."""
+        """New values of senders at a time, s since 1970: readings in SI, or NaN and the reason."""
         with self._lock:
-            here = set(places)
+            here = set(senders)
             if here & self._pending and time - self._first_time >= self._interval / 2:
                 self._end_row()
             if not self._pending:
                 self._first, self._first_time = clocks.monotonic(), time
-            again = [place for place in here if self._silence[place].heard()]
+            again = [sender for sender in here if self._silence[sender].heard()]
             for name, (reading, why) in values.items():
                 self.take(name, reading, why)
             self._heard |= here
@@ -165,50 +165,50 @@ class Assembler:
             if self._pending >= self._heard:
                 self._end_row()
 
-    def lost(self, place: str) -> None:
-        """A place is lost: its signals have no reading."""
+    def lost(self, sender: str) -> None:
+        """A sender is lost: its signals have no reading."""
         with self._lock:
-            self._heard.discard(place)
-            self._pending.discard(place)
-            self._take_away(place)
+            self._heard.discard(sender)
+            self._pending.discard(sender)
+            self._take_away(sender)
 
-    def _take_away(self, place: str) -> None:
+    def _take_away(self, sender: str) -> None:
         now = clocks.monotonic()
-        for name in (name for name, of in self._place_of.items() if of == place):
+        for name in (name for name, of in self._sender_of.items() if of == sender):
             self._values[name] = nan
             reported = self._missing[name].reported if name in self._missing else ""
             self._missing[name] = _Missing("no value has come", now, now, reported)
 
     def tick(self) -> None:
-        """Call this periodically: it ends rows that wait for a place, and reports silent places,
+        """Call this periodically: it ends rows that wait for a sender, and reports silent ones,
         and signals without a reading for too long, or for another reason."""
         with self._lock:
             now, found = clocks.monotonic(), []
             if self._pending and now - self._first >= self._interval:
                 self._end_row()
             silent = {p: s.lasts for p, s in self._silence.items() if s.begins()}
-            for place in silent:
-                self.lost(place)
+            for sender in silent:
+                self.lost(sender)
             # Silent alone, while others still come, is a matter of that signal.
-            others = any(self._silence[place].lasts < self._stale / 2 for place in self._heard)
-            alone = {place for place in silent if others and self._single(place)}
-            if whole := [place for place in silent if place not in alone]:
+            others = any(self._silence[sender].lasts < self._stale / 2 for sender in self._heard)
+            alone = {sender for sender in silent if others and self._single(sender)}
+            if whole := [sender for sender in silent if sender not in alone]:
                 names = f"{', '.join(whole)}: " if any(whole) else ""
-                text = f"{names}no value for {max(silent[place] for place in whole):.0f} s"
+                text = f"{names}no value for {max(silent[sender] for sender in whole):.0f} s"
                 found.append(notice("stale", clocks.time(), text))
             for signal, one in self._missing.items():
-                place = self._place_of[signal]
-                lasts = silent.get(place, now - (one.since if one.reported else one.first))
-                heard = place in self._heard and lasts >= self._stale and one.reported != one.why
-                if heard or place in alone:
+                sender = self._sender_of[signal]
+                lasts = silent.get(sender, now - (one.since if one.reported else one.first))
+                heard = sender in self._heard and lasts >= self._stale and one.reported != one.why
+                if heard or sender in alone:
                     one.reported = one.why
                     text = f"{signal} has had no reading for {lasts:.0f} s: {one.why}"
                     found.append(notice("stale", clocks.time(), text, signal=signal))
             self._hand.notices(found)
 
-    def _single(self, place: str) -> bool:
-        """Whether a place is one signal among others."""
-        return list(self._place_of.values()).count(place) == 1
+    def _single(self, sender: str) -> bool:
+        """Whether a sender is one signal among others."""
+        return list(self._sender_of.values()).count(sender) == 1
 
     def _end_row(self) -> None:
         """Hand out the row if it is later than the last; otherwise the next row has its values."""

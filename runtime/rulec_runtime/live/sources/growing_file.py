@@ -48,12 +48,12 @@ def following(file: BinaryIO, path: Path) -> Path:
     Usually that of the same name. After several rotations, the oldest file that was written later
     and has a name such as ``x.csv.1``, ``x.csv-20260301`` or ``x-20260301.csv``.
     """
-    last, known = os.fstat(file.fileno()).st_mtime_ns, (path.stat().st_ino, inode_of(file))
+    last, inodes = os.fstat(file.fileno()).st_mtime_ns, (path.stat().st_ino, inode_of(file))
     found = []
     for other in _rotated(path):
         with suppress(OSError):
             about = other.stat()
-            if about.st_mtime_ns > last and about.st_ino not in known:
+            if about.st_mtime_ns > last and about.st_ino not in inodes:
                 found.append((about.st_mtime_ns, other))
     return min(found)[1] if found else path
 
@@ -118,7 +118,7 @@ class GrowingFile(TextSource):
         while not self.ended:
             found, self._waiting = self._waiting, []
             try:
-                found += self._look()
+                found += self._read_new()
             except OSError as error:
                 found += self._lost(f"cannot be read ({error.strerror})")
             left = until - clocks.monotonic()
@@ -133,7 +133,7 @@ class GrowingFile(TextSource):
             self._file.close()
             self._file = None
 
-    def _look(self) -> list[Rows | Notice]:
+    def _read_new(self) -> list[Rows | Notice]:
         if self._file is None and not self._path.is_file():
             return self._lost("is not there")
         file = self._file or self._open(self._path)

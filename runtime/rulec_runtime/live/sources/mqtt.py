@@ -39,10 +39,10 @@ class Mqtt:
     def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
         self._source, self._remarks = source, Remarks()
         self._sparkplug = Sparkplug(source.channels)
-        place_of = {c.signal.id: c.signal.id for c in source.channels}
-        self._place_of = place_of | self._sparkplug.place_of
+        sender_of = {c.signal.id: c.signal.id for c in source.channels}
+        self._sender_of = sender_of | self._sparkplug.sender_of
         self._hand = Handover()
-        self._rows = Assembler(source, self._place_of, self._hand, self._remarks)
+        self._rows = Assembler(source, self._sender_of, self._hand, self._remarks)
         self._by_topic: dict[str, list[Channel]] = {}
         self._scales: dict[str, tuple[float, float, float]] = {}
         for channel in source.channels:
@@ -74,8 +74,8 @@ class Mqtt:
     def _connecting(self) -> paho.Client:
         server = self._source.servers[0]
         access, parts = server.access, urlsplit(server.endpoint)
-        known = self._source.client
-        client = paho.Client(CallbackAPIVersion.VERSION2, client_id=known, clean_session=not known)
+        name = self._source.client
+        client = paho.Client(CallbackAPIVersion.VERSION2, client_id=name, clean_session=not name)
         if parts.scheme == "mqtts":
             try:
                 client.tls_set(
@@ -155,8 +155,8 @@ class Mqtt:
                 heard = self._sparkplug.heard(topic, payload)
                 for kind, name, text in heard.remarks:
                     self._tell(kind, ("sparkplug", name), text)
-                for place in heard.gone:
-                    self._rows.lost(place)
+                for sender in heard.gone:
+                    self._rows.lost(sender)
                 self._rows.living(heard.living)
                 self._found(heard.values)
             elif channels is not None:
@@ -180,7 +180,7 @@ class Mqtt:
                 values[name] = usable(value.number * factor + offset, value.bad, most)
                 times.append(time)
         if values:
-            self._rows.put({self._place_of[name] for name in values}, values, max(times))
+            self._rows.put({self._sender_of[name] for name in values}, values, max(times))
 
     def _time(self, stamp: float | None, here: float) -> float:
         """The stamp, s; the time of arrival without a stamp, or if it lies in the future, which is

@@ -184,7 +184,7 @@ def fields(data: bytes) -> Iterator[tuple[int, int | float | bytes]]:
         yield number, part if form == "bytes" else struct.unpack(form, part)[0]
 
 
-def _known(data: bytes, names: Mapping[int, tuple[str, type]]) -> Iterator[tuple[str, Any]]:
+def _named(data: bytes, names: Mapping[int, tuple[str, type]]) -> Iterator[tuple[str, Any]]:
     """Name and content of the fields that are named, by number. Raises `NoMessage` for one of
     another type, or if a text is not UTF-8."""
     for number, part in fields(data):
@@ -259,9 +259,9 @@ def message_of(payload: bytes) -> Message:
         raise BadPayload(f"more than {limits.LARGEST_MESSAGE} bytes")
     own, metrics = dict[str, Any](), []
     try:
-        for name, part in _known(payload, _PAYLOAD):
+        for name, part in _named(payload, _PAYLOAD):
             if name == "metric":
-                metrics.append(_metric(dict(_known(part, _METRIC))))
+                metrics.append(_metric(dict(_named(part, _METRIC))))
             else:
                 own[name] = part
     except NoMessage as error:
@@ -271,11 +271,11 @@ def message_of(payload: bytes) -> Message:
 
 def _metric(own: dict[str, Any]) -> Metric:
     if "quality" in own:  # properties: keys, and values in the same order
-        parts = [*_known(own.pop("quality"), _PROPERTIES)]
+        parts = [*_named(own.pop("quality"), _PROPERTIES)]
         keys, values = ([p for name, p in parts if name == kind] for kind in ("key", "value"))
         if "Quality" in keys[: len(values)]:
             value = values[keys.index("Quality")]
-            own["quality"] = dict(_known(value, _PROPERTY)).get("number", 0)
+            own["quality"] = dict(_named(value, _PROPERTY)).get("number", 0)
     return Metric(**_stamped(own))
 
 

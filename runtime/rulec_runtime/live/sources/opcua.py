@@ -227,10 +227,10 @@ class OpcUa:
 
     def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
-        place_of = {c.signal.id: c.server for c in source.channels}
+        sender_of = {c.signal.id: c.server for c in source.channels}
         self._source, self._remarks = source, Remarks()
         self._hand = Handover()
-        self._rows = Assembler(source, place_of, self._hand, self._remarks)
+        self._rows = Assembler(source, sender_of, self._hand, self._remarks)
         shared = (self._rows, self._hand, self._remarks)
         self._links = [Link(source, server, ruleset, *shared) for server in source.servers]
         self.ended = False

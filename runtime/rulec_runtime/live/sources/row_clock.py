@@ -60,24 +60,24 @@ class RowClock:
         if (self.begins or self._late >= limits.SET_BACK) and usable.any():
             found += self._begin_anew(float(time[usable][0]))
         time = time + self.shift
-        known = np.where(usable, time, -np.inf)
-        before = np.maximum.accumulate(np.concatenate([[self.last], known]))
-        kept = usable & (known > before[:-1])
-        late = int((usable & ~kept).sum())
+        checked = np.where(usable, time, -np.inf)
+        before = np.maximum.accumulate(np.concatenate([[self.last], checked]))
+        newer = usable & (checked > before[:-1])
+        late = int((usable & ~newer).sum())
         if late:
             text = f"not later than {self._shown(before[-1])}"
             found += self._tell(late, ("is", "are"), text, "late")
-        last = int(np.flatnonzero(kept)[-1]) if kept.any() else -1
-        self._late = int(usable[last + 1 :].sum()) + (0 if kept.any() else self._late)
-        if kept.any():
-            times = time[kept]
+        last = int(np.flatnonzero(newer)[-1]) if newer.any() else -1
+        self._late = int(usable[last + 1 :].sum()) + (0 if newer.any() else self._late)
+        if newer.any():
+            times = time[newer]
             steps = np.diff(times)
             if len(steps):
                 self.step = float(np.median(steps))
             elif self.begun:
                 self.step = float(times[0] - self.last)
             self.last = float(times[-1])
-        return time, kept, found
+        return time, newer, found
 
     def _begin_anew(self, first: float) -> list[Notice]:
         """If all new times are before `last`, the clock was set back, or `last` was wrong: continue

@@ -36,7 +36,7 @@ class _Node:
 class Heard:
     """Content of a message: values of channels, and remarks.
 
-    `living` are places without new values, whose values hold; `gone` are lost places.
+    `living` are senders without new values, whose values hold; `gone` are lost ones.
     """
 
     values: Sequence[tuple[Channel, Value]] = ()
@@ -53,8 +53,8 @@ class Sparkplug:
         self._channels: dict[tuple[Address, str], list[Channel]] = {}
         for channel in channels:
             if channel.address.partition("/")[0] == NAMESPACE:
-                known = self._channels.setdefault((_address(channel), channel.name), [])
-                known.append(channel)
+                own = self._channels.setdefault((_address(channel), channel.name), [])
+                own.append(channel)
         self._nodes = {node[:2]: _Node() for node, _ in self._channels}
 
     @property
@@ -63,10 +63,10 @@ class Sparkplug:
         return [f"{NAMESPACE}/{group}/+/{node}/#" for group, node in self._nodes]
 
     @property
-    def place_of(self) -> dict[str, str]:
+    def sender_of(self) -> dict[str, str]:
         """The device of each signal."""
         every = self._channels.items()
-        return {c.signal.id: _place(a) for (a, _), found in every for c in found}
+        return {c.signal.id: _sender(a) for (a, _), found in every for c in found}
 
     def hears(self, topic: str) -> bool:
         """Whether a topic belongs to one of these nodes."""
@@ -77,10 +77,10 @@ class Sparkplug:
         """Take in a message of such a topic. Raises `BadPayload`."""
         kind, address = _parts(topic)
         node, name = self._nodes[address[:2]], "/".join(address[:2])
-        places = {_place(a) for a, _ in self._channels if a[:2] == address[:2]}
+        senders = {_sender(a) for a, _ in self._channels if a[:2] == address[:2]}
         if kind in _DEATHS:
-            gone = places if kind == "NDEATH" else places & {_place(address)}
-            text = f"{_place(address)} says that it is gone ({kind})"
+            gone = senders if kind == "NDEATH" else senders & {_sender(address)}
+            text = f"{_sender(address)} says that it is gone ({kind})"
             return Heard(gone=gone, remarks=[("gap", text, text)] if gone else ())
         if kind not in (*_DATA, *_BIRTHS):
             return Heard()  # a command
@@ -90,14 +90,14 @@ class Sparkplug:
         if kind in _BIRTHS:
             self._born(node, kind, address, message)
             # Values missing from a birth are unknown until their own birth.
-            gone = places if kind == "NBIRTH" else places & {_place(address)}
+            gone = senders if kind == "NBIRTH" else senders & {_sender(address)}
         values = []
         for metric in message.metrics:
             own, why = self._values(node, address, metric)
             stamp = message.stamp if metric.stamp is None or kind in _BIRTHS else metric.stamp
             values += [(channel, replace(value, stamp=stamp)) for channel, value in own]
             remarks += [("refused", text, text) for text in why]
-        return Heard(values, remarks, places, gone)
+        return Heard(values, remarks, senders, gone)
 
     def _born(self, node: _Node, kind: str, address: Address, message: Message) -> None:
         """Aliases and data types of a birth replace earlier ones; an alias is unique within the
@@ -123,12 +123,12 @@ class Sparkplug:
             unborn = any(k[0] == address and k not in node.kind_of for k in self._channels)
             key = node.metric_of.get(metric.alias, key)
             if not key[1] or metric.kind not in (0, node.kind_of[key]):
-                text = f"{_place(address)}: values come by alias; they are read from its birth on"
+                text = f"{_sender(address)}: values come by alias; they are read from its birth on"
                 return (), (text,) if unborn else ()
         if key[0] != address or key not in self._channels:
             return (), ()
         if metric.historical:
-            text = f"{_place(address)}: values that it kept while it was cut off are left out"
+            text = f"{_sender(address)}: values that it kept while it was cut off are left out"
             return (), (text,)
         bad = "" if is_good(metric.quality) else "bad quality"
         number = metric.value(node.kind_of.get(key, 0))
@@ -158,8 +158,8 @@ def _parts(topic: str) -> tuple[str, Address]:
     return kind, (group, node, device[0] if device else "")
 
 
-def _place(address: Address) -> str:
-    """Name of a node or device, for people and as a place of values."""
+def _sender(address: Address) -> str:
+    """Name of a node or device, for people and as a sender of values."""
     return "/".join(address).rstrip("/")
 
 

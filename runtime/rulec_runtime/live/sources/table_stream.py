@@ -56,7 +56,7 @@ class TableStream:
         self._begun = False
         self._decimals: dict[str, set[str]] = {}
         self._written: dict[int, Convention] = {}
-        self._known_qualities: set[str] = set()
+        self._qualities_seen: set[str] = set()
         self._zone: ZoneClock | None = None
 
     def begin(self, head: TableHead) -> None:
@@ -161,9 +161,9 @@ class TableStream:
 
     def _see_qualities(self, rows: list[list[str]]) -> None:
         """Remember all qualities: those of a few rows may not show their standard."""
-        if self._qualities and len(self._known_qualities) < FEW_TEXTS:
+        if self._qualities and len(self._qualities_seen) < FEW_TEXTS:
             columns = {*self._qualities.values()}
-            self._known_qualities |= {row[i] for row in rows for i in columns}
+            self._qualities_seen |= {row[i] for row in rows for i in columns}
 
     def _seconds(self, cells: list[str]) -> Array:
         """Seconds, since 1970 for dates; one without a zone is in the zone of the column map."""
@@ -201,7 +201,7 @@ class TableStream:
         if target.index in self._qualities:
             at = self._qualities[target.index]
             texts = [row[at] for row in rows]
-            every = {*self._known_qualities, *texts}
+            every = {*self._qualities_seen, *texts}
             column = judged(self._path, column, head.titles[at], texts, every, self._form)
         if len(column.decimals) > 1:
             text = (

@@ -82,9 +82,9 @@ def plant(now: Now, selected: int, width: int) -> Iterator[tuple[int, Renderable
         yield -1, _events(now)
 
 
-def explanation_of(now: Now, place: int) -> RenderableType:
+def explanation_of(now: Now, index: int) -> RenderableType:
     """The explanation of a finding; the details of any other episode."""
-    card = cards(now)[place]
+    card = cards(now)[index]
     if card.finding is not None and now.diagnosis is not None:
         return explanation(now.diagnosis, card.finding, card.since)
     parts = [styled("[bold]{}[/]", card.title), styled("{}", card.since)]

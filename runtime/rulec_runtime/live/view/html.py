@@ -29,7 +29,7 @@ from rulec_runtime.report.text import Html, counted, safe
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
 PAGE = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
-LOOK = STYLE + Path(__file__).with_name("page.css").read_text(encoding="utf-8")
+CSS = STYLE + Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:
@@ -37,7 +37,7 @@ def _hash(text: str) -> str:
 
 
 POLICY = (
-    f"default-src 'none'; script-src 'sha256-{_hash(SCRIPT)}'; style-src 'sha256-{_hash(LOOK)}'; "
+    f"default-src 'none'; script-src 'sha256-{_hash(SCRIPT)}'; style-src 'sha256-{_hash(CSS)}'; "
     "img-src data:; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
 """The browser runs only this script and this style, even if others are injected."""
@@ -45,7 +45,7 @@ POLICY = (
 
 def page_of(now: Now, age: float | None, main: str) -> str:
     """The whole page, in one file; it shows this moment even without scripts."""
-    parts = {"look": LOOK, "script": SCRIPT, "link": link_of(now, age), "main": main}
+    parts = {"look": CSS, "script": SCRIPT, "link": link_of(now, age), "main": main}
     names = {"title": safe(title_of(now)), "name": safe(now.title), "plant": safe(now.plant)}
     times = {"static": STATIC, "every": f"{1000 * TICK:.0f}", "silent": f"{1000 * SILENT:.0f}"}
     return PAGE.substitute(parts | names | times)

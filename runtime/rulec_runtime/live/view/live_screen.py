@@ -21,7 +21,7 @@ from rich.text import Text
 from rulec_runtime.live.episode import line_of
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.limits import REDRAWN, TICK
-from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
+from rulec_runtime.live.view.screen import Screen, ViewState, after, selected_index
 from rulec_runtime.live.view.words import display_state, lead, link, listed, overall
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
@@ -232,7 +232,7 @@ class LiveScreen:
         elif (picture := self._picture()) is not None:
             now = picture.now
             if key == "acknowledge" and now.active:
-                self._acknowledge(listed(now)[place_of(self._state, now)].id, who())
+                self._acknowledge(listed(now)[selected_index(self._state, now)].id, who())
             self._state = after(self._state, key, now, picture.room(self._console))
 
     def _picture(self) -> Screen | None:

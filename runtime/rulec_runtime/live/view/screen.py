@@ -74,13 +74,13 @@ class Screen:
         head = self._lines(console, options, above)[: max(self.height - 2, 1)]
         head.append([Segment("─" * self.width, Style(dim=True))])
         space, first = max(self.height - len(head) - 1, 1), 0
-        selected, body = place_of(self.state, self.now), list[Line]()
+        selected, body = selected_index(self.state, self.now), list[Line]()
         if self.state.view == "explanation" and self.now.active:
             explained = blocks.explanation_of(self.now, selected)
             return head, self._lines(console, options, explained), first, space
-        for place, block in blocks.plant(self.now, selected, self.width):
+        for index, block in blocks.plant(self.now, selected, self.width):
             lines = self._lines(console, options, block)
-            if place == selected:
+            if index == selected:
                 first = min(max(len(body) + len(lines) - space + 1, 0), len(body))
             body += lines
         return head, body, first, space
@@ -97,7 +97,7 @@ class Screen:
         return [Segment.adjust_line_length(line, self.width) for line in lines]
 
 
-def place_of(state: ViewState, now: Now) -> int:
+def selected_index(state: ViewState, now: Now) -> int:
     """Index of the selected episode among the listed ones."""
     ids = [episode.id for episode in listed(now)]
     return ids.index(state.selected) if state.selected in ids else 0
@@ -105,7 +105,8 @@ def place_of(state: ViewState, now: Now) -> int:
 
 def after(state: ViewState, key: str, now: Now, room: int) -> ViewState:
     """The view state after a key; `room` is the number of lines to scroll."""
-    ids, at, listing = [e.id for e in listed(now)], place_of(state, now), state.view == "plant"
+    ids, at = [e.id for e in listed(now)], selected_index(state, now)
+    listing = state.view == "plant"
     if key == "enter" and listing and now.active:
         return replace(state, view="explanation", scroll=0)
     if key in ("enter", "back"):

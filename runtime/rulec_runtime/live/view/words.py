@@ -150,8 +150,8 @@ def unjudged(now: Now) -> list[tuple[str, str]]:
     """Remarks on what could not be judged, each with its times; without active ones."""
     if now.diagnosis is None:
         return []
-    known = {episode.text for episode in now.active if episode.kind == "blind"}
-    periods = [p for p in told_else(now.diagnosis) if p.text not in known]
+    blind = {episode.text for episode in now.active if episode.kind == "blind"}
+    periods = [p for p in told_else(now.diagnosis) if p.text not in blind]
     return remarks_of(periods, now.calendar)
 
 
