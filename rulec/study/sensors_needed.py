@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.detectable_faults import Sighted, visible_of
+from rulec_runtime.diagnosis.detectable_faults import VisiblePart, visible_of
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.blindness import named
 from rulec_runtime.report.parts import Table, shown
@@ -42,7 +42,7 @@ def without_each(ruleset: Ruleset) -> Without:
 
 
 def _merged(
-    now: np.ndarray, before: np.ndarray, one: Sighted, listed_ones: set[str]
+    now: np.ndarray, before: np.ndarray, one: VisiblePart, listed_ones: set[str]
 ) -> Iterator[list[str]]:
     """Groups of listed faults of a part that are alike now and were not all alike before; `now` and
     `before` flag pairs of all its faults, shape (faults, faults)."""
@@ -56,7 +56,7 @@ def _merged(
         yield [faults[i] for i in np.flatnonzero(group == number)]
 
 
-def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:
+def _alike(one: VisiblePart, lost: frozenset[str]) -> np.ndarray:
     """Flags of faults of a part that move the remaining readings in the same proportion, shape
     (faults, faults)."""
     products = one.information(lost)

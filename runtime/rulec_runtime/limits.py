@@ -123,7 +123,7 @@ UNTOUCHED = 1e-6
 """Share of a fault's own effect below which residuals count as untouched (it cancels). Origin:
 numerical."""
 
-PLANS_KEPT = 512
+PLANS_CACHED = 512
 """Parts of a plan, as those of hypotheses tried together, that are kept for the next time. Origin:
 numerical."""
 

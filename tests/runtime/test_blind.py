@@ -146,8 +146,8 @@ def test_a_large_plant_asks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> Non
     lost = {"A.dp"}
     every = set(visible_of(rules).unseen(lost))
     monkeypatch.setattr(limits, "NEAREST_ESTIMATES", 8)
-    rules.kept.pop("visible")
+    rules.cache.pop("visible")
     near = visible_of(rules)
-    rules.kept.pop("visible")
+    rules.cache.pop("visible")
     assert len(near.parts) > 1
     assert every == set(near.unseen(lost))

@@ -71,7 +71,7 @@ class Plan:
         The same names give the same plan object, so its schedule is worked out once.
         """
         names = tuple(outputs)
-        return kept_plan(self._selections, names, lambda: self.selected(names))
+        return cached_plan(self._selections, names, lambda: self.selected(names))
 
     def narrowed(self) -> Plan:
         """The same plan without the inputs and constants that it does not read."""
@@ -80,15 +80,13 @@ class Plan:
         inputs = [i for i in range(first) if i in used]
         constants = [i for i in range(first, self.first_operation) if i in used]
         end = self.first_operation + len(self.operations)
-        kept = [*inputs, *constants, *range(self.first_operation, end)]
-        place = {i: j for j, i in enumerate(kept)}
+        left = [*inputs, *constants, *range(self.first_operation, end)]
+        new = {i: j for j, i in enumerate(left)}
         return Plan(
             tuple(self.inputs[i] for i in inputs),
             tuple(self.constants[i - first] for i in constants),
-            tuple(
-                (name, place[a], 0 if name in UNARY else place[b]) for name, a, b in self.operations
-            ),
-            {name: place[i] for name, i in self.outputs.items()},
+            tuple((name, new[a], 0 if name in UNARY else new[b]) for name, a, b in self.operations),
+            {name: new[i] for name, i in self.outputs.items()},
         )
 
     @cached_property
@@ -97,15 +95,15 @@ class Plan:
 
     def selected(self, outputs: Iterable[str]) -> Plan:
         """As `select`, but always a new plan."""
-        kept = {name: self.outputs[name] for name in outputs}
-        needed = self.needed(kept.values())
+        chosen = {name: self.outputs[name] for name in outputs}
+        needed = self.needed(chosen.values())
         renumber = {i: i for i in range(self.first_operation)}
         operations: list[Operation] = []
         for i in sorted(needed):
             name, a, b = self.operations[i - self.first_operation]
             renumber[i] = self.first_operation + len(operations)
             operations.append((name, renumber[a], 0 if name in UNARY else renumber[b]))
-        outputs_ = {name: renumber[i] for name, i in kept.items()}
+        outputs_ = {name: renumber[i] for name, i in chosen.items()}
         return Plan(self.inputs, self.constants, tuple(operations), outputs_)
 
     def needed(self, roots: Iterable[int]) -> list[int]:
@@ -114,14 +112,14 @@ class Plan:
         This order keeps few values alive at a time.
         """
         order: list[int] = []
-        seen: set[int] = set()
+        visited: set[int] = set()
         stack = [(i, False) for i in roots][::-1]
         while stack:
             i, operands_done = stack.pop()
             if operands_done:
                 order.append(i)
-            elif i >= self.first_operation and i not in seen:
-                seen.add(i)
+            elif i >= self.first_operation and i not in visited:
+                visited.add(i)
                 name, a, b = self.operations[i - self.first_operation]
                 stack.append((i, True))
                 stack += [(j, False) for j in ((a,) if name in UNARY else (a, b))]
@@ -236,10 +234,10 @@ class Plan:
         )
 
 
-def kept_plan(plans: dict[Any, Plan], key: Any, made: Callable[[], Plan]) -> Plan:
-    """The plan kept under a key, or a new one; the least recently used plans are dropped."""
+def cached_plan(plans: dict[Any, Plan], key: Any, made: Callable[[], Plan]) -> Plan:
+    """The plan cached under a key, or a new one; the least recently used plans are dropped."""
     found = plans.pop(key, None) or made()
-    while len(plans) >= limits.PLANS_KEPT:
+    while len(plans) >= limits.PLANS_CACHED:
         del plans[next(iter(plans))]
     plans[key] = found
     return found

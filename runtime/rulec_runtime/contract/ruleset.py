@@ -16,7 +16,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.fault_frequency import FREQUENCY_ODDS
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
-from rulec_runtime.contract.plan import Array, Plan, kept_plan
+from rulec_runtime.contract.plan import Array, Plan, cached_plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
 
 Size = TypeVar("Size", float, Array)
@@ -489,22 +489,22 @@ class Ruleset:
         """Plan of flows with faults undone (``q:``), and their slopes by the degrees (``dq:``)."""
         flows = (f"q:{o}" for o in observers)
         slopes = (f"dq:{o}:{f}" for o in observers for f in faults)
-        return self._plan_of_undo((observers, faults), chain(flows, slopes))
+        return self._inversion_plan((observers, faults), chain(flows, slopes))
 
     def undone_slopes(self, observers: tuple[str, ...]) -> Plan:
         """Plan of the slopes (``dq:``) of observers' flows by each degree that moves them."""
         own = frozenset(observers)
         slopes = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in own)
-        return self._plan_of_undo(observers, slopes)
+        return self._inversion_plan(observers, slopes)
 
-    def _plan_of_undo(self, key: Any, names: Iterable[str]) -> Plan:
-        """The plan kept under a key, or a new one of the names that `undo` has."""
-        known = (n for n in names if n in self.undo.outputs)
-        plans = self.kept.setdefault("undone", {})
-        return kept_plan(plans, key, lambda: self.undo.selected(known).narrowed())
+    def _inversion_plan(self, key: Any, names: Iterable[str]) -> Plan:
+        """The plan cached under a key, or a new one of the names that `undo` has."""
+        outputs = (n for n in names if n in self.undo.outputs)
+        plans = self.cache.setdefault("undone", {})
+        return cached_plan(plans, key, lambda: self.undo.selected(outputs).narrowed())
 
     @cached_property
-    def kept(self) -> dict[str, Any]:
+    def cache(self) -> dict[str, Any]:
         """Derived results that are worked out once, by names of their users."""
         return {}
 

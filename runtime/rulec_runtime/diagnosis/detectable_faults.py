@@ -29,7 +29,7 @@ NONE: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
-class Sighted:
+class VisiblePart:
     """A part of a plant that is judged on its own: the signals that it reads, its observers by id,
     and its faults with their largest degrees.
 
@@ -42,21 +42,21 @@ class Sighted:
     observers: frozenset[str]
     highest: Mapping[str, float]
     worked_out: Callable[[Set[str], Set[str]], Array]
-    known: dict[tuple[Set[str], Set[str]], Array] = field(default_factory=dict)
+    cache: dict[tuple[Set[str], Set[str]], Array] = field(default_factory=dict)
 
     def information(self, lost: Set[str], still: Set[str] = NONE) -> Array:
         """These products, worked out once for all that matters here."""
         key = frozenset(lost & self.signals), frozenset(still & self.observers)
-        if key not in self.known:
-            self.known[key] = self.worked_out(*key)
-        return self.known[key]
+        if key not in self.cache:
+            self.cache[key] = self.worked_out(*key)
+        return self.cache[key]
 
     def sees(self, fault: str, lost: Set[str], still: Set[str]) -> bool:
         """Whether a degree within the range of a fault is detectable, or any if its sheet hides
         all."""
-        place, highest = [*self.highest].index(fault), self.highest[fault]
-        known = (float(self.information(*of)[place, place]) for of in ((lost, still), (NONE, NONE)))
-        degree, sheet = (threshold_of(x**-0.5) if x > 0.0 else inf for x in known)
+        i, highest = [*self.highest].index(fault), self.highest[fault]
+        amounts = (float(self.information(*of)[i, i]) for of in ((lost, still), (NONE, NONE)))
+        degree, sheet = (threshold_of(x**-0.5) if x > 0.0 else inf for x in amounts)
         return degree < (highest if sheet < highest else inf)
 
 
@@ -64,12 +64,12 @@ class Sighted:
 class Visible:
     """All parts of a plant."""
 
-    parts: tuple[Sighted, ...]
+    parts: tuple[VisiblePart, ...]
 
     @cached_property
-    def of_fault(self) -> Mapping[str, Sequence[Sighted]]:
+    def of_fault(self) -> Mapping[str, Sequence[VisiblePart]]:
         """The parts that may show each fault."""
-        found: dict[str, list[Sighted]] = {}
+        found: dict[str, list[VisiblePart]] = {}
         for one in self.parts:
             for fault in one.highest:
                 found.setdefault(fault, []).append(one)
@@ -110,13 +110,13 @@ class Visible:
 
 def visible_of(ruleset: Ruleset) -> Visible:
     """What the readings of a plant can show; worked out once for a ruleset."""
-    if "visible" not in ruleset.kept:
-        ruleset.kept["visible"] = Visible(tuple(_parts(ruleset)))
-    found: Visible = ruleset.kept["visible"]
+    if "visible" not in ruleset.cache:
+        ruleset.cache["visible"] = Visible(tuple(_parts(ruleset)))
+    found: Visible = ruleset.cache["visible"]
     return found
 
 
-def _parts(ruleset: Ruleset) -> Iterator[Sighted]:
+def _parts(ruleset: Ruleset) -> Iterator[VisiblePart]:
     """The balances of a plant that stores; else its blocks of estimates, at the reference point. In
     a large block only the estimates nearest to its module decide whether a fault is detectable."""
     if (dynamics := ruleset.dynamics) is not None:
@@ -125,18 +125,18 @@ def _parts(ruleset: Ruleset) -> Iterator[Sighted]:
 
         signals = frozenset((*dynamics.inputs, *dynamics.outputs))
         highest = {name: ruleset.fault_by_id[name].highest for name in dynamics.faults}
-        yield Sighted(signals, NONE, highest, information_of(ruleset))
+        yield VisiblePart(signals, NONE, highest, information_of(ruleset))
         return
-    points, place = reference_point(ruleset), {name: i for i, name in enumerate(ruleset.modules)}
+    points, index = reference_point(ruleset), {name: i for i, name in enumerate(ruleset.modules)}
     for part in parts_of(ruleset):
         own, observed = part.ruleset, observe_part(ruleset, part, points)
         valid, point = observed.valid[:, 0], np.zeros(1, dtype=int)
         slopes = np.zeros((len(own.observers), len(own.faults)))
         each = test_of(own, observed, valid, point).each
-        for column, (places, slope) in each.items():
-            slopes[np.flatnonzero(valid)[places], column] = slope[:, 0, 0]
+        for column, (rows, slope) in each.items():
+            slopes[np.flatnonzero(valid)[rows], column] = slope[:, 0, 0]
         covariance = observed.covariance_at(point)[0]
-        free = free_flows(ruleset)[[place[o.module] for o in own.observers]]
+        free = free_flows(ruleset)[[index[o.module] for o in own.observers]]
         groups: dict[str, list[int]] = {}
         whole = len(own.observers) <= limits.NEAREST_ESTIMATES
         for i, fault in enumerate(own.faults):
@@ -147,7 +147,7 @@ def _parts(ruleset: Ruleset) -> Iterator[Sighted]:
             # As many columns as rows are enough.
             basis = np.transpose(np.linalg.qr(free[near].T, mode="r"))
             tables = basis, covariance[np.ix_(near, near)], slopes[near][:, chosen]
-            yield Sighted(
+            yield VisiblePart(
                 frozenset(signal for o in observers for signal in o.signals),
                 frozenset(o.id for o in observers),
                 {own.faults[i].id: own.faults[i].highest for i in chosen},

@@ -93,7 +93,7 @@ def assembled(
     found = replace(found, findings=[f for f in found.findings if f not in weather])
     ordinary = dict.fromkeys(f"{f.text}, as a change of the weather does" for f in weather)
     missing = (f"{name} is not in the recording" for name in recording.missing)
-    hidden = blind_of(recording, ruleset)
+    blind = blind_of(recording, ruleset)
     return in_order(
         ruleset,
         mode,
@@ -103,7 +103,7 @@ def assembled(
         notes=(*recording.notes, *missing, *notes, *ordinary),
         sensors=health.findings,
         calendar=recording.calendar,
-        blind=tuple(one for b in hidden if (one := b.but(found.without)).faults),
+        blind=tuple(one for b in blind if (one := b.but(found.without)).faults),
     )
 
 
@@ -147,12 +147,12 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
         since, until = float(recording.time[0]), float(recording.time[-1])
         return 0, Found([], [], [Period(since, until, restless(len(recording)))])
     evaluated = evaluate_stretches(recording, ruleset, stretches, noise, mode)
-    judged, found = told_of(ruleset, timeline_of(recording.time, stretches), evaluated)
+    judged, found = judged_parts(ruleset, timeline_of(recording.time, stretches), evaluated)
     found.findings.extend(events_of(recording, ruleset, stretches, noise, evaluated, mode))
     return judged, found
 
 
-def told_of(
+def judged_parts(
     ruleset: Ruleset, timeline: Timeline, evaluated: Sequence[EvaluatedPoints]
 ) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant show in settled stretches."""

@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, in_order, told_of
+from rulec_runtime.diagnosis.diagnose import Diagnosis, in_order, judged_parts
 from rulec_runtime.diagnosis.hidden_faults import blind_between
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_part
@@ -43,17 +43,17 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
     missing = sorted(ruleset.observed - points.values.keys())
     if missing:
         notes.append(FIRST_ORDER)
-        undo = first_order(ruleset, results)
+        inverse = first_order(ruleset, results)
         # Modules give slopes by listed faults only.
-        ruleset = replace(ruleset, undo=undo, unlisted=(), unlisted_cells=())
+        ruleset = replace(ruleset, undo=inverse, unlisted=(), unlisted_cells=())
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
     evaluated = [
-        evaluate_part(ruleset, part, points, "default", halves, known=observed)
+        evaluate_part(ruleset, part, points, "default", halves, observed=observed)
         for part in parts_of(ruleset)
         for observed in (observed_of(results, part.ruleset, points),)
     ]
-    judged, found = told_of(ruleset, timeline_of_results(results), evaluated)
+    judged, found = judged_parts(ruleset, timeline_of_results(results), evaluated)
     lost = {name: runs for name, flags in points.bad.items() if (runs := runs_where(flags, 1))}
     still = {
         s.id: runs_where(results.readings[s.id] < s.minimum, 1)
@@ -145,14 +145,14 @@ def first_order(ruleset: Ruleset, results: ModuleResults) -> Plan:
     flows = [f"q:{o.id}" for o in ruleset.observers]
     degrees = [n for n in ruleset.undo.inputs if n.removeprefix("x:") in listed]
     inputs = [*flows, *slopes, *degrees]
-    place = {name: i for i, name in enumerate(inputs)}
+    index = {name: i for i, name in enumerate(inputs)}
     operations: list[Operation] = []
-    outputs = {name: place[name] for name in (*slopes, *flows)}
+    outputs = {name: index[name] for name in (*slopes, *flows)}
     for slope in slopes:
         flow, degree = f"q:{slope.split(':')[1]}", f"x:{_fault(slope)}"
-        if flow in outputs and degree in place:
+        if flow in outputs and degree in index:
             last = len(inputs) + len(operations)
-            operations.append(("mul", place[slope], place[degree]))
+            operations.append(("mul", index[slope], index[degree]))
             operations.append(("add", outputs[flow], last))
             outputs[flow] = last + 1
     return Plan(tuple(inputs), (), tuple(operations), outputs)

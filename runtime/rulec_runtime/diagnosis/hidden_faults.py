@@ -45,12 +45,12 @@ class Blind:
 
     @property
     def active(self) -> bool:
-        """Whether they were still hidden at the end."""
+        """Whether they were still undetectable at the end."""
         return self.behind is not ENDED
 
-    def but(self, seen: Set[str]) -> Blind:
+    def but(self, detectable: Set[str]) -> Blind:
         """The same without faults that are detectable by other means."""
-        return replace(self, faults=tuple(f for f in self.faults if f not in seen))
+        return replace(self, faults=tuple(f for f in self.faults if f not in detectable))
 
 
 def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:
@@ -82,7 +82,7 @@ def blind_between(
         return ()
     (begin, end), count = times, len(times[0])
     periods: dict[tuple[int, int, tuple[str, ...]], set[str]] = {}
-    for fault, first, last, readings in _spells(ruleset, count, lost, still):
+    for fault, first, last, readings in _blind_runs(ruleset, count, lost, still):
         periods.setdefault((first, last, readings), set()).add(fault)
     return tuple(
         Blind(
@@ -100,34 +100,34 @@ def blind_between(
 def coverage_of(ruleset: Ruleset, blind: Iterable[Blind], begin: float, end: float) -> float:
     """Share of the time of all faults in which the readings could show them."""
     whole = len(ruleset.faults) * (end - begin)
-    hidden = sum(len(one.faults) * (one.until - one.since) for one in blind)
-    return 1.0 - min(hidden / whole, 1.0) if whole > 0.0 else float(not hidden)
+    blind_time = sum(len(one.faults) * (one.until - one.since) for one in blind)
+    return 1.0 - min(blind_time / whole, 1.0) if whole > 0.0 else float(not blind_time)
 
 
-Spell = tuple[str, int, int, tuple[str, ...]]
-"""A hidden fault, its first row and the row after the last, and the readings it needs."""
+BlindRun = tuple[str, int, int, tuple[str, ...]]
+"""An undetectable fault, its first row and the row after the last, and the readings it needs."""
 
 
-def _spells(
+def _blind_runs(
     ruleset: Ruleset, count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
-) -> Iterator[Spell]:
+) -> Iterator[BlindRun]:
     """Runs of rows in which a fault is never detectable; lost readings hide it in the end rows."""
     visible = visible_of(ruleset)
-    known: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
-    begun: dict[str, Spell] = {}
+    cache: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
+    begun: dict[str, BlindRun] = {}
     for first, last, gone, low in _segments(count, lost, still):
         rests = _at_rest(ruleset, low)
-        if (gone, rests) not in known:
-            unseen = visible.unseen(gone, rests)
-            known[gone, rests] = {f: visible.brings_back(f, gone, rests) for f in unseen}
-        hidden = known[gone, rests]
-        for fault, readings in hidden.items():
+        if (gone, rests) not in cache:
+            faults = visible.unseen(gone, rests)
+            cache[gone, rests] = {f: visible.brings_back(f, gone, rests) for f in faults}
+        unseen = cache[gone, rests]
+        for fault, readings in unseen.items():
             before = begun.get(fault)
             if before is not None and before[3] != readings:
                 yield before
                 before = None
             begun[fault] = (fault, first if before is None else before[1], last, readings)
-        for fault in begun.keys() - hidden.keys():
+        for fault in begun.keys() - unseen.keys():
             if visible.sees(fault, gone, rests):
                 yield begun.pop(fault)
     yield from begun.values()

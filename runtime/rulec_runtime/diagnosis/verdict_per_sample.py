@@ -57,16 +57,16 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         return _of_stores(recording, ruleset)
     stretches, noise = judgeable(recording, ruleset, mode)
     words = ["moving"] * len(recording)
-    known: list[EvaluatedPoints] = []
+    of_stretches: list[EvaluatedPoints] = []
     if len(stretches):
-        known = evaluate_stretches(recording, ruleset, stretches, noise, mode, keep=True)
-    names = tuple(dict.fromkeys([*(f.id for f in ruleset.faults), *_unlisted(known)]))
+        of_stretches = evaluate_stretches(recording, ruleset, stretches, noise, mode, keep=True)
+    names = tuple(dict.fromkeys([*(f.id for f in ruleset.faults), *_unlisted(of_stretches)]))
     rows = {name: row for row, name in enumerate(names)}
     degree, half = np.zeros((2, len(rows), len(recording)))
     inside = flags_of(len(recording), stretches.first, stretches.last)
     samples = np.flatnonzero(inside)
-    of_samples = evaluate_samples(recording, ruleset, noise, stretches, known, samples)
-    for here, evaluated in of_samples if known else ():
+    of_samples = evaluate_samples(recording, ruleset, noise, stretches, of_stretches, samples)
+    for here, evaluated in of_samples if of_stretches else ():
         sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in evaluated], axis=0)
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(evaluated, i)
@@ -86,8 +86,8 @@ def _traced(
     return Trace(recording.time, tuple(words), degree, lower, degree + half, names)
 
 
-def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
-    for evaluated in known:
+def _unlisted(of_stretches: Sequence[EvaluatedPoints]) -> Iterator[str]:
+    for evaluated in of_stretches:
         faults = evaluated.part.ruleset.faults
         for point in np.flatnonzero(evaluated.isolation.deviating).tolist():
             named = (faults[i] for i in verdict_at(evaluated, point).faults)
@@ -127,9 +127,9 @@ def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
         for name in one.fitting:
             degree[row[name], sample] = one.tests[name].degree
             half[row[name], sample] = limits.COVERAGE * one.tests[name].u
-    told = [(p.since, p.until, "unknown") for p in result.found.unknown]
-    told += [(f.since, f.until, f.fault.id) for f in result.found.findings]
-    for since, until, word in told:
+    reported = [(p.since, p.until, "unknown") for p in result.found.unknown]
+    reported += [(f.since, f.until, f.fault.id) for f in result.found.findings]
+    for since, until, word in reported:
         for i in np.flatnonzero((time >= since) & (time <= until)).tolist():
             words[i] = words[i] if words[i] == "cannot judge" else word
     return _traced(recording, words, degree, half, tuple(row))

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, diagnose, restless, told_of
+from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, diagnose, judged_parts, restless
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
@@ -50,7 +50,7 @@ def judged_memory(ruleset: Ruleset, memory: Memory) -> tuple[Diagnosis, float | 
         diagnosis = assembled(health, ruleset, "default", judged=0, found=found)
         return diagnosis, None, _bounded(memory, whole, stretches, np.zeros(0, dtype=bool))
     evaluated = evaluate_points(ruleset, whole.points, whole.halves, "default")
-    samples, found = told_of(ruleset, whole.timeline, evaluated)
+    samples, found = judged_parts(ruleset, whole.timeline, evaluated)
     dropped = len(whole) - len(stretches)
     events = events_of(recording, ruleset, stretches, noise, evaluated, "default", dropped)
     found.findings.extend(events)

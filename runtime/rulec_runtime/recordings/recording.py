@@ -80,7 +80,7 @@ class Recording:
         return interval_of(self.time, 0.0)
 
     @cached_property
-    def kept(self) -> dict[object, Any]:
+    def cache(self) -> dict[object, Any]:
         """Results computed from it, see `once`."""
         return {}
 
@@ -266,10 +266,10 @@ def once(function: Callable[[Recording, Ruleset], Found]) -> Callable[[Recording
 
     @wraps(function)
     def asked(recording: Recording, ruleset: Ruleset) -> Found:
-        known = recording.kept.get(asked)
-        if known is None or known[0] is not ruleset:
-            known = recording.kept[asked] = ruleset, function(recording, ruleset)
-        found: Found = known[1]
+        cached = recording.cache.get(asked)
+        if cached is None or cached[0] is not ruleset:
+            cached = recording.cache[asked] = ruleset, function(recording, ruleset)
+        found: Found = cached[1]
         return found
 
     return asked

@@ -162,9 +162,9 @@ def _batches(
     ruleset = diagnosis.ruleset
     stretches, noise = judgeable(recording, ruleset, diagnosis.mode)
     if len(stretches):
-        known = evaluate_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
+        every = evaluate_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
         samples = np.arange(len(recording))
-        yield from evaluate_samples(recording, ruleset, noise, stretches, known, samples)
+        yield from evaluate_samples(recording, ruleset, noise, stretches, every, samples)
 
 
 def _shown(diagnosis: Diagnosis) -> tuple[ResidualSpec, ...]:

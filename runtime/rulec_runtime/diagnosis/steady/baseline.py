@@ -36,10 +36,10 @@ class Baseline:
 
     def later(self, time: float) -> Baseline:
         """What is still known at a later time; the errors return to their prior."""
-        kept = float(remembered(time - self.time))
-        covariance = kept**2 * self.covariance
-        covariance.flat[:: len(self.mean) + 1] += 1.0 - kept**2
-        return Baseline(kept * self.mean, covariance, time)
+        share = float(remembered(time - self.time))
+        covariance = share**2 * self.covariance
+        covariance.flat[:: len(self.mean) + 1] += 1.0 - share**2
+        return Baseline(share * self.mean, covariance, time)
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ class Learner:
         """Learn from a batch that begins with point `first`; its own baselines."""
         states, learned = [*(self._states or nothing_learned(observed).states)][-1:], list[int]()
         groups = _groups_by(self._ruleset, observed)
-        places = {int(p): (group, i) for group in groups for i, p in enumerate(group.points)}
-        for point, (group, place) in sorted(places.items(), key=lambda item: item[0]):
-            taken = group.taken_up(states[-1], place)
+        members = {int(p): (group, i) for group in groups for i, p in enumerate(group.points)}
+        for point, (group, index) in sorted(members.items(), key=lambda item: item[0]):
+            taken = group.taken_up(states[-1], index)
             if taken is not None:
                 states.append(taken)
                 learned.append(point)
@@ -119,14 +119,14 @@ class _Group:
     log_determinant: Array
     sound: np.ndarray
 
-    def taken_up(self, before: Baseline, place: int) -> Baseline | None:
+    def taken_up(self, before: Baseline, index: int) -> Baseline | None:
         """Condition on a point; None if it is unsound, deviates, or adds next to nothing."""
-        if not self.sound[place]:
+        if not self.sound[index]:
             return None
-        before = before.later(float(self.time[place]))
-        residuals, shared = self.residuals[place], self.shared[place]
+        before = before.later(float(self.time[index]))
+        residuals, shared = self.residuals[index], self.shared[index]
         crossed = before.covariance @ shared.T
-        total = self.noise[place] + shared @ crossed
+        total = self.noise[index] + shared @ crossed
         off = residuals - shared @ before.mean
         try:
             solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
@@ -134,7 +134,7 @@ class _Group:
             return None
         if off @ solved[:, 0] > chi_square_limit(len(off), common.CALM):
             return None
-        gain = np.linalg.slogdet(total)[1] - self.log_determinant[place]
+        gain = np.linalg.slogdet(total)[1] - self.log_determinant[index]
         if gain < limits.WORTH_LEARNING * len(off):
             return None
         covariance = before.covariance - crossed @ solved[:, 1:]
@@ -164,7 +164,7 @@ def against(
     ruleset: Ruleset, observed: Observed, baselines: Baselines, points: np.ndarray
 ) -> Observed:
     """Points relative to their baselines: flows shifted, covariances conditioned. `points` are the
-    same ones, or those that share their baselines, by their places among those learned from."""
+    same ones, or those that share their baselines, by their indexes among those learned from."""
     offsets = np.zeros_like(observed.flows)
     time, lasting = times_of(observed), observed.covariance - observed.noise
     # Points last, as in memory.
@@ -173,12 +173,12 @@ def against(
     for index in np.unique(at).tolist():
         here = slice(None) if len(baselines.states) == 1 else np.flatnonzero(at == index)
         state = baselines.states[index]
-        kept = remembered(time[here] - state.time)
+        share = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
-        offsets[:, here] = kept * (state.mean @ shared)
+        offsets[:, here] = share * (state.mean @ shared)
         slopes = np.ascontiguousarray(shared.transpose(2, 0, 1))
-        known = (slopes @ state.covariance @ slopes.transpose(0, 2, 1)).transpose(1, 2, 0)
-        spread[:, :, here] = kept**2 * known + (1.0 - kept**2) * spread[:, :, here]
+        learned = (slopes @ state.covariance @ slopes.transpose(0, 2, 1)).transpose(1, 2, 0)
+        spread[:, :, here] = share**2 * learned + (1.0 - share**2) * spread[:, :, here]
     covariance = observed.noise + lasting
     return replace(
         observed,

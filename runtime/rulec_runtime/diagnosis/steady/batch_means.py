@@ -47,7 +47,7 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
     return Halves(after - before, stretches.lengths**2 / (early.lengths * late.lengths))
 
 
-def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
+def drift_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
     """Covariance of flows by the excess difference of halves, (m3/s)^2, (n, observers,
     observers)."""
     found = np.zeros_like(observed.noise)
@@ -64,7 +64,7 @@ def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
     return found
 
 
-def wandering(observed: Observed, wander: Array) -> Observed:
+def with_drift(observed: Observed, drift: Array) -> Observed:
     """The same points with this covariance added to their noise."""
-    noise, covariance = observed.noise + wander, observed.covariance + wander
-    return replace(observed, noise=noise, covariance=covariance, wander=wander)
+    noise, covariance = observed.noise + drift, observed.covariance + drift
+    return replace(observed, noise=noise, covariance=covariance, drift=drift)

@@ -71,11 +71,11 @@ class Cause:
 
 
 def causes_of(
-    evaluated: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
+    evaluated: EvaluatedPoints, members: Sequence[int], fits: Fits, before: frozenset[int]
 ) -> list[Cause]:
-    """The causes of a run by its fits: one fault, or two; `known` are faults found just before."""
+    """The causes of a run by its fits: one fault, or two; `before` are faults found just before."""
     ruleset, isolation = evaluated.part.ruleset, evaluated.isolation
-    hypotheses = hypotheses_of(fits, isolation.chance, ruleset.odds, known)
+    hypotheses = hypotheses_of(fits, isolation.chance, ruleset.odds, before)
     if not hypotheses:
         hypotheses = [_average(isolation, members, ruleset.odds)]
     fitting = isolation.probability[:, members].max(axis=1) > 0.0
@@ -88,7 +88,7 @@ def causes_of(
 
 def _same(ruleset: Ruleset, one: Fit, other: Fit) -> bool:
     """Whether no reading distinguishes two hypotheses."""
-    groups = [{_twins(ruleset, fault) for fault in fit.faults} for fit in (one, other)]
+    groups = [{_coinciding(ruleset, fault) for fault in fit.faults} for fit in (one, other)]
     return len(one.faults) == len(other.faults) and groups[0] == groups[1]
 
 
@@ -113,11 +113,11 @@ def _cause(
         for other in set(one.faults) - set(best.faults):
             found[other] = found.get(other, 0.0) + one.probability
             alone[other] = alone.get(other, 0.0) + one.unprejudiced
-    twins = {t for t in _twins(ruleset, fault) if t != fault and (t in found or fitting[t])}
-    if twins:
-        # No reading distinguishes them: whatever else favours one of them is an assumption. Twins
+    equals = {t for t in _coinciding(ruleset, fault) if t != fault and (t in found or fitting[t])}
+    if equals:
+        # No reading distinguishes them: whatever else favours one of them is an assumption. Those
         # that only some stretches allow must not outrank those that all stretches do.
-        group = [fault, *sorted(twins)]
+        group = [fault, *sorted(equals)]
         odds = np.minimum(ruleset.odds[group], ruleset.odds[fault])
         for chance, weights in ((found, odds), (alone, np.ones(len(group)))):
             total = sum(chance.get(f, 0.0) for f in group)
@@ -136,18 +136,18 @@ def _cause(
     )
 
 
-def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
+def _coinciding(ruleset: Ruleset, fault: int) -> frozenset[int]:
     """Faults that move all residuals in the same proportion, the fault itself among them."""
-    if "twins" not in ruleset.kept:
-        place = {f.id: i for i, f in enumerate(ruleset.faults)}
-        twins = [{i} for i in range(len(place))]
+    if "coinciding" not in ruleset.cache:
+        index = {f.id: i for i, f in enumerate(ruleset.faults)}
+        groups = [{i} for i in range(len(index))]
         for group in ruleset.ambiguous:
             if group.kind == "coincide":
-                members = {place[name] for name in group.faults if name in place}
+                members = {index[name] for name in group.faults if name in index}
                 for one in members:
-                    twins[one] |= members
-        ruleset.kept["twins"] = [frozenset(own) for own in twins]
-    found: frozenset[int] = ruleset.kept["twins"][fault]
+                    groups[one] |= members
+        ruleset.cache["coinciding"] = [frozenset(own) for own in groups]
+    found: frozenset[int] = ruleset.cache["coinciding"][fault]
     return found
 
 

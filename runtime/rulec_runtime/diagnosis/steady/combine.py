@@ -48,9 +48,9 @@ class Fit:
 
     def bounds(self, fault: int) -> tuple[float, float]:
         """95 % bounds of the degree of one of the faults."""
-        place = self.faults.index(fault)
-        half = common.COVERAGE * self.u[place]
-        return self.degrees[place] - half, self.degrees[place] + half
+        i = self.faults.index(fault)
+        half = common.COVERAGE * self.u[i]
+        return self.degrees[i] - half, self.degrees[i] + half
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,11 @@ def fits_of(
 
 
 def hypotheses_of(
-    fits: Fits, chance: float, odds: Array, known: frozenset[int] = frozenset()
+    fits: Fits, chance: float, odds: Array, before: frozenset[int] = frozenset()
 ) -> list[Fit]:
     """Hypotheses that fit all stretches of a run, the most probable first; none if none does.
 
-    `odds` are the prior odds of the faults, shape (faults,); `known` are faults found just before
+    `odds` are the prior odds of the faults, shape (faults,); `before` are faults found just before
     the run.
     """
     rank = fits.rank
@@ -116,7 +116,7 @@ def hypotheses_of(
     if not sound:
         return []
     evidence = np.array([f.evidence for f in sound])
-    evidence += [limits.KNOWN_FAULT * bool(known & set(f.faults)) for f in sound]
+    evidence += [limits.FOUND_BEFORE * bool(before & set(f.faults)) for f in sound]
     evidence += [limits.FAULT_FROM_START * (f.when != ONSET) for f in sound]
     prior = np.array([np.log(odds[list(f.faults)]).sum() for f in sound])
     chance_of, alone = (shares(e[:, None])[:, 0] for e in (evidence + prior, evidence))
@@ -195,11 +195,11 @@ def _contrasts(
 
 
 def _fits_at(
-    hypotheses: Sequence[tuple[int, ...]], fits: Outcomes, when: str, place: int
+    hypotheses: Sequence[tuple[int, ...]], fits: Outcomes, when: str, column: int
 ) -> Iterator[Fit]:
-    for i in np.flatnonzero(np.isfinite(fits.evidence[:, place])).tolist():
-        degrees, u = (tuple(table[:, i, place].tolist()) for table in (fits.degree, fits.u))
-        distance, evidence = float(fits.distance[i, place]), float(fits.evidence[i, place])
+    for i in np.flatnonzero(np.isfinite(fits.evidence[:, column])).tolist():
+        degrees, u = (tuple(table[:, i, column].tolist()) for table in (fits.degree, fits.u))
+        distance, evidence = float(fits.distance[i, column]), float(fits.evidence[i, column])
         yield Fit(hypotheses[i], when, degrees, u, distance, evidence)
 
 

@@ -15,7 +15,7 @@ from rulec_runtime.diagnosis.steady.baseline import (
     against,
     nothing_learned,
 )
-from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
+from rulec_runtime.diagnosis.steady.batch_means import Halves, drift_of, halves_of, with_drift
 from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.independent_parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
@@ -102,16 +102,16 @@ def evaluate_part(
     halves: Halves | None = None,
     *,
     keep: bool = False,
-    known: Observed | None = None,
+    observed: Observed | None = None,
 ) -> EvaluatedPoints:
-    """Learn the baseline of one part of a plant, and isolate; `known` are existing estimates, those
-    of the part only."""
+    """Learn the baseline of one part of a plant, and isolate; `observed` are existing estimates, of
+    the part only."""
     ruleset, count, learner = part.ruleset, len(points), Learner(part.ruleset, keep=keep)
-    alike = ruleset is whole or known is not None
+    alike = ruleset is whole or observed is not None
     own = points if alike else points.of(ruleset.observed)
 
     def judged(chosen: slice) -> tuple[Observed, Observed, Isolation]:
-        plain = known
+        plain = observed
         if plain is None:
             plain = observe_part(whole, part, points.at(chosen))
         found = plain
@@ -121,17 +121,17 @@ def evaluate_part(
             plain = trusted(ruleset, plain)
             if halves is not None:
                 apart = halves.part(part.observers, chosen)
-                plain = wandering(plain, wander_of(ruleset, plain, apart))
+                plain = with_drift(plain, drift_of(ruleset, plain, apart))
             baselines = learner.take(plain, chosen.start)
             found = against(ruleset, plain, baselines, np.arange(len(plain)))
             isolation = isolate(ruleset, found, count)
-        return plain.kept(), found.kept(), isolation
+        return plain.cache(), found.cache(), isolation
 
     shifted = {name: POINTS_ALONG[name] for name in SHIFTED}
     along = POINTS_ALONG, shifted, EXPLAINED_ALONG
-    size = at_once(ruleset) if known is None else max(count, 1)
+    size = at_once(ruleset) if observed is None else max(count, 1)
     plain, found, isolation = in_batches(count, along, judged, size)
-    outside = extrapolated(whole, points) if known is None else known.extrapolated
+    outside = extrapolated(whole, points) if observed is None else observed.extrapolated
     plain = replace(plain, points=own, extrapolated=outside)
     compared = replace(plain, **{name: getattr(found, name) for name in shifted})
     baselines = learner.baselines()
@@ -159,26 +159,26 @@ def evaluate_samples(
 ) -> Iterator[tuple[np.ndarray, list[EvaluatedPoints]]]:
     """Evaluate every chosen sample on its own, in batches, against the baselines of its stretch."""
     points = points_of_samples(recording, ruleset, noise)
-    place = np.searchsorted(stretches.first, np.arange(len(recording)), side="right") - 1
-    place = np.maximum(place, 0)
+    stretch = np.searchsorted(stretches.first, np.arange(len(recording)), side="right") - 1
+    stretch = np.maximum(stretch, 0)
     lag = lag_errors(recording, ruleset, stretches, noise)
-    points = replace(points, lag={name: errors[place] for name, errors in lag.items()})
-    points = of_samples(points, of_stretches[0].points, place)
+    points = replace(points, lag={name: errors[stretch] for name, errors in lag.items()})
+    points = of_samples(points, of_stretches[0].points, stretch)
     for low in range(0, len(chosen), BATCH):
         here = chosen[low : low + BATCH]
-        some, at, looks = points.at(here), place[here], len(chosen)
+        some, at, looks = points.at(here), stretch[here], len(chosen)
         yield here, [_evaluate_samples(ruleset, some, s, at, looks) for s in of_stretches]
 
 
 def _evaluate_samples(
-    whole: Ruleset, points: Points, evaluated: EvaluatedPoints, place: np.ndarray, looks: int
+    whole: Ruleset, points: Points, evaluated: EvaluatedPoints, stretch: np.ndarray, looks: int
 ) -> EvaluatedPoints:
     ruleset, plain = evaluated.part.ruleset, observe_part(whole, evaluated.part, points)
     if not evaluated.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
         return replace(evaluated, points=points, plain=plain, observed=plain, isolation=isolation)
-    plain = wandering(trusted(ruleset, plain), evaluated.plain.wander[place])
-    compared = against(ruleset, plain, evaluated.baselines, place)
+    plain = with_drift(trusted(ruleset, plain), evaluated.plain.drift[stretch])
+    compared = against(ruleset, plain, evaluated.baselines, stretch)
     isolation = isolate(ruleset, compared, looks)
     return replace(evaluated, points=points, plain=plain, observed=compared, isolation=isolation)
 

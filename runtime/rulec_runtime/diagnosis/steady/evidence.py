@@ -56,9 +56,9 @@ def evidence_at(
     rows = []
     for i, residual in enumerate(ruleset.residuals):
         value, u, shared = (float(table[i, point]) for table in tables)
-        places = [ruleset.observer_index[t.observer] for t in residual.terms]
+        terms = [ruleset.observer_index[t.observer] for t in residual.terms]
         verdict = sign_of(value, u)
-        if not (observed.valid[places, point].all() and np.isfinite(value) and np.isfinite(u)):
+        if not (observed.valid[terms, point].all() and np.isfinite(value) and np.isfinite(u)):
             value, u, shared, verdict = 0.0, 0.0, 0.0, "invalid"
         expected = signs.get(residual.id, "0")
         rows.append(Evidence(residual.id, value, u, shared, threshold_of(u), verdict, expected))

@@ -170,7 +170,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
     each = (verdict_at(evaluated, i) for i in range(len(timeline)))
     verdicts = [same.setdefault(verdict, verdict) for verdict in each]
     found = Found([], [], _in_part(timeline, evaluated))
-    known: frozenset[int] = frozenset()
+    before: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
     # Stretches in which a reading in use moves.
     lag = (evaluated.points.lag.get(name) for name in ruleset.observed)
@@ -186,7 +186,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         verdict = verdicts[members[0]]
         if kind == "ok":
-            known = frozenset()
+            before = frozenset()
         elif kind == "brief":
             fault = evaluated.part.ruleset.faults[verdict.faults[0]]
             text = f"{fault.id} would fit, but a finding takes {common.PERSISTENCE} samples"
@@ -198,8 +198,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
             found.unknown.append(Period(since, until, verdict.text, off))
         else:
             fitted = by_temperature(evaluated, members, _evident(evaluated, members, next(fits)))
-            causes = causes_of(evaluated, members, fitted, known)
-            known = frozenset(cause.fault for cause in causes)
+            causes = causes_of(evaluated, members, fitted, before)
+            before = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, evaluated, cause, members)
                 one, over = (

@@ -40,8 +40,8 @@ def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -
     if not evaluated.combined or not len(judged):
         return found
     own, end = evaluated.part.ruleset, float(timeline.until[-1])
-    place = {fault.id: i for i, fault in enumerate(own.faults)}
-    named = list(dict.fromkeys(place[f.fault.id] for f in found.findings))
+    index = {fault.id: i for i, fault in enumerate(own.faults)}
+    named = list(dict.fromkeys(index[f.fault.id] for f in found.findings))
     stack = stack_of(own, evaluated.plain, judged, end, named)
     courses = [] if stack is None else _explaining(stack, named, evaluated.isolation.chance)
     findings = found.findings
@@ -57,7 +57,7 @@ def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -
             replace(f, growth=_now(f, growth)) if f.active and f.fault.id == fault.id else f
             for f in findings
         ]
-    followed = [_followed(timeline, evaluated, findings, one, place) for one in findings]
+    followed = [_followed(timeline, evaluated, findings, one, index) for one in findings]
     return replace(found, findings=followed)
 
 
@@ -118,8 +118,7 @@ def _of_course(
     prior = np.log([faults[c.fault].odds for c in courses])
     evidence = np.array([c.evidence for c in courses])
     chance, alone = (shares(e[:, None])[:, 0].tolist() for e in (evidence + prior, evidence))
-    places = [c.fault for c in courses]
-    named, *others = map(Other, places, chance, alone)
+    named, *others = map(Other, (c.fault for c in courses), chance, alone)
     (degree, u), rivals = best.now, rivals_of(named, others)
     bounds = degree - common.COVERAGE * u, degree + common.COVERAGE * u
     cause = Cause(best.fault, degree, *bounds, named.probability, *rivals, (), ONSET)
@@ -137,7 +136,7 @@ def _followed(
     evaluated: EvaluatedPoints,
     findings: Sequence[Finding],
     one: Finding,
-    place: dict[str, int],
+    index: dict[str, int],
 ) -> Finding:
     """A finding with its present size, if it is still there and its stretches show it."""
     if one.growth is not None or not one.active:
@@ -150,7 +149,7 @@ def _followed(
     healthy = np.flatnonzero(there & ~isolation.deviating & (timeline.until < one.since))
     course = None
     if len(run) >= limits.POINTS_THAT_GROW:
-        fault, every = place[one.fault.id], np.concatenate([healthy, run])
+        fault, every = index[one.fault.id], np.concatenate([healthy, run])
         stack = stack_of(evaluated.part.ruleset, evaluated.plain, every, one.until, [fault])
         onset = -1 if stack is None else int(np.searchsorted(stack.points, run[0]))
         if stack is not None and onset < len(stack.points):

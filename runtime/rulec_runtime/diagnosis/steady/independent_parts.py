@@ -25,10 +25,10 @@ class Part:
 
 def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
     """The parts in order of their first observer; worked out once for a ruleset."""
-    if "parts" not in ruleset.kept:
+    if "parts" not in ruleset.cache:
         whole = ruleset.with_unlisted() if ruleset.unlisted else ruleset
-        ruleset.kept["parts"] = tuple(_part(whole, flags) for flags in blocks_of(ruleset))
-    found: tuple[Part, ...] = ruleset.kept["parts"]
+        ruleset.cache["parts"] = tuple(_part(whole, flags) for flags in blocks_of(ruleset))
+    found: tuple[Part, ...] = ruleset.cache["parts"]
     return found
 
 
@@ -63,8 +63,8 @@ def _with_liquid(ruleset: Ruleset, changes: Iterable[LiquidSpec]) -> Ruleset:
     found = []
     for change in changes:
         # Results of controllers do not say how a change of the liquid moves an observer.
-        known = (o for o in change.fault.affects if f"ql:{o}" in ruleset.undo.outputs)
-        affects = tuple(o for o in known if o in there)
+        moved = (o for o in change.fault.affects if f"ql:{o}" in ruleset.undo.outputs)
+        affects = tuple(o for o in moved if o in there)
         if len({ruleset.observer_by_id[o].module for o in affects}) > 1:
             cells = tuple(c for c in change.cells if c.residual in shown)
             fault = replace(change.fault, affects=affects)

@@ -210,18 +210,18 @@ def _take_pairs(
 
     `odds` are the prior odds of the faults, shape (faults,).
     """
-    places = np.array(pairs)
+    of_pair = np.array(pairs)
     probability = np.where(better, shares(fits.evidence), 0.0)
     found = np.flatnonzero(probability.max(axis=0) > 0)
     points = members[found]
-    posterior = shares(fits.evidence + np.log(odds[places]).sum(axis=1)[:, None])
-    result.pair[points] = places[np.argmax(posterior[:, found], axis=0)]
+    posterior = shares(fits.evidence + np.log(odds[of_pair]).sum(axis=1)[:, None])
+    result.pair[points] = of_pair[np.argmax(posterior[:, found], axis=0)]
     order = np.argsort(probability[:, found], axis=0, kind="stable")
     # The most probable pair of each fault comes last and stays; of a pair, its second fault.
     for side in (0, 1):
-        np.add.at(result.probability, (places[:, side, None], points), probability[:, found])
+        np.add.at(result.probability, (of_pair[:, side, None], points), probability[:, found])
         for row in order:
-            fault = places[row, side]
+            fault = of_pair[row, side]
             result.degree[fault, points] = fits.degree[side, row, found]
             result.u[fault, points] = fits.u[side, row, found]
 
@@ -245,11 +245,11 @@ def _pairs_at_first(test: HypothesisTest) -> tuple[list[tuple[int, int]], Array]
     products = (slope.transpose(0, 2, 1) @ (metric.inverse @ slope)).transpose(1, 2, 0)
     pull = -np.einsum("nrf,nr->fn", slope, metric.weighted)
     size = np.einsum("ffn->fn", products)
-    seen = np.flatnonzero(slope.any(axis=(0, 1)))
+    visible = np.flatnonzero(slope.any(axis=(0, 1)))
     pairs: list[tuple[int, int]] = []
     found: list[Array] = []
-    for place, i in enumerate(seen.tolist()):
-        others = seen[place + 1 :]
+    for k, i in enumerate(visible.tolist()):
+        others = visible[k + 1 :]
         cross = products[i, others]
         with np.errstate(divide="ignore", invalid="ignore"):
             determinant = size[i] * size[others] - cross**2
@@ -270,8 +270,8 @@ def shares(evidence: Array) -> Array:
     """Log-likelihoods, shape (hypotheses, n), to probabilities with equal priors; 0 if none."""
     evidence = np.round(evidence, limits.EVIDENCE_DECIMALS)
     best = np.max(evidence, axis=0, initial=-np.inf)
-    known = np.isfinite(best)
-    weight = np.where(known, np.exp(evidence - np.where(known, best, 0.0)), 0.0)
+    finite = np.isfinite(best)
+    weight = np.where(finite, np.exp(evidence - np.where(finite, best, 0.0)), 0.0)
     total = weight.sum(axis=0)
     return np.asarray(weight / np.where(total > 0, total, 1.0))
 

@@ -59,7 +59,7 @@ any value in it being as likely (the range over the root of 12). Origin: distrib
 
 # Estimates of a flow and what is usable ----------------------------------------------------------
 
-HALF_KNOWN = 0.5
+HALF_PRESENT = 0.5
 """Share of the samples of a stretch, less one, in which a reading must be there: one that comes
 with every second sample is. Origin: assumed."""
 
@@ -212,7 +212,7 @@ numerical."""
 PAIR_STARTS = (0.1, 0.3)
 """Degrees of each of two faults tried first. Origin: numerical."""
 
-SHEET_REACH = 8.0
+SHEET_ERROR = 8.0
 """Standard uncertainties that a parameter of a sheet may be off. Origin: distribution (Student with
 three degrees of freedom, as sheets are believed; two-sided, 0.4 %)."""
 
@@ -240,7 +240,7 @@ Origin: assumed."""
 HOLDS_TOGETHER = 0.05
 """A cause more probable than this in every stretch holds a run together. Origin: assumed."""
 
-LOOK_BACK = 8
+STRETCHES_COMPARED = 8
 """Stretches of a run that a new one is compared with. Origin: assumed."""
 
 STACKED = 8
@@ -254,7 +254,7 @@ TRIED_AT_OTHER_TIMES = 3
 """Faults tried as being there at other times: those that explain most to first order. Origin:
 assumed."""
 
-KNOWN_FAULT = math.log(10.0)
+FOUND_BEFORE = math.log(10.0)
 """Advantage, as a log-likelihood, of a pair that holds a fault found just before: a known fault
 rarely goes by itself. Origin: assumed."""
 

@@ -84,8 +84,8 @@ def with_temperature(
 def _changes(evaluated: EvaluatedPoints) -> dict[int, LiquidSpec]:
     """Changes of the liquid by their places among the faults of a part."""
     ruleset = evaluated.part.ruleset
-    known = {change.fault.id: change for change in ruleset.liquid}
-    return {i: known[f.id] for i, f in enumerate(ruleset.faults) if f.id in known}
+    changes = {change.fault.id: change for change in ruleset.liquid}
+    return {i: changes[f.id] for i, f in enumerate(ruleset.faults) if f.id in changes}
 
 
 def _warming(

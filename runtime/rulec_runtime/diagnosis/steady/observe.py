@@ -34,7 +34,7 @@ class Observed:
         m3/s.
     offsets : shape (observers, n), the baseline's correction to subtract from each flow, m3/s.
     covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
-    wander : as `noise`, the part of it from `wander_of`.
+    drift : as `noise`, the part of it from `drift_of`.
     residuals, residual_u : shape (residuals, n), m3/s.
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
@@ -52,7 +52,7 @@ class Observed:
     shared: Array = field(metadata=THIRD)
     offsets: Array = field(metadata=SECOND)
     covariance: Array = field(metadata=FIRST)
-    wander: Array = field(metadata=FIRST)
+    drift: Array = field(metadata=FIRST)
     residuals: Array = field(metadata=SECOND)
     residual_u: Array = field(metadata=SECOND)
     residual_systematic: Array = field(metadata=SECOND)
@@ -69,7 +69,7 @@ class Observed:
         shared = np.ascontiguousarray(np.moveaxis(self.shared[:, :, points], -1, 0))
         return np.asarray(self.noise[points] + shared @ shared.transpose(0, 2, 1))
 
-    def kept(self) -> Observed:
+    def cache(self) -> Observed:
         """What is kept of some points: of the tables of all covariances only what stacks need."""
         nothing = np.zeros((len(self), 0, 0))
         u = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
@@ -156,7 +156,7 @@ def with_errors(
         shared=shared,
         offsets=np.zeros_like(flows),
         covariance=covariance,
-        wander=np.zeros_like(noise),
+        drift=np.zeros_like(noise),
         residuals=signed(ruleset, flows),
         residual_u=spreads(ruleset, covariance),
         residual_systematic=spreads(ruleset, covariance - scatter),
@@ -166,14 +166,14 @@ def with_errors(
 
 
 Gradients = dict[str, dict[int, Array]]
-"""Per error the observers (places) it reaches: derivative times standard uncertainty, m3/s,
+"""Per error the observers (rows) it reaches: derivative times standard uncertainty, m3/s,
 (n,)."""
 
 
 def trusted(ruleset: Ruleset, observed: Observed) -> Observed:
     """Estimates, usable only where their parameters are known well enough to judge by them."""
-    known = ~too_vague(ruleset, observed, slice(None))
-    return replace(observed, valid=observed.valid & known)
+    certain = ~too_vague(ruleset, observed, slice(None))
+    return replace(observed, valid=observed.valid & certain)
 
 
 def too_vague(ruleset: Ruleset, observed: Observed, points: slice) -> np.ndarray:
@@ -230,12 +230,12 @@ def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
     observers, n = shape
     covariance = np.zeros((observers, observers, n))
     for column in gradients.values():
-        places = np.array([*column], dtype=int)
+        rows = np.array([*column], dtype=int)
         table = np.array([*column.values()]).reshape(-1, n)
         # Far outside of its law an estimate has an infinite variance.
         with np.errstate(over="ignore"):
-            for i, own in zip(places, table, strict=True):
-                covariance[i, places] += own * table
+            for i, own in zip(rows, table, strict=True):
+                covariance[i, rows] += own * table
     return np.moveaxis(covariance, -1, 0)
 
 
@@ -243,9 +243,9 @@ def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
     """Gradients by all errors as one table, shape (observers, errors, n)."""
     observers, n = shape
     table = np.zeros((observers, len(gradients), n))
-    for place, error in enumerate(sorted(gradients)):
+    for row, error in enumerate(sorted(gradients)):
         for i, gradient in gradients[error].items():
-            table[i, place] = gradient
+            table[i, row] = gradient
     return table
 
 
@@ -262,9 +262,9 @@ def spreads(ruleset: Ruleset, covariance: Array) -> Array:
     points_last = np.moveaxis(covariance, 0, -1)
     result = np.zeros((len(ruleset.residuals), len(covariance)))
     for i, residual in enumerate(ruleset.residuals):
-        places = [row[t.observer] for t in residual.terms]
+        rows = [row[t.observer] for t in residual.terms]
         signs = np.array([float(t.sign) for t in residual.terms])
-        own = points_last[np.ix_(places, places)]
+        own = points_last[np.ix_(rows, rows)]
         variance = np.einsum("i,ijn,j->n", signs, own, signs)
         result[i] = np.sqrt(np.maximum(variance, 0.0))
     return result

@@ -57,10 +57,10 @@ def _explains(evaluated: EvaluatedPoints, judged: np.ndarray) -> bool:
     ruleset, plain = evaluated.part.ruleset, evaluated.plain
     lags = [f"lag:{name}" for name in plain.points.lag]
     errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
-    known = {*plain.points.u, *lags, *ruleset.misfits}
-    reach = np.array([1.0 if name in known else limits.SHEET_REACH for name in errors])
+    certain = {*plain.points.u, *lags, *ruleset.misfits}
+    factor = np.array([1.0 if name in certain else limits.SHEET_ERROR for name in errors])
     points, valid = spread_evenly(plain.valid, judged)
-    wide = replace(plain, shared=plain.shared * reach[:, None])
+    wide = replace(plain, shared=plain.shared * factor[:, None])
     test = stacked_test(ruleset, wide, valid, points[:, None], np.ones((len(points), 1)))
     limit = accepted(test.freedom, 0, evaluated.isolation.chance)
     return bool(test.metric.value[0] <= limit)

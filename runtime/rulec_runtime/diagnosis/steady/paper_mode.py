@@ -51,7 +51,7 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     shown = np.array([columns[cell.residual] for cell in cells], dtype=int)
     index = ruleset.observer_index
     terms = [[index[t.observer] for t in residual.terms] for residual in ruleset.residuals]
-    sound = np.array([observed.valid[places].all(axis=0) for places in terms]).reshape(-1, n)
+    sound = np.array([observed.valid[term].all(axis=0) for term in terms]).reshape(-1, n)
     with np.errstate(invalid="ignore"):
         fires = sound & (np.abs(observed.residuals) > limits.COVERAGE * observed.residual_u)
         # Beyond the pole of a rule the degree jumps out of its range: no fault of this kind.

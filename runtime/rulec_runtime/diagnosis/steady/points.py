@@ -141,8 +141,8 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
         values = recording.values.get(signal.id)
         if values is None:
             continue
-        known = (recording.unfit or {}).get(signal.id, NO_READING)
-        reasons = [] if np.isfinite(values).all() else [known]
+        reason = (recording.unfit or {}).get(signal.id, NO_READING)
+        reasons = [] if np.isfinite(values).all() else [reason]
         if outside_range(signal, values).any():
             reasons.append("outside the sensor's range")
         why[signal.id] = " or ".join(dict.fromkeys(reasons))
@@ -210,5 +210,5 @@ def _means(
         if readings is not None:
             usable = partial(_sound, signal)
             mean, number = means_between(readings, stretches.first, stretches.last, usable)
-            few = number < limits.HALF_KNOWN * (stretches.lengths - 1)
+            few = number < limits.HALF_PRESENT * (stretches.lengths - 1)
             yield signal, np.where(few, np.nan, mean), number

@@ -126,8 +126,8 @@ def spread_evenly(
 
 def thinned(points: np.ndarray, most: int = limits.STACKED) -> np.ndarray:
     """At most so many points, spread evenly."""
-    places = np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int)
-    return np.asarray(points[places])
+    chosen = np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int)
+    return np.asarray(points[chosen])
 
 
 def groups_of(

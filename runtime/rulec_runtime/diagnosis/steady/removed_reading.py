@@ -74,7 +74,7 @@ def _searched(
     ruleset: Ruleset, points: Points, signal: SignalSpec, *, beside_faults: bool
 ) -> tuple[Array, Array, np.ndarray]:
     low, high = ends_tried(signal)
-    n, places = len(points), np.arange(len(points))
+    n, columns = len(points), np.arange(len(points))
     values = np.repeat(np.linspace(low, high, limits.STAND_IN_VALUES + 2)[1:-1, None], n, axis=1)
     u = float(values[1, 0] - values[0, 0])
     for step in range(limits.STAND_IN_ROUNDS + 1):
@@ -95,7 +95,7 @@ def _searched(
         around = chosen[:, None] + u * np.arange(-2.0, 3.0)[:, None]
         values = np.clip(around.reshape(-1, n), low, high)
     best = order[0]
-    return values[best, places], chi[best, places], freedom[best, places]
+    return values[best, columns], chi[best, columns], freedom[best, columns]
 
 
 def ends_tried(signal: SignalSpec) -> tuple[float, float]:
@@ -105,10 +105,10 @@ def ends_tried(signal: SignalSpec) -> tuple[float, float]:
     return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
 
 
-def of_samples(points: Points, stretches: Points, place: np.ndarray) -> Points:
-    """Points of samples with the stand-ins of their stretches, by their places."""
+def of_samples(points: Points, stretches: Points, stretch: np.ndarray) -> Points:
+    """Points of samples with the stand-ins of their stretches, by index."""
     for name, flags in stretches.stood_in.items():
-        lost = np.flatnonzero(flags[place] & ~np.isfinite(points.values[name]))
-        value, u = (table[name][place[lost]] for table in (stretches.values, stretches.u))
+        lost = np.flatnonzero(flags[stretch] & ~np.isfinite(points.values[name]))
+        value, u = (table[name][stretch[lost]] for table in (stretches.values, stretches.u))
         points = points.put(name, value, u, at=lost, stands_in=True)
     return points
