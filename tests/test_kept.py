@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rulec_runtime import limits
 from rulec_runtime.output import private_folder
-from rulec_runtime.output.private_folder import keep, kept
+from rulec_runtime.output.private_folder import cached, keep
 
 from rulec.language.diagnostics import Refused
 from rulec.passes import compile_cache, pipeline
@@ -126,7 +126,7 @@ def test_damaged_file_is_ignored_and_written_anew(
     assert len(compilations) == 7
     keep("one", b"data")
     shutil.copy(folder / "one", folder / "two")
-    assert (kept("one"), kept("two")) == (b"data", None)
+    assert (cached("one"), cached("two")) == (b"data", None)
 
 
 @UNIX
@@ -137,12 +137,12 @@ def test_folder_is_the_users_alone(folder: Path, capsys: pytest.CaptureFixture[s
     assert (folder / "one").stat().st_mode & 0o777 == 0o600
     folder.chmod(0o770)
     keep("two", b"data")
-    assert (kept("one"), kept("two")) == (None, None)
+    assert (cached("one"), cached("two")) == (None, None)
     assert "others may read or write it" in capsys.readouterr().err
     folder.chmod(0o700)
     if os.geteuid() == 0:
         os.chown(folder, 12345, 12345)
-        assert kept("one") is None
+        assert cached("one") is None
 
 
 @UNIX
@@ -150,7 +150,7 @@ def test_links_are_not_followed(folder: Path, tmp_path: Path) -> None:
     keep("one", b"data")
     real = folder.rename(tmp_path / "real")
     folder.symlink_to(real)
-    assert kept("one") is None
+    assert cached("one") is None
     keep("two", b"data")
     assert [real / "one"] == list(real.iterdir())
 
@@ -160,11 +160,11 @@ def test_oldest_go_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for i, name in enumerate("abc"):
         keep(name, bytes(200))
         os.utime(folder / name, (i, i))
-    assert kept("a")  # so it is the youngest now
+    assert cached("a")  # so it is the youngest now
     keep("d", bytes(200))
     assert {"a", "c", "d"} == {f.name for f in folder.iterdir()}
     keep("e", bytes(600))  # more than half of all
-    assert kept("e") is None
+    assert cached("e") is None
 
 
 def test_many_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +176,7 @@ def test_many_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def work(name: str) -> None:
         for _ in range(30):
             keep(name, bodies[name])
-            seen.extend(kept(n) in (None, bodies[n]) for n in "abcdefgh")
+            seen.extend(cached(n) in (None, bodies[n]) for n in "abcdefgh")
 
     threads = [threading.Thread(target=work, args=(name,)) for name in "abcdefgh"]
     for thread in threads:

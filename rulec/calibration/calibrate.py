@@ -11,7 +11,7 @@ from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import settle, systematic_u
-from rulec_runtime.report.wording import kept_of
+from rulec_runtime.report.wording import treatment_of
 
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, fit_module
 from rulec.calibration.law import Readings
@@ -166,7 +166,7 @@ def settled_points(models: Compilation, recording: Recording, name: str) -> Sett
     return Settled(
         points_of_stretches(recording, ruleset, stretches, noise),
         table,
-        tuple(f"{f.text}; {kept_of(f)}" for f in health.findings),
+        tuple(f"{f.text}; {treatment_of(f)}" for f in health.findings),
     )
 
 

@@ -21,7 +21,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.output.json_file import parse_json
 from rulec_runtime.output.open_file import begin_of, is_near
-from rulec_runtime.output.private_folder import keep, kept
+from rulec_runtime.output.private_folder import cached, keep
 
 from rulec.knowledge.layers import KB, layers_of, plant_file, shipped
 from rulec.language.diagnostics import Place, Refused
@@ -84,7 +84,7 @@ def saved_print(plant: Path) -> str | None:
     """Hash of all sources of a plant; None if its file has changed since it was last read."""
     file = plant_file(plant)
     try:
-        names = kept(f"{print_of_text(file)}.names")
+        names = cached(f"{print_of_text(file)}.names")
         return None if names is None else print_of_all(file, json.loads(names))
     except (OSError, ValueError, Refused):
         return None

@@ -75,7 +75,7 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         changes=changes,
         apart=tuple(zip(names, proposal.here, proposal.apart, strict=True)),
         ramp=proposal.ramp,
-        hold=proposal.hold,
+        dwell=proposal.hold,
         costs=proposal.costs,
         text=step_in_words(ruleset, allowed, present, finding.fault.id, names, proposal),
     )

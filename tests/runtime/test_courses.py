@@ -88,7 +88,7 @@ def test_a_fault_that_stays_does_not_grow() -> None:
     (finding,) = said("A.leakage", np.where(SHARE > 0.5, 0.3, 0.0), 8404).findings
     growth = finding.growth
     assert growth.rate[1] <= 0.0 <= growth.rate[2]
-    assert ("", None) == (grown(finding), growth.reaches)
+    assert ("", None) == (grown(finding), growth.next_degree)
 
 
 def coming(points: int, hold: int, size: float = 0.0) -> Run:

@@ -17,7 +17,7 @@ from rulec_runtime.recordings.clock_set_back import in_order
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, standing_still
-from rulec_runtime.report.wording import kept_of
+from rulec_runtime.report.wording import treatment_of
 
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import compiled
@@ -240,7 +240,7 @@ def mended(case: str) -> Diagnosis:
 def test_what_is_in_the_mended_reading_is_told(case: str) -> None:
     found = mended(case)
     assert MENDED[case][2] == tuple(s.signal for s in found.sensors)
-    assert {f"judged with this corrected: {case}"} == {kept_of(s) for s in found.sensors}
+    assert {f"judged with this corrected: {case}"} == {treatment_of(s) for s in found.sensors}
     assert found.status == "C"
     leakage_of(found)
 

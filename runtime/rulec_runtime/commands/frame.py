@@ -196,11 +196,11 @@ class Version(argparse.Action):
         parser.exit()
 
 
-def _choice(*known: str) -> Callable[[str], tuple[str, ...]]:
+def _choice(*choices: str) -> Callable[[str], tuple[str, ...]]:
     def chosen(text: str) -> tuple[str, ...]:
         names = tuple(name.strip() for name in text.split(","))
-        if wrong := [name for name in names if name not in known]:
-            raise argparse.ArgumentTypeError(f"{wrong[0]!r} is none of {', '.join(known)}")
+        if wrong := [name for name in names if name not in choices]:
+            raise argparse.ArgumentTypeError(f"{wrong[0]!r} is none of {', '.join(choices)}")
         return names
 
     return chosen

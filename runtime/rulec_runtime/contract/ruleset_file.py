@@ -84,9 +84,9 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
     for kind, names in tables.items():
         if len(set(names)) < len(names):
             yield f"a {kind} stands twice"
-    known = {kind: frozenset(names) for kind, names in tables.items()}
+    ids = {kind: frozenset(names) for kind, names in tables.items()}
     for kind, name in _references(ruleset):
-        if name not in known[kind]:
+        if name not in ids[kind]:
             yield f"no {kind} '{name}'"
     if "s" not in ruleset.units:
         yield "no unit 's'"

@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
 from rulec_runtime.limits import HEADLINE_RIVAL, SETTLING
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode, Event, Kind, What
-from rulec_runtime.report.blindness import brought_back, told_else, unseen
+from rulec_runtime.report.blindness import brought_back, not_judged, unseen
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.json_form import growth_form
 from rulec_runtime.report.wording import actions
@@ -76,7 +76,7 @@ def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
             yield _episode("blind", readings, span, "C", text, action=action, name="blind")
     others: tuple[tuple[Kind, str, Iterable[Period]], ...] = (
         ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", (period for period in told_else(diagnosis) if not period.partly)),
+        ("blind", "C", (period for period in not_judged(diagnosis) if not period.partly)),
     )
     for kind, status, periods in others:
         for period in periods:

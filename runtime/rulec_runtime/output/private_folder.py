@@ -24,7 +24,7 @@ CHOSEN, OFF = "RULEC_CACHE", "off"
 _MARK = b"rulec kept 1"
 
 
-def kept(name: str) -> bytes | None:
+def cached(name: str) -> bytes | None:
     """What was cached under a name; None if there is nothing, or nothing that can be trusted."""
     folder = _folder()
     if folder is None:

@@ -24,7 +24,7 @@ class GrowingCells:
         self._numbers: Growing | None = None
         self._dates: tuple[Growing, Growing] | None = None
         self._texts: list[str] | None = None
-        self._known: dict[str, str] = {}
+        self._texts_seen: dict[str, str] = {}
 
     def add(self, cells: Cells) -> None:
         """Append cells."""
@@ -39,8 +39,8 @@ class GrowingCells:
             if self._texts is None:
                 self._texts = list(texts_of(self.joined()))
             # Tags and qualities are few and repeat: equal texts share one object.
-            known = self._known if len(self._known) < limits.FEW_TEXTS else {}
-            self._texts += [known.setdefault(cell, cell) for cell in texts_of(cells)]
+            seen = self._texts_seen if len(self._texts_seen) < limits.FEW_TEXTS else {}
+            self._texts += [seen.setdefault(cell, cell) for cell in texts_of(cells)]
             self._numbers = self._dates = None
 
     def joined(self) -> Cells:

@@ -19,14 +19,14 @@ Flags = np.ndarray
 
 def first_reading(values: Array) -> float | None:
     """The first number of a column, or None."""
-    known = np.isfinite(values)
-    return float(values[np.argmax(known)]) if known.any() else None
+    finite = np.isfinite(values)
+    return float(values[np.argmax(finite)]) if finite.any() else None
 
 
 def median_of(values: Array) -> float:
     """The median of all readings, NaN without one."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else float("nan")
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else float("nan")
 
 
 def runs_where(flags: Flags, least: int) -> list[tuple[int, int]]:
@@ -53,8 +53,8 @@ def _long(starts: np.ndarray, stops: np.ndarray, least: int) -> list[tuple[int, 
 
 def held(values: Array) -> Array:
     """Readings whose gaps hold the last one; before the first there is NaN."""
-    known = np.isfinite(values)
-    latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    finite = np.isfinite(values)
+    latest = np.maximum.accumulate(np.where(finite, np.arange(len(values)), -1))
     return np.where(latest < 0, np.nan, values[np.maximum(latest, 0)])
 
 
@@ -86,10 +86,10 @@ def means_between(
     """
     number = (last - first).astype(float)
     readings = usable(values)
-    known = np.isfinite(readings)
-    if not known.all():
-        number = sums_between(known.astype(float), first, last)
-        readings = np.where(known, readings, 0.0)
+    finite = np.isfinite(readings)
+    if not finite.all():
+        number = sums_between(finite.astype(float), first, last)
+        readings = np.where(finite, readings, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         means = sums_between(readings, first, last) / number
     return means, number
@@ -132,9 +132,9 @@ def thinned(
 
     def mean(values: Array) -> Array:
         table = values[: count * factor].reshape(count, factor)
-        known = np.isfinite(table)
+        finite = np.isfinite(table)
         with np.errstate(invalid="ignore"):
-            result: Array = np.where(known, table, 0.0).sum(axis=1) / known.sum(axis=1)
+            result: Array = np.where(finite, table, 0.0).sum(axis=1) / finite.sum(axis=1)
         return result
 
     return (
@@ -152,9 +152,9 @@ def filled(values: Array) -> Array:
 
 def resolution(values: Array, signal: SignalSpec) -> float:
     """Smallest step between readings over root 12, or a thousandth of their spread."""
-    known = values[np.isfinite(values)]
-    steps = np.diff(np.unique(known))
-    steps = steps[steps > limits.SAME_LEVEL * (abs(signal.factor) + np.ptp(known))]
+    finite = values[np.isfinite(values)]
+    steps = np.diff(np.unique(finite))
+    steps = steps[steps > limits.SAME_LEVEL * (abs(signal.factor) + np.ptp(finite))]
     smallest = float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else abs(signal.factor)
     span = float(np.nanstd(values))
     rounding = min(smallest / np.sqrt(12.0), limits.COARSEST_RESOLUTION * span)

@@ -113,8 +113,8 @@ def dates_of(cells: Sequence[str], order: Order) -> tuple[Array, Array]:
 
     A date without a zone counts as UTC, so no hour is lost or doubled.
     """
-    known = {cell: date_of(cell, order) for cell in {*cells}}  # a long table repeats them
-    table = np.array([known[cell] for cell in cells]).reshape(-1, 2)
+    dates = {cell: date_of(cell, order) for cell in {*cells}}  # a long table repeats them
+    table = np.array([dates[cell] for cell in cells]).reshape(-1, 2)
     return table[:, 0], table[:, 1]
 
 

@@ -49,18 +49,18 @@ def read_recordings(paths: Sequence[Path], ruleset: Ruleset) -> Recording:
 
 def check_different(paths: Sequence[Path]) -> None:
     """Refuse files with the same content."""
-    known: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for path in paths:
         for file in files_of(path):
             digest = hashlib.sha256(bytes_of(file)).hexdigest() + file_and_table(file)[1]
-            if digest in known:
-                other = known[digest]
+            if digest in files:
+                other = files[digest]
                 what = "the same file" if file == other else f"a copy of {other}"
                 raise RecordingRefused(
                     f"{file}: this is {what}, given twice; what it shows would count twice. Give "
                     "each recording once"
                 )
-            known[digest] = file
+            files[digest] = file
 
 
 def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset) -> Recording:
@@ -128,9 +128,9 @@ def names_of(paths: Sequence[Path]) -> tuple[str, ...]:
 
 def _check_alike(names: Sequence[str], parts: Sequence[Recording]) -> None:
     """Refuse recordings with different columns or units."""
-    first, known = parts[0], parts[0].values.keys()
+    first, columns = parts[0], parts[0].values.keys()
     for name, part in zip(names[1:], parts[1:], strict=True):
-        lacking, more = sorted(known - part.values.keys()), sorted(part.values.keys() - known)
+        lacking, more = sorted(columns - part.values.keys()), sorted(part.values.keys() - columns)
         if lacking or more:
             has, lacks = (names[0], name) if lacking else (name, names[0])
             raise RecordingRefused(

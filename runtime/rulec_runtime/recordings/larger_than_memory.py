@@ -43,7 +43,7 @@ def _no_room(size: int, error: OSError) -> Refusal:
     )
 
 
-def kept(values: np.ndarray) -> np.ndarray:
+def copied(values: np.ndarray) -> np.ndarray:
     """A copy, in a file if it is large."""
     found = array(len(values), values.dtype)
     found[:] = values

@@ -65,8 +65,8 @@ class Calendar:
 
 def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
     """Calendar of samples: `time`, in order, is s after `start`; `offset` is NaN without a zone."""
-    known = np.isfinite(offset)
-    when, shown = time[known], offset[known]
+    finite = np.isfinite(offset)
+    when, shown = time[finite], offset[finite]
     first = np.flatnonzero(np.diff(shown, prepend=np.nan) != 0.0)
     return Calendar(start, tuple(zip(when[first].tolist(), shown[first].tolist(), strict=True)))
 

@@ -19,7 +19,7 @@ from rulec_runtime.recordings.clock_set_back import ClockSet, in_order
 from rulec_runtime.recordings.columns import interval_of
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import foreign
-from rulec_runtime.recordings.larger_than_memory import kept, one_behind_the_other
+from rulec_runtime.recordings.larger_than_memory import copied, one_behind_the_other
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of, together
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 from rulec_runtime.recordings.titles import parts_of
@@ -127,7 +127,7 @@ def one_after_another(parts: Sequence[Recording], starts: Sequence[float]) -> Re
     Each file remains a segment. Only if all have dates, so has the whole.
     """
     times = [
-        kept(part.time + start) if start else part.time
+        copied(part.time + start) if start else part.time
         for part, start in zip(parts, starts, strict=True)
     ]
     absent = [np.broadcast_to(np.full(1, np.nan), len(time)) for time in times]
@@ -189,7 +189,7 @@ def _in_time(file: RecordingFile, notes: list[str]) -> Recording:
             one, many = f"row {has} {what} and is", f"rows {have} {what} and are"
             notes.append(f"{name}: {plural(count, one, many)} left out")
             lost.append((count, f"they {have} {what}"))
-            columns.update((key, kept(values[stay])) for key, values in columns.items())
+            columns.update((key, copied(values[stay])) for key, values in columns.items())
 
     has_time = np.isfinite(file.time) & (np.abs(file.time) < common.ABSURD)
     if not has_time.any():
@@ -198,14 +198,14 @@ def _in_time(file: RecordingFile, notes: list[str]) -> Recording:
     ordered = in_order(columns[""])
     if ordered.order is not None:
         notes.append(f"{name}: the rows were not in order of time; they are now")
-        columns.update((key, kept(v[ordered.order])) for key, v in columns.items())
+        columns.update((key, copied(v[ordered.order])) for key, v in columns.items())
     columns[""] = ordered.time
     later = np.concatenate([[True], ordered.time[1:] > ordered.time[:-1]])
     keep(later, "repeats", "repeat", "the time of another row")
     time, zones, clock, calendar = columns.pop(""), columns.pop(_ZONES, None), ordered.sets, None
     if zones is not None:
         start = float(time[0])
-        time = kept(time - start)
+        time = copied(time - start)
         clock = tuple(replace(c, time=c.time - start) for c in clock)
         calendar = calendar_of(time, start, zones)
     return Recording(

@@ -143,8 +143,8 @@ def _file(
 def largest_reading(signal: SignalSpec) -> float:
     """The largest possible reading, SI."""
     ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
-    known = [abs(end) for end in ends if end is not None and isfinite(end)]
-    scale = max(known, default=0.0)
+    finite = [abs(end) for end in ends if end is not None and isfinite(end)]
+    scale = max(finite, default=0.0)
     return min(common.ABSURD, limits.BEYOND_SENSOR * scale) if scale else common.ABSURD
 
 

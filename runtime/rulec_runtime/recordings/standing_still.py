@@ -37,8 +37,8 @@ def _moves_beside(values: Array, first: int, behind: int) -> bool:
     """
     long = behind - first
     parts = values[max(first - long, 0) : first], values[behind : behind + long]
-    known = [part[np.isfinite(part)] for part in parts]
-    return not any(len(k) > limits.STILL_RUN and _repeated(k) > limits.REPEATED for k in known)
+    finite = [part[np.isfinite(part)] for part in parts]
+    return not any(len(k) > limits.STILL_RUN and _repeated(k) > limits.REPEATED for k in finite)
 
 
 def _repeated(readings: Array) -> float:
@@ -53,9 +53,9 @@ def _clipped(
     level, (low, high) = values[first], ends
     if (low is not None and level <= low) or (high is not None and level >= high):
         return True
-    known = values[np.isfinite(values)]
-    same = int((known == level).sum()) - (behind - first)
-    return same > 0 and bool(level in (known.min(), known.max()))
+    finite = values[np.isfinite(values)]
+    same = int((finite == level).sum()) - (behind - first)
+    return same > 0 and bool(level in (finite.min(), finite.max()))
 
 
 def _restless(rest: Array, u: float) -> bool:
@@ -71,8 +71,8 @@ def _restless(rest: Array, u: float) -> bool:
 
 def never_moves(values: Array) -> bool:
     """Whether a reading is constant from the first sample to the last."""
-    known = values[np.isfinite(values)]
-    return len(known) >= common.NEVER_MOVED and bool((known == known[0]).all())
+    finite = values[np.isfinite(values)]
+    return len(finite) >= common.NEVER_MOVED and bool((finite == finite[0]).all())
 
 
 def last_digit(value: float) -> float:

@@ -109,12 +109,12 @@ def noise_within(
     recording: Recording, stretches: Stretches, noise: Mapping[str, float]
 ) -> dict[str, float]:
     """Noise of every reading within stretches, SI; as given if they show none."""
-    within = flags_of(max(len(recording) - 2, 0), stretches.first, stretches.last - 2)
+    inside = flags_of(max(len(recording) - 2, 0), stretches.first, stretches.last - 2)
     found = dict(noise)
     for name, values in recording.values.items():
-        second = np.diff(values, 2)[within]
-        if (known := np.isfinite(second)).any():
-            found[name] = white_noise(second[known], 2)
+        second = np.diff(values, 2)[inside]
+        if (finite := np.isfinite(second)).any():
+            found[name] = white_noise(second[finite], 2)
     return {name: found[name] for name in recording.values}
 
 
@@ -133,11 +133,11 @@ def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
 
 def working(signal: SignalSpec, values: Array) -> np.ndarray:
     """Whether readings are large enough for the equations to hold, shape (n,)."""
-    known = np.isfinite(values)
+    finite = np.isfinite(values)
     if signal.minimum is None:
-        return known
+        return finite
     with np.errstate(invalid="ignore"):
-        found: np.ndarray = known & (values >= signal.minimum)
+        found: np.ndarray = finite & (values >= signal.minimum)
     return found
 
 
@@ -203,13 +203,13 @@ def _shifts(filled: Array, limit: float) -> np.ndarray:
     found, begin = np.zeros(len(filled), dtype=bool), first_reading(filled)
     if len(filled) < 2 * n or begin is None:
         return found
-    known = np.where(np.isfinite(filled), filled, begin)  # before the first reading is no shift
-    windows = np.lib.stride_tricks.sliding_window_view(known, n).T
-    means, within = windows.sum(axis=0) / n, np.ptp(windows, axis=0)
+    complete = np.where(np.isfinite(filled), filled, begin)  # before the first reading is no shift
+    windows = np.lib.stride_tricks.sliding_window_view(complete, n).T
+    means, span = windows.sum(axis=0) / n, np.ptp(windows, axis=0)
     size = np.abs(means[n:] - means[:-n])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
     peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
-    step = 2.0 * np.maximum(within[n:], within[:-n]) < size
+    step = 2.0 * np.maximum(span[n:], span[:-n]) < size
     found[n : n + len(size)] = peak & step
     return found
 

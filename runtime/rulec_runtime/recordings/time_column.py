@@ -22,7 +22,7 @@ from rulec_runtime.recordings.dates import (
     orders_of,
     time_of_day,
 )
-from rulec_runtime.recordings.larger_than_memory import kept
+from rulec_runtime.recordings.larger_than_memory import copied
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 
@@ -78,8 +78,8 @@ def counting_of(
         return None
     if form.since:
         return Counting("", form.time_factor or factor or 1.0, form.since)
-    known, first = numbers[np.isfinite(numbers)], numbers[: limits.FIRST_STEPS]
-    low, high = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
+    finite, first = numbers[np.isfinite(numbers)], numbers[: limits.FIRST_STEPS]
+    low, high = float(finite.min(initial=np.inf)), float(finite.max(initial=-np.inf))
     steps = np.diff(first[np.isfinite(first)])
     step = float(np.median(steps)) if len(steps) else 0.0
     for one in COUNTINGS:
@@ -102,7 +102,7 @@ def counting_of(
 def dated(numbers: Array, one: Counting) -> Dates:
     """The dates that numbers count."""
     start, zone = one.start, 0.0 if one.since.endswith("Z") else np.nan
-    seconds = kept(np.round(numbers * one.factor, 6) + start)
+    seconds = copied(np.round(numbers * one.factor, 6) + start)
     return Dates(seconds, np.broadcast_to(np.full(1, zone), len(numbers)))
 
 
@@ -164,8 +164,8 @@ class TimeReader:
 def _most(numbers: Array, cells: Cells) -> bool:
     """Whether most cells that hold anything hold a number: a 0 or 1899 among dates decides
     nothing."""
-    known = int(np.isfinite(numbers).sum())
-    return known > 0 and (known == len(numbers) or 2 * known > sum(map(bool, texts_of(cells))))
+    count = int(np.isfinite(numbers).sum())
+    return count > 0 and (count == len(numbers) or 2 * count > sum(map(bool, texts_of(cells))))
 
 
 def read_times(
@@ -192,7 +192,7 @@ def read_times(
     times = TimeReader(path, form, own, title, lambda: factor() if unit else 0.0).read(cells)
     notes += (f"{path.name}: {one}" for one in own)
     if not isinstance(times, Dates):
-        return kept(times * factor()), None
+        return copied(times * factor()), None
     dates, zones = times.seconds, times.zones
     if not np.isfinite(dates).any():
         texts = [] if isinstance(cells, Dates) else texts_of(cells)
@@ -240,9 +240,9 @@ def factor_of_time(path: Path, title: str, text: str, units: Mapping[str, UnitSp
     """Seconds per unit of the time column."""
     unit, second = parse_unit(text or "s", units), units["s"]
     if unit is None or unit.dimension != second.dimension:
-        known = ", ".join(fitting(second, units))
+        allowed = ", ".join(fitting(second, units))
         raise RecordingRefused(
-            f"{path}: the time column '{title}' is in '{text[:40]}'; expected {known}, or dates"
+            f"{path}: the time column '{title}' is in '{text[:40]}'; expected {allowed}, or dates"
         )
     return unit.factor
 
@@ -259,8 +259,8 @@ def time_of_parts(
     texts = texts_of(parts[1])
     clock = plain_times(texts)
     if not np.isfinite(clock).any():
-        known = {cell: time_of_day(cell) for cell in {*texts}}
-        clock = np.array([known[cell] for cell in texts])
+        times = {cell: time_of_day(cell) for cell in {*texts}}
+        clock = np.array([times[cell] for cell in texts])
     elif np.nanmax(clock) < 1:  # shares of a day, as in spreadsheets
         clock = clock * SPREADSHEET.factor
     midnights = first.seconds[np.isfinite(first.seconds)] % SPREADSHEET.factor == 0

@@ -25,7 +25,7 @@ def blindness(ruleset: Ruleset, blind: Blind, calendar: Calendar | None = None) 
 
 
 def since_when(blind: Blind, calendar: Calendar | None) -> str:
-    """Since when faults have been hidden, or the period in which they were."""
+    """Since when faults have been undetectable, or the period in which they were."""
     if blind.active:
         return f"since {moment(calendar, blind.since)}"
     return f"in {span(calendar, blind.since, blind.until)}"
@@ -48,14 +48,14 @@ def brought_back(blind: Blind) -> str:
     return f"{listed(blind.readings)} {are} needed to detect {them}"
 
 
-def hidden(diagnosis: Diagnosis) -> str:
+def undetectable(diagnosis: Diagnosis) -> str:
     """How many of the faults could not be detected."""
     count = len({fault for one in diagnosis.blind for fault in one.faults})
     every = len(diagnosis.ruleset.faults)
     return f"{count} of {plural(every, 'fault', 'faults')} could not be detected"
 
 
-def told_else(diagnosis: Diagnosis) -> tuple[Period, ...]:
+def not_judged(diagnosis: Diagnosis) -> tuple[Period, ...]:
     """Periods that were not judged, except those reported as blindness."""
     return tuple(p for p in diagnosis.not_judged if not (diagnosis.blind and p.lost))
 

@@ -108,13 +108,13 @@ CUT = 0.2
 
 
 def holding(*values: Array, ticks: int = 5, title: str = "") -> Axis:
-    """An axis that holds all known values, of any shape; of a long recording all but the extreme
+    """An axis that holds all finite values, of any shape; of a long recording all but the extreme
     ones, since transients are much larger than faults."""
-    known = np.concatenate([part[np.isfinite(part)] for part in values])
-    if not len(known):
+    finite = np.concatenate([part[np.isfinite(part)] for part in values])
+    if not len(finite):
         return axis(0.0, 1.0, ticks, title=title)
     cut = CUT if is_long(max(values, key=np.size)) else 0.0
-    low, high = np.percentile(known, [cut, 100 - cut])
+    low, high = np.percentile(finite, [cut, 100 - cut])
     return axis(float(low), float(high), ticks, title=title)
 
 
@@ -229,18 +229,18 @@ class Panel:
         """Names at the right ends of curves, pushed apart where they would overlap; per curve the
         name, its values, shape (n,), and its style."""
         room = 15.0
-        known = [(n, v[np.isfinite(v)], s) for n, v, s in curves if np.isfinite(v).any()]
-        ends = (float(np.clip(self.y.share(v[-1]), 0.0, 1.0)) for _, v, _ in known)
+        drawn = [(n, v[np.isfinite(v)], s) for n, v, s in curves if np.isfinite(v).any()]
+        ends = (float(np.clip(self.y.share(v[-1]), 0.0, 1.0)) for _, v, _ in drawn)
         heights = [self.height * (1 - end) for end in ends]
-        order = sorted(range(len(known)), key=heights.__getitem__)
+        order = sorted(range(len(drawn)), key=heights.__getitem__)
         above, below = 6.0 - room, self.height + room
         for i in order:
             above = heights[i] = max(heights[i], above + room)
         for i in reversed(order):
             below = heights[i] = min(heights[i], below - room)
         self._fixed.extend(
-            f'<text class="name {known[i][2]}" x="100%" dx="8" y="{heights[i]:.1f}">'
-            f"{safe(known[i][0])}</text>"
+            f'<text class="name {drawn[i][2]}" x="100%" dx="8" y="{heights[i]:.1f}">'
+            f"{safe(drawn[i][0])}</text>"
             for i in order
         )
 

@@ -27,7 +27,7 @@ def grown(finding: Finding) -> str:
     middle, *ends = (degree_in_words(fault, x * seconds) for x in growth.rate)
     way = "grows by" if growth.rate[0] > 0.0 else "changes by"
     rate = f"{way} {middle} per {each} ({' to '.join(ends)})"
-    if not growth.grows and growth.reaches is None:
+    if not growth.grows and growth.next_degree is None:
         return ""
     if not growth.grows:
         rate = f"goes up in steps, by about {middle} per {each}"
@@ -35,7 +35,7 @@ def grown(finding: Finding) -> str:
 
 
 def _ahead(fault: FaultSpec, growth: Growth) -> str:
-    ahead = growth.reaches
+    ahead = growth.next_degree
     if ahead is None:
         return ""
     level = degree_in_words(fault, ahead.degree)
@@ -44,5 +44,5 @@ def _ahead(fault: FaultSpec, growth: Growth) -> str:
         return f"reaches {level} in {soon} at the earliest"
     if not growth.grows:
         return f"the next step may reach {level}, within {late}"
-    within = soon if soon == late else f"{soon} to {late}"
-    return f"reaches {level} in {within} at this rate"
+    time = soon if soon == late else f"{soon} to {late}"
+    return f"reaches {level} in {time} at this rate"

@@ -8,9 +8,9 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.plant_calendar import Calendar, course, moment
 from rulec_runtime.report.blindness import (
     PARTLY,
-    hidden,
+    not_judged,
     since_when,
-    told_else,
+    undetectable,
     unseen,
     why_and_how,
 )
@@ -29,11 +29,11 @@ from rulec_runtime.report.wording import (
     estimates,
     flow_unit,
     headline,
-    kept_of,
     readings_of,
     remarks_of,
     residual_rows,
     titled,
+    treatment_of,
     why_first,
     worst_first,
 )
@@ -44,12 +44,12 @@ REMARKS = 8
 UNSEEN = "Not judged, or only in part"
 
 
-def told(diagnosis: Diagnosis) -> Iterator[Part]:
+def findings_parts(diagnosis: Diagnosis) -> Iterator[Part]:
     """Each fault with what to do about it."""
     calendar = diagnosis.calendar
     for sensor in diagnosis.sensors:
         when = course(calendar, sensor.since, sensor.until, sensor.behind)
-        rows = {"When": when, "What to do": sensor.condition.action, "Note": kept_of(sensor)}
+        rows = {"When": when, "What to do": sensor.condition.action, "Note": treatment_of(sensor)}
         yield card(sensor.condition.status, sensor.text, rows.items())
     for found in diagnosis.regimes:
         regime, because = found.regime, conditions(found)
@@ -68,8 +68,8 @@ def told(diagnosis: Diagnosis) -> Iterator[Part]:
         ]
         if (more := len(diagnosis.blind) - LISTED) > 0:
             hints.append(("", f"and {counted(more, 'other period')}"))
-        yield card("C", f"{PARTLY}: {hidden(diagnosis)}", hints)
-    if (left := told_else(diagnosis)) and not diagnosis.findings:
+        yield card("C", f"{PARTLY}: {undetectable(diagnosis)}", hints)
+    if (left := not_judged(diagnosis)) and not diagnosis.findings:
         yield Part(UNSEEN, [remarks(left, calendar)], "C")
     if diagnosis.unknown:
         sheet = all(p.from_sheet for p in diagnosis.unknown)

@@ -130,7 +130,7 @@ def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> 
         value, lower, upper = (end * seconds for end in growth.rate)
         rate = {"value": value, "lower": lower, "upper": upper}
         form["rate"] = {**rate, "unit": f"{fault.unit or 1}/{name}", "grows": growth.grows}
-    if (ahead := growth.reaches) is not None:
+    if (ahead := growth.next_degree) is not None:
         ends = {"earliest": ahead.earliest, "latest": ahead.latest}
         form["reaches"] = {"degree": ahead.degree, **ends}
         if calendar is not None:
@@ -152,7 +152,7 @@ def _step(step: Step) -> dict[str, Any]:
         "changes": [{"input": name, "from": a, "to": b} for name, a, b in step.changes],
         "apart": [{"fault": name, "now": now, "then": then} for name, now, then in step.apart],
         "ramp": step.ramp,
-        "hold": step.hold,
+        "hold": step.dwell,
         "costs_product": list(step.costs),
         "text": step.text,
     }

@@ -69,11 +69,11 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> list[Conte
     near = [(m, g) for m, g in groups if whole or both & set(g.faults)]
     far = [pair for pair in groups if pair not in near]
     title = "Other faults that are alike" if near else "Faults that are alike"
-    folded = f"<details><summary>{title}</summary>{told_alike(far)}</details>" if far else ""
+    folded = f"<details><summary>{title}</summary>{alike(far)}</details>" if far else ""
     return [
         *(Words(text, soft=True) for text in (key, part) if text),
         matrix_table(ruleset, faults, residuals, named, groups),
-        Html(told_alike(near) + folded),
+        Html(alike(near) + folded),
     ]
 
 
@@ -146,7 +146,7 @@ def _sign(mark: str) -> str:
     return f'<b class="alike">{safe(mark)}</b>'
 
 
-def told_alike(groups: Groups) -> str:
+def alike(groups: Groups) -> str:
     """Groups by kind, with advice on how to tell their faults apart."""
     parts = []
     for kind, (sign, words, why) in KINDS.items():

@@ -4,11 +4,11 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.verdict_per_sample import Trace
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.report.blindness import told_else
+from rulec_runtime.report.blindness import not_judged
 from rulec_runtime.report.chart import figures_html
 from rulec_runtime.report.document import Head, badge, document
 from rulec_runtime.report.figures import figures_of
-from rulec_runtime.report.html_findings import UNSEEN, evidence, remarks, told
+from rulec_runtime.report.html_findings import UNSEEN, evidence, findings_parts, remarks
 from rulec_runtime.report.matrix import matrix
 from rulec_runtime.report.parts import Content, Facts, Part, Words
 from rulec_runtime.report.series import curves_of
@@ -38,7 +38,7 @@ def report(
     cases = cases_of(truth, trace) if truth is not None else None
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
     ruleset, why = diagnosis.ruleset, list[Content](evidence(diagnosis))
-    parts = [*told(diagnosis), Part("Why", why or [Words(_nothing(diagnosis))])]
+    parts = [*findings_parts(diagnosis), Part("Why", why or [Words(_nothing(diagnosis))])]
     figures = [*figures_of(diagnosis, curves, trace, truth, cases)]
     if figures:
         parts.append(Part("Pictures", [figures_html(figures)]))
@@ -91,7 +91,7 @@ def _facts(diagnosis: Diagnosis, truth: Truth | None) -> list[Content]:
         ("Pictures", [f"after {paper}"]),
         ("Rules of the findings", list(origins)),
     ]
-    left = told_else(diagnosis) if diagnosis.findings else ()
+    left = not_judged(diagnosis) if diagnosis.findings else ()
     found: list[Content] = [Facts(rows, "facts")]
     if left:
         found += [Html(f"<h3>{UNSEEN}</h3>"), remarks(left, diagnosis.calendar)]

@@ -127,8 +127,8 @@ def _terms(facts: Facts) -> Grid:
     grid.add_column(style="dim", min_width=9, no_wrap=True)
     grid.add_column(overflow="fold")
     for term, lines in facts.rows:
-        for place, line in enumerate(lines):
-            grid.add_row(one_line("" if place else term), one_line(line))
+        for i, line in enumerate(lines):
+            grid.add_row(one_line("" if i else term), one_line(line))
     return grid
 
 
@@ -204,16 +204,16 @@ def _broken(title: str) -> str:
     return "<br/>".join(map(safe, title.split("\n")))
 
 
-def _cell(table: Table, place: int, column: tuple[str, str], cell: Any) -> str:
+def _cell(table: Table, index: int, column: tuple[str, str], cell: Any) -> str:
     (title, style), lines = column, _lines(cell)
     own = MARKS.get("".join(lines)[:1], PLAIN)[1]
-    if isinstance(cell, Cell) and place:
+    if isinstance(cell, Cell) and index:
         own = cell.style
     text = "<br/>".join(safe(_typeset(line, style)) for line in lines)
-    if table.style and not place:
+    if table.style and not index:
         return f'<th scope="row">{text}</th>'
     # A card repeats the titles; its first cell is the heading.
-    label = f' data-of="{safe(title)}"' if title and place and not table.style else ""
+    label = f' data-of="{safe(title)}"' if title and index and not table.style else ""
     return f"<td{_class(f'{style} {own}'.strip())}{label}>{text}</td>"
 
 

@@ -27,20 +27,20 @@ def sketch(ruleset: Ruleset, marks: Mapping[str, str]) -> str:
     A module is marked by colour, by a thicker frame, and by the letter's symbol.
     """
     junctions = (*ruleset.junctions, *ruleset.unbalanced)
-    known = {name: letter for name, letter in marks.items() if name in ruleset.modules}
-    boxes, pipes = topology_of(ruleset.modules, junctions, known)
+    letters = {name: letter for name, letter in marks.items() if name in ruleset.modules}
+    boxes, pipes = topology_of(ruleset.modules, junctions, letters)
     layers = layers_of(len(boxes), pipes)
     rows = max(map(len, layers))
     at = {
-        box: (EDGE + COLUMN * depth, ROW * (place + (rows - len(layer)) / 2) + EDGE)
+        box: (EDGE + COLUMN * depth, ROW * (row + (rows - len(layer)) / 2) + EDGE)
         for depth, layer in enumerate(layers)
-        for place, box in enumerate(layer)
+        for row, box in enumerate(layer)
     }
     width, height = COLUMN * (len(layers) - 1) + BOX[0] + 2 * EDGE, ROW * rows + ROW // 2
-    words = _words(ruleset, sum(len(members) == 1 for members in boxes), known)
+    words = _words(ruleset, sum(len(members) == 1 for members in boxes), letters)
     named = [m[0] if len(m) == 1 else f"{len(m)} further modules" for m in boxes]
     spoken = ", ".join(f"{named[a]} to {named[b]}" for a, b in pipes) or "none"
-    body = "".join([*_lines(pipes, at, height - 3), *_boxes(ruleset, boxes, known, at)])
+    body = "".join([*_lines(pipes, at, height - 3), *_boxes(ruleset, boxes, letters, at)])
     return (
         '<div class="sketch"><div class="scroll" tabindex="0" role="region" '
         f'aria-label="sketch of the plant"><svg width="{width}" height="{height}" '
@@ -153,9 +153,9 @@ def layers_of(count: int, pipes: Pipes) -> list[list[int]]:
         if fed and not feeders[box]:
             level[box] = min(fed) - 1
     layers = [[b for b in range(count) if level[b] == depth] for depth in range(count)]
-    place: dict[int, float] = {}
+    height: dict[int, float] = {}
     for layer in layers:
-        near = {box: [place[a] for a in feeders[box] if a in place] for box in layer}
+        near = {box: [height[a] for a in feeders[box] if a in height] for box in layer}
         layer.sort(key=lambda box: sum(near[box]) / len(near[box]) if near[box] else 0.0)
-        place |= {box: i - (len(layer) - 1) / 2 for i, box in enumerate(layer)}
+        height |= {box: i - (len(layer) - 1) / 2 for i, box in enumerate(layer)}
     return [layer for layer in layers if layer]

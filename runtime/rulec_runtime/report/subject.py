@@ -25,12 +25,12 @@ class Subject:
     def of(ruleset: Ruleset, recording: Recording, name: str) -> Subject:
         """A named recording; one joined from several clocks has no ends."""
         time = recording.time
-        known = len(time) > 0 and recording.origin is None
+        timed = len(time) > 0 and recording.origin is None
         return Subject(
             ruleset=ruleset,
             recording=name,
             samples=len(recording),
-            ends=(float(time[0]), float(time[-1])) if known else None,
+            ends=(float(time[0]), float(time[-1])) if timed else None,
             calendar=recording.calendar,
         )
 

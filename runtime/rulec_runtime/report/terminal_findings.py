@@ -12,7 +12,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.plant_calendar import course
-from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
+from rulec_runtime.report.blindness import PARTLY, blindness, not_judged, undetectable
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.parts import Table, shown
 from rulec_runtime.report.sparkline import sparkline
@@ -31,12 +31,12 @@ from rulec_runtime.report.wording import (
     estimates,
     flow_unit,
     headline,
-    kept_of,
     readings_of,
     remarks_of,
     residual_rows,
     rounded,
     status_in_words,
+    treatment_of,
     why_first,
     worst_first,
 )
@@ -59,7 +59,7 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
         when = course(diagnosis.calendar, sensor.since, sensor.until, sensor.behind)
         tree = _titled(sensor.condition.status, sensor.id, sensor.text)
         tree.add(f"do: {sensor.condition.action}")
-        tree.add(f"{when}; {kept_of(sensor)}")
+        tree.add(f"{when}; {treatment_of(sensor)}")
         out.print(tree)
     for found in diagnosis.regimes[:SHOWN]:
         regime = found.regime
@@ -75,14 +75,14 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
     if diagnosis.blind:
-        tree = _titled("C", PARTLY, hidden(diagnosis))
+        tree = _titled("C", PARTLY, undetectable(diagnosis))
         for blind in diagnosis.blind[:LISTED]:
             tree.add(blindness(diagnosis.ruleset, blind, diagnosis.calendar))
         if (more := len(diagnosis.blind) - LISTED) > 0:
             tree.add(styled("[dim]and {} other periods (--json has all)[/]", more))
         out.print(tree)
     _periods(out, diagnosis, "Unknown", "yellow", diagnosis.unknown)
-    _periods(out, diagnosis, "Not judged", "dim", told_else(diagnosis))
+    _periods(out, diagnosis, "Not judged", "dim", not_judged(diagnosis))
     for note in diagnosis.notes[:SHOWN]:
         out.print(styled("[dim]note: {}[/]", note))
     _more(out, len(diagnosis.notes[SHOWN:]), "other note")
@@ -104,10 +104,10 @@ def _titled(letter: str, name: str, text: str) -> Tree:
     return Tree(styled(head, *words), guide_style="dim")
 
 
-def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
+def explanation(diagnosis: Diagnosis, finding: Finding, period: str = "") -> Tree:
     """Finding, action, residuals, estimates, readings, rules, alternatives, sources.
 
-    `seen` says when, for a recording that has not ended.
+    `period` says when, for a recording that has not ended.
     """
     ruleset = diagnosis.ruleset
     symbol, colour = STATUS[finding.fault.status][0], COLOURS[finding.fault.status]
@@ -116,7 +116,7 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     degree, *ends = (
         degree_in_figures(finding.fault, x) for x in (finding.degree, finding.lower, finding.upper)
     )
-    when = seen or course(diagnosis.calendar, finding.since, finding.until, finding.behind)
+    when = period or course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     if finding.growth is not None and (words := grown(finding)):
@@ -142,7 +142,7 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
         flows.add(styled(line, e.equation, value, half, unit.name, ", ".join(e.readings)))
     for text in context(ruleset, finding):
         why.add(text)
-    _doubt(diagnosis, finding, tree)
+    _alternatives(diagnosis, finding, tree)
     # An unlisted error of a reading has no rule.
     equations = [c.equation for c in ruleset.cells_of_fault[finding.fault.id] if c.equation]
     rules = tree.add("rules and sources" if equations else "source")
@@ -154,14 +154,14 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     return tree
 
 
-def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
+def _alternatives(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
     probability = f"probability {percent(finding.probability)}"
     if finding.alternatives:
         also = causes(finding.alternatives)
-        doubt = tree.add(styled("{}; [yellow]also possible:[/] {}", probability, also))
+        branch = tree.add(styled("{}; [yellow]also possible:[/] {}", probability, also))
         ruleset = diagnosis.ruleset
         for text in (*why_first(ruleset, finding), *advice(ruleset, finding)):
-            doubt.add(text)
+            branch.add(text)
     elif diagnosis.mode == "paper":
         tree.add("paper mode names the fault with the largest degree and weighs no other")
     elif finding.remote:

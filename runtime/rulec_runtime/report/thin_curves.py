@@ -26,10 +26,10 @@ def is_long(time: Array) -> bool:
 def cells_of(across: Array, down: Array) -> NDArray[np.intp]:
     """The first point in each cell of a panel, shape (cells,); positions, shape (n,), are shares of
     its width and pixels."""
-    known = np.flatnonzero(np.isfinite(across) & np.isfinite(down))
-    cells = np.floor(np.stack([across[known] * CELLS, down[known] / CELL]))
+    finite = np.flatnonzero(np.isfinite(across) & np.isfinite(down))
+    cells = np.floor(np.stack([across[finite] * CELLS, down[finite] / CELL]))
     first = np.unique(cells, axis=1, return_index=True)[1]
-    result: NDArray[np.intp] = known[np.sort(first)]
+    result: NDArray[np.intp] = finite[np.sort(first)]
     return result
 
 
@@ -39,10 +39,10 @@ def extremes(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]
     begin, end = float(time[0]), float(time[-1])
     width = (end - begin) / COLUMNS or 1.0
     index = np.minimum(((time - begin) / width).astype(np.intp), COLUMNS - 1)
-    place, first = np.unique(index, return_index=True)
+    cells, first = np.unique(index, return_index=True)
     lowest, highest = np.full((2, COLUMNS), np.nan)
-    lowest[place] = np.fmin.reduceat(low, first)
-    highest[place] = np.fmax.reduceat(high, first)
+    lowest[cells] = np.fmin.reduceat(low, first)
+    highest[cells] = np.fmax.reduceat(high, first)
     centre: Array = np.asarray(begin + width * (np.arange(COLUMNS) + 0.5), dtype=float)
     return centre, lowest, highest
 

@@ -73,9 +73,9 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
     order = sound[np.argsort(time[sound], kind="stable")]
     time, degree = time[order], degree[:, order]
     steps = [float(np.median(np.diff(t))) for t in (time, recording.time) if len(t) > 1]
-    reach = 0.5 * max(steps, default=1.0) * (1 + 1e-9)  # half a sampling interval
+    tolerance = 0.5 * max(steps, default=1.0) * (1 + 1e-9)  # half a sampling interval
     near = nearest(time, recording.time)
-    matched = np.where(np.abs(time[near] - recording.time) <= reach, degree[:, near], np.nan)
+    matched = np.where(np.abs(time[near] - recording.time) <= tolerance, degree[:, near], np.nan)
     unknown = int(np.isnan(matched).all(axis=0).sum())
     if unknown == len(recording):
         raise RecordingRefused(
@@ -115,10 +115,10 @@ def _columns(
         raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
     if not chosen:
         hint = f" ({notes[0].partition(': ')[2]})" if notes else ""
-        known = ruleset.faults[0].id if ruleset.faults else "<fault>"
+        example = ruleset.faults[0].id if ruleset.faults else "<fault>"
         raise RecordingRefused(
             f"{path}: no column is a fault of this plant{hint}; expected columns such as "
-            f"'{known} [1]'"
+            f"'{example} [1]'"
         )
     return time, chosen
 
@@ -134,8 +134,8 @@ def cases_of(truth: Truth, trace: Trace) -> Cases:
     It counts as named only if no absent fault is named beside it.
     """
     words = np.array(trace.verdict)
-    known = ~np.isnan(truth.degree).all(axis=0)
-    index = np.flatnonzero(known & ~np.isin(words, NOT_JUDGED))
+    labelled = ~np.isnan(truth.degree).all(axis=0)
+    index = np.flatnonzero(labelled & ~np.isin(words, NOT_JUDGED))
     degrees = np.nan_to_num(truth.degree[:, index])
     fault = np.argmax(degrees, axis=0)
     true = degrees[fault, np.arange(len(index))]

@@ -7,7 +7,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.report.blindness import hidden
+from rulec_runtime.report.blindness import undetectable
 from rulec_runtime.report.text import counted, degree, fixed, percent
 from rulec_runtime.report.wording import STATUS, titled, worst_first
 
@@ -41,7 +41,7 @@ def verdict(diagnosis: Diagnosis) -> str:
             return "Not as its sheet says, from the first sample"
         return "Something is wrong, but nothing known explains it"
     if diagnosis.blind:
-        return f"No fault found, but {hidden(diagnosis)}"
+        return f"No fault found, but {undetectable(diagnosis)}"
     return "No fault found"
 
 
@@ -54,8 +54,8 @@ def size_of(finding: Finding) -> str:
     scale, shown = (1.0, f"\u00a0{unit}") if unit else (100.0, "\u00a0%")
     value, half = scale * value, scale * half
     # One digit of an uncertainty is significant, or two if the first is 1.
-    place = int(np.floor(np.log10(half)))
-    digits = max(0, -place + (1 if round(half / 10.0**place, 1) < 2.0 else 0))
+    exponent = int(np.floor(np.log10(half)))
+    digits = max(0, -exponent + (1 if round(half / 10.0**exponent, 1) < 2.0 else 0))
     return f"{fixed(value, digits)}{shown} ± {fixed(half, digits)}{shown}"
 
 

@@ -50,7 +50,7 @@ SPANS = 4
 """Most periods named for one remark."""
 
 
-def kept_of(found: SensorFinding) -> str:
+def treatment_of(found: SensorFinding) -> str:
     """How an invalid reading or clock is treated."""
     if found.mended:
         return f"judged with this corrected: {found.mended}"
@@ -77,7 +77,7 @@ def flow_unit(ruleset: Ruleset) -> FlowUnit:
     return M3_PER_H if large else L_PER_H
 
 
-def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> tuple[str, str]:
+def residual_texts(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> tuple[str, str]:
     """Value and threshold of a residual, a dash if it is not available: in `flow` for a residual of
     flows, in the reading's unit for that of a reading."""
     if evidence.verdict == "invalid":
@@ -97,8 +97,8 @@ def rounded(value: float, half: float, digits: int = 2) -> tuple[str, str]:
     >>> rounded(16297.4, 1021.2), rounded(110.94, 10.41), rounded(520.3, 6.8)
     (('16300', '1000'), ('111', '10'), ('520.3', '6.8'))
     """
-    place = digits - 1 - math.floor(math.log10(half)) if 0.0 < half < math.inf else 1
-    decimals = min(place, 1)
+    decimal = digits - 1 - math.floor(math.log10(half)) if 0.0 < half < math.inf else 1
+    decimals = min(decimal, 1)
     shown = (f"{round(v, decimals):z.{max(decimals, 0)}f}" for v in (value, half))
     return next(shown), next(shown)
 
@@ -107,8 +107,8 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
     """The largest finding of each fault, at most five."""
     largest: dict[str, Finding] = {}
     for finding in findings:
-        known = largest.get(finding.fault.id)
-        if known is None or finding.degree > known.degree:
+        before = largest.get(finding.fault.id)
+        if before is None or finding.degree > before.degree:
             largest[finding.fault.id] = finding
     return sorted(largest.values(), key=lambda f: -f.degree)[:SHOWN]
 
@@ -206,7 +206,7 @@ def residual_rows(ruleset: Ruleset, finding: Finding) -> list[tuple[str, ...]]:
     return [
         (
             e.residual,
-            *told_residual(ruleset, e, unit),
+            *residual_texts(ruleset, e, unit),
             e.verdict,
             e.expected,
             agreement(ruleset, finding, e),

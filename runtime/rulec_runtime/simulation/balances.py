@@ -48,8 +48,8 @@ class Balances:
     def _plan(self) -> Plan:
         """What the integrator reads, alone: it runs every operation, step by step."""
         read = {f"{what}:{state}" for what in OF_STATES for state in self.states}
-        kept = (n for n in self.plan.outputs if n in read or n in self.outputs)
-        return self.plan.selected(kept).narrowed()
+        outputs = (n for n in self.plan.outputs if n in read or n in self.outputs)
+        return self.plan.selected(outputs).narrowed()
 
     @cached_property
     def _tape(self) -> tuple[Tape, int]:

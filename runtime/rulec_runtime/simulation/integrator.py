@@ -285,7 +285,7 @@ def _aim(machine: Machine, late: np.ndarray, weight: float, past: np.ndarray, no
 
 
 @compiled(inline="always")
-def _place(machine: Machine, x: np.ndarray) -> None:
+def _load(machine: Machine, x: np.ndarray) -> None:
     tape, store, width = machine
     for i in range(x.shape[0]):
         for c in range(width):
@@ -427,7 +427,7 @@ def _begin(machine: Machine, x: np.ndarray) -> None:
     """Set states to their start; one may depend on the start of another."""
     tape, store, width = machine
     for _ in range(x.shape[0]):
-        _place(machine, x)
+        _load(machine, x)
         _run(machine, tape.codes.shape[0], width)
         for i in range(x.shape[0]):
             for c in range(width):
@@ -435,11 +435,11 @@ def _begin(machine: Machine, x: np.ndarray) -> None:
 
 
 @compiled(inline="always")
-def _put(past: np.ndarray, node: int, known: bool, mean: np.ndarray) -> None:
-    """Put the mean of a step at a node of the past; zero if not `known` yet."""
+def _put(past: np.ndarray, node: int, defined: bool, mean: np.ndarray) -> None:
+    """Put the mean of a step at a node of the past; zero if not `defined` yet."""
     for j in range(mean.shape[1]):
         for c in range(mean.shape[2]):
-            past[node, j, c] = mean[0, j, c] if known else 0.0
+            past[node, j, c] = mean[0, j, c] if defined else 0.0
 
 
 @compiled(inline="always")
@@ -449,7 +449,7 @@ def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: in
     x, late = room.x, past.late
     n, lates, moved = time.shape[0], past.late.shape[0], False
     for _ in range(2):
-        _place(machine, x)
+        _load(machine, x)
         _run(machine, tape.codes.shape[0], width)
         moved = False
         if lates and s < n - 1:

@@ -49,8 +49,8 @@ def tape_of(
     plan: Plan, states: Sequence[str], inputs: Sequence[str], shown: Sequence[str]
 ) -> tuple[Tape, int]:
     """The tape of a narrowed plan, and its number of values."""
-    place = {name: i for i, name in enumerate(plan.inputs)}
-    moving = {place[n] for n in (*states, *inputs, TIME) if n in place}
+    index = {name: i for i, name in enumerate(plan.inputs)}
+    moving = {index[n] for n in (*states, *inputs, TIME) if n in index}
     first = plan.first_operation
     # What rates need comes first: between samples nothing else is read.
     roots = [i for n, i in plan.outputs.items() if n.partition(":")[0] in ("der", "after")]
@@ -71,8 +71,8 @@ def tape_of(
     right = [number[a if name in UNARY else b] for name, a, b in operations]
     # States and inputs that nothing reads still need a slot to be written to.
     spare = first + len(operations)
-    absent = [n for n in (*states, *inputs) if n not in place]
-    slot = {**place, **{name: spare + i for i, name in enumerate(absent)}}
+    absent = [n for n in (*states, *inputs) if n not in index]
+    slot = {**index, **{name: spare + i for i, name in enumerate(absent)}}
     outputs = {name: number[i] for name, i in plan.outputs.items()}
 
     def of_states(what: str) -> Slots:
@@ -85,7 +85,7 @@ def tape_of(
         right=_slots(right),
         begin=len(still),
         rated=len(still) + rating,
-        clock=place.get(TIME, -1),
+        clock=index.get(TIME, -1),
         states=_slots([slot[name] for name in states]),
         starts=of_states("start"),
         rates=of_states("der"),

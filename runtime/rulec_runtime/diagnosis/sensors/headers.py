@@ -179,8 +179,8 @@ def _candidates(raw: Recording, check: Check, still: Set[str]) -> Iterator[Misre
         if np.isfinite(column).any():
             values[name] = means_between(column, check.stretches.first, check.stretches.last)[0]
             noise[name] = noise_of(column)
-    known = {name for name in noise if np.isfinite(values[name]).any()}
-    used = [s for s in ruleset.signals if s.id in (ruleset.observed & known) - still]
+    recorded = {name for name in noise if np.isfinite(values[name]).any()}
+    used = [s for s in ruleset.signals if s.id in (ruleset.observed & recorded) - still]
     for group in of_one_dimension(used, ruleset.units):
         by_unit: dict[str, dict[str, Mixup]] = {}
         for signal in group:

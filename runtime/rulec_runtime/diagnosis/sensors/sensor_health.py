@@ -29,7 +29,7 @@ from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.recordings.columns import median_of, runs_where
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.header_correction import mended as read_by
-from rulec_runtime.recordings.larger_than_memory import kept
+from rulec_runtime.recordings.larger_than_memory import copied
 from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END, duration
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
@@ -167,7 +167,7 @@ def without(recording: Recording, found: Iterable[Found]) -> Recording:
     unfit: dict[str, str] = dict(recording.unfit or {})
     for finding, part in found:
         if finding.signal:
-            column = kept(values[finding.signal])
+            column = copied(values[finding.signal])
             column[part] = np.nan
             values[finding.signal] = column
             before = unfit.get(finding.signal, "").split(" or ")

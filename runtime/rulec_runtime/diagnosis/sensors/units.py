@@ -34,12 +34,12 @@ def mixups(
     if own is None or not any(own.dimension):
         return []
     factor, offset = scale
-    known = _spellings(own, units, "/" in signal.unit)
-    written = _name(signal, scale, known)
+    spellings = _spellings(own, units, "/" in signal.unit)
+    written = _name(signal, scale, spellings)
     found: dict[tuple[float, float], Mixup] = {}
     # Relatives of the stated unit first: mbar for bar, not hPa.
-    for name in sorted(known, key=lambda n: (signal.unit not in n, len(n), n)):
-        unit = known[name]
+    for name in sorted(spellings, key=lambda n: (signal.unit not in n, len(n), n)):
+        unit = spellings[name]
         ratio = unit.factor / factor
         shift = unit.offset - ratio * offset
         far = max(ratio, 1.0 / ratio) > limits.NEAR_UNITS or (ratio == 1.0 and shift != 0.0)
@@ -103,9 +103,9 @@ def _spellings(own: UnitSpec, units: Mapping[str, UnitSpec], per_time: bool) -> 
     return found
 
 
-def _name(signal: SignalSpec, scale: tuple[float, float], known: Mapping[str, UnitSpec]) -> str:
+def _name(signal: SignalSpec, scale: tuple[float, float], spellings: Mapping[str, UnitSpec]) -> str:
     if scale == (signal.factor, signal.offset):
         return signal.unit
-    names = [n for n, u in known.items() if (u.factor, u.offset) == scale]
+    names = [n for n, u in spellings.items() if (u.factor, u.offset) == scale]
     # mbar and hPa are the same: the header may state either.
     return " or ".join(sorted(names, key=len)[:2]) or signal.unit

@@ -40,14 +40,14 @@ class Step:
 
     `changes` per input: signal, from, to, SI; empty if no permitted change would help. `apart` per
     alternative: its name, its distance from the finding now and with the change, standard
-    deviations. The change takes at least `ramp` seconds, and is then held for `hold` seconds.
+    deviations. The change takes at least `ramp` seconds, and is then held for `dwell` seconds.
     `costs` names inputs and modules that cost product.
     """
 
     changes: tuple[tuple[str, float, float], ...]
     apart: tuple[tuple[str, float, float], ...]
     ramp: float
-    hold: float
+    dwell: float
     costs: tuple[str, ...]
     text: str
 

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.plant_calendar import DAY, HOUR
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reaches:
+class NextDegree:
     """A degree that a fault will reach, and when, s; `open_end` if it may be later still."""
 
     degree: float
@@ -30,7 +30,7 @@ class Growth:
     degree, lower, upper : at `time`, s.
     rate : growth per second with its bounds; None if too few stretches show it.
     grows : whether growth explains the readings better than steps do.
-    reaches : the next round degree.
+    next_degree : the next round degree.
     path : times, s, degrees and their standard uncertainties, for a plot.
     """
 
@@ -40,7 +40,7 @@ class Growth:
     upper: float
     rate: tuple[float, float, float] | None = None
     grows: bool = False
-    reaches: Reaches | None = None
+    next_degree: NextDegree | None = None
     path: tuple[tuple[float, float, float], ...] = ()
 
     @property
@@ -65,7 +65,7 @@ def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
         upper=now[2],
         rate=rate,
         grows=course.grows,
-        reaches=_reaches(fault, course, rate, time) if growing else None,
+        next_degree=_next_degree(fault, course, rate, time) if growing else None,
         path=tuple(path),
     )
 
@@ -86,21 +86,21 @@ def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | 
     return rate, rate / wide, rate * wide
 
 
-def _reaches(
+def _next_degree(
     fault: FaultSpec, course: Course, rate: tuple[float, float, float], time: float
-) -> Reaches | None:
+) -> NextDegree | None:
     """When the next round degree is reached, if growth continues."""
     level = next_level(_between(course.now)[2])
     if level >= fault.credible:
         return None
     if not course.grows:
         ahead, pause = (level - course.now[0]) / rate[1], time - course.steps[-1][0]
-        return Reaches(degree=level, earliest=time, latest=time + ahead + pause, open_end=False)
+        return NextDegree(degree=level, earliest=time, latest=time + ahead + pause, open_end=False)
     later, middle, u = course.ahead
     soon, sure = (middle + sign * common.COVERAGE * u >= level for sign in (1.0, -1.0))
     # The last of the times ahead if it is not reached by then.
     earliest, latest = (float(later[np.argmax(x) if x.any() else -1]) for x in (soon, sure))
-    return Reaches(degree=level, earliest=earliest, latest=latest, open_end=not sure.any())
+    return NextDegree(degree=level, earliest=earliest, latest=latest, open_end=not sure.any())
 
 
 def next_level(degree: float) -> float:

@@ -46,10 +46,10 @@ class Entry:
             raise self.refused(f"'{self.name}' needs a single value")
         return value
 
-    def one_of(self, known: tuple[str, ...]) -> str:
+    def one_of(self, choices: tuple[str, ...]) -> str:
         text = self.text()
-        if text not in known:
-            raise self.refused(f"'{self.name}' is one of {', '.join(known)}")
+        if text not in choices:
+            raise self.refused(f"'{self.name}' is one of {', '.join(choices)}")
         return text
 
     def number(self, least: float = -float("inf")) -> float:
@@ -62,8 +62,8 @@ class Entry:
             raise self.refused(f"'{self.name}' needs a number{bound}")
         return value
 
-    def items(self, known: Iterable[str] | None = None) -> Mapping[str, Entry]:
-        """Entries by key; raises `SourceRefused` for a key that is not `known`."""
+    def items(self, keys: Iterable[str] | None = None) -> Mapping[str, Entry]:
+        """Entries by key; raises `SourceRefused` for a key that is not one of `keys`."""
         if self._node.id != "mapping":
             raise self.refused(f"'{self.name}' needs entries such as 'key: value'")
         found: dict[str, Entry] = {}
@@ -72,8 +72,8 @@ class Entry:
             here = Entry(self._path, key, name)
             if not name or name in found:
                 raise here.refused(f"'{name}' stands twice" if name else "a key must be a name")
-            if known is not None and name not in known:
-                raise here.refused(f"unknown key '{name[:40]}'; {did_you_mean(name, known)}")
+            if keys is not None and name not in keys:
+                raise here.refused(f"unknown key '{name[:40]}'; {did_you_mean(name, keys)}")
             found[name] = Entry(self._path, value, name)
         return found
 
@@ -169,8 +169,8 @@ def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Acce
     )
 
 
-def _chosen(own: Mapping[str, Entry], name: str, known: tuple[str, ...]) -> str:
-    return own[name].one_of(known) if name in own else known[0]
+def _chosen(own: Mapping[str, Entry], name: str, choices: tuple[str, ...]) -> str:
+    return own[name].one_of(choices) if name in own else choices[0]
 
 
 def _file_of(path: Path, entry: Entry) -> Path:

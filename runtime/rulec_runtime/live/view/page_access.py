@@ -79,7 +79,7 @@ class Gate:
             own = {"localhost", self.host}
             if not is_loopback(self.host):
                 own |= {socket.gethostname(), socket.getfqdn()}
-            return name != "" and name in {known.lower() for known in own}
+            return name != "" and name in {host.lower() for host in own}
         return True
 
     def lets_in(self, request: Request) -> bool:

@@ -9,7 +9,7 @@ from rulec_runtime.live.episode import QUIET, Episode, Event
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.limits import BAR_ENDS
 from rulec_runtime.recordings.plant_calendar import duration, moment
-from rulec_runtime.report.blindness import told_else
+from rulec_runtime.report.blindness import not_judged
 from rulec_runtime.report.text import bounds, counted, degree, percent
 from rulec_runtime.report.wording import (
     LISTED,
@@ -19,8 +19,8 @@ from rulec_runtime.report.wording import (
     flow_unit,
     headline,
     remarks_of,
+    residual_texts,
     titled,
-    told_residual,
 )
 
 NOTHING_YET = ("…", "", "nothing could be judged yet")
@@ -151,7 +151,7 @@ def unjudged(now: Now) -> list[tuple[str, str]]:
     if now.diagnosis is None:
         return []
     blind = {episode.text for episode in now.active if episode.kind == "blind"}
-    periods = [p for p in told_else(now.diagnosis) if p.text not in blind]
+    periods = [p for p in not_judged(now.diagnosis) if p.text not in blind]
     return remarks_of(periods, now.calendar)
 
 
@@ -233,7 +233,7 @@ def bars_of(now: Now) -> Bars | None:
             missing.append(name)
             continue
         flow = "" if name in ruleset.signal_by_id else f" {unit.name}"
-        value, threshold = (text + flow for text in told_residual(ruleset, evidence, unit))
+        value, threshold = (text + flow for text in residual_texts(ruleset, evidence, unit))
         bars.append(Bar(name, value, threshold, abs(evidence.value) / evidence.threshold))
     largest = sorted(bars, key=lambda b: -b.share)[:LISTED]
     shown = tuple(bar for bar in bars if bar in largest)

@@ -132,8 +132,8 @@ def _filled(column: Any, missing: float) -> np.ndarray:
     begin = 0
     for chunk in column.chunks:
         part = found[begin : begin + len(chunk)]
-        known = np.from_dlpack(chunk.is_valid().cast(pyarrow.uint8())).astype(bool)
-        part[known] = np.from_dlpack(chunk.drop_null() if chunk.null_count else chunk)
+        valid = np.from_dlpack(chunk.is_valid().cast(pyarrow.uint8())).astype(bool)
+        part[valid] = np.from_dlpack(chunk.drop_null() if chunk.null_count else chunk)
         begin += len(chunk)
     return found
 
