@@ -156,7 +156,7 @@ def test_links_are_not_followed(folder: Path, tmp_path: Path) -> None:
 
 
 def test_oldest_go_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_KEPT_BYTES", 1000)
+    monkeypatch.setattr(limits, "MOST_CACHED_BYTES", 1000)
     for i, name in enumerate("abc"):
         keep(name, bytes(200))
         os.utime(folder / name, (i, i))
@@ -169,7 +169,7 @@ def test_oldest_go_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_many_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who reads sees a whole file or none, also where others remove."""
-    monkeypatch.setattr(limits, "MOST_KEPT_BYTES", 50_000)
+    monkeypatch.setattr(limits, "MOST_CACHED_BYTES", 50_000)
     bodies = {name: name.encode() * 10_000 for name in "abcdefgh"}
     seen: list[bool] = []
 

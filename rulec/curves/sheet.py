@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.file_form import INFERRED, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line
@@ -56,7 +56,7 @@ def columns_of(
     with opened_table(path, form) as sheet:
         titles, beside = list(sheet.titles), list(sheet.units)
         bare = all(is_value(t) or t.strip() == "1" for t in titles if t.strip())
-        read = sheet.read((), tuple(range(len(titles))), AS_SEEN).columns
+        read = sheet.read((), tuple(range(len(titles))), INFERRED).columns
         numbers = [column.numbers() for column in read]
     if bare:
         if given is None:

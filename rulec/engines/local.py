@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
-from rulec_runtime.output.interrupts import interrupts_held
+from rulec_runtime.output.interrupts import interrupts_deferred
 
 from rulec.engines.call import Call
 from rulec.limits import WORK_AHEAD, WORKER_DEATHS
@@ -49,7 +49,7 @@ def run(
         under_way.clear()
         with _pool(jobs) as pool:
             try:
-                with interrupts_held():
+                with interrupts_deferred():
                     fill(pool)
                 while under_way:
                     done, _ = wait(under_way, return_when=FIRST_COMPLETED)

@@ -9,7 +9,7 @@ from typing import Any
 from zoneinfo import available_timezones
 
 import numpy as np
-from rulec_runtime.contract.file_form import AS_SEEN
+from rulec_runtime.contract.file_form import INFERRED
 from rulec_runtime.contract.ruleset import ColumnMap
 from rulec_runtime.output.nearest import did_you_mean
 
@@ -47,7 +47,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     connections = reader.connections(sources.adjacency)
     columns, time_column = reader.columns(modules, sources.columns)
     time_zone = reader.time_zone(sources.columns)
-    file = AS_SEEN if sources.columns is None else file_form(reader.reader_of(sources.columns))
+    file = INFERRED if sources.columns is None else file_form(reader.reader_of(sources.columns))
     if reader.found:
         raise Refused(reader.found)
     return Plant(

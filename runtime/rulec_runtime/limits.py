@@ -150,7 +150,7 @@ HEADLINE_RIVAL = 0.2
 
 # Exit codes --------------------------------------------------------------------------------------
 
-NOT_ALL_SEEN = 3
+NOT_ALL_JUDGED = 3
 """Exit code of `diagnose` where nothing was judged, or faults that could be seen were not, because
 readings are not there. Origin: assumed, as `--fail-on` of `watch` has it; 1 and 2 are mistakes."""
 
@@ -179,6 +179,6 @@ standard uncertainty. Origin: assumed, the seed paper publishes systematic bound
 
 # What is kept for the next start ----------------------------------------------------------------
 
-MOST_KEPT_BYTES = 400_000_000
+MOST_CACHED_BYTES = 400_000_000
 """Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
 0.1 MB. Origin: assumed."""

@@ -18,7 +18,7 @@ from rulec_runtime.report.judged import Judged, judged
 
 
 def run(options: argparse.Namespace) -> int:
-    """Diagnose a recording. The exit code is 0 with or without findings, `limits.NOT_ALL_SEEN` if
+    """Diagnose a recording. The exit code is 0 with or without findings, `limits.NOT_ALL_JUDGED` if
     something could not be judged."""
     ruleset = read_ruleset(Path(options.plant))
     with progress_of(options, "reading and judging the recording") as progress:
@@ -50,4 +50,4 @@ def show_results(options: argparse.Namespace, found: Judged, progress: Progress)
         out.print(
             styled("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
         )
-    return 0 if found.diagnosis.is_whole else limits.NOT_ALL_SEEN
+    return 0 if found.diagnosis.is_whole else limits.NOT_ALL_JUDGED

@@ -29,8 +29,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         plants = journal.plants()
         if options.plant is not None and options.plant not in plants:
-            held = f"it holds {', '.join(plants)}" if plants else "nothing was told yet"
-            raise JournalRefused(f"{journal.address} holds nothing of {options.plant}; {held}")
+            text = f"it holds {', '.join(plants)}" if plants else "nothing was reported yet"
+            raise JournalRefused(f"{journal.address} holds nothing of {options.plant}; {text}")
         if options.ack is not None:
             _acknowledge(journal, options, plants, out)
         which: dict[str, Any] = {

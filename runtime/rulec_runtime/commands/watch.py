@@ -59,7 +59,7 @@ def _watch(setup: Setup, ruleset: Ruleset, until_end: bool) -> Memory:
             setup.screen.show(present.now())
             for sink in setup.sinks:
                 sink.show(present.now())
-            if sum(len(one) for one in came if isinstance(one, Rows)) <= limits.CAUGHT_UP:
+            if sum(len(one) for one in came if isinstance(one, Rows)) <= limits.ROWS_IN_TIME:
                 # A large plant is judged at most half of the time; what comes meanwhile waits.
                 time.sleep(took)
     return memory

@@ -59,5 +59,5 @@ class FileForm:
         return self.hold == "last" or self.layout in ("long", "pairs")
 
 
-AS_SEEN = FileForm()
+INFERRED = FileForm()
 """Everything is inferred from the file."""

@@ -213,16 +213,16 @@ class Plan:
         targets = {i: n for n, i in self.outputs.items() if i >= self.first_operation}
         targets = {i: n for i, n in targets.items() if is_array[i]}
         free: list[int] = []
-        held: dict[int, int] = {}
+        in_use: dict[int, int] = {}
         rows: dict[int, int] = {}
         steps: dict[bool, list[Step]] = {True: [], False: []}
         count = 0
         for i, name, a, b in order:
             operands = (a,) if name in UNARY else (a, b)
             steps[is_array[i]].append((OPERATIONS[name], a, -1 if name in UNARY else b, i))
-            free += [held.pop(j) for j in set(operands) if j in held and last[j] == i]
+            free += [in_use.pop(j) for j in set(operands) if j in in_use and last[j] == i]
             if is_array[i] and i not in targets:
-                rows[i] = held[i] = free.pop() if free else count
+                rows[i] = in_use[i] = free.pop() if free else count
                 count = max(count, rows[i] + 1)
         return _Schedule(
             scalars=tuple(steps[False]),

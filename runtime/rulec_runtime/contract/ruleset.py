@@ -15,7 +15,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.fault_frequency import FREQUENCY_ODDS
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.file_form import INFERRED, FileForm
 from rulec_runtime.contract.plan import Array, Plan, cached_plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
 
@@ -400,7 +400,7 @@ class Ruleset:
     undo: Plan
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
     time_zone: str = field(default="", metadata=SELDOM)
-    file: FileForm = field(default=AS_SEEN, metadata=SELDOM)
+    file: FileForm = field(default=INFERRED, metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
     unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
     unlisted: tuple[FaultSpec, ...] = field(default=(), metadata=SELDOM)

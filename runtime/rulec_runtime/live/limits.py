@@ -5,7 +5,7 @@ KEPT_ROWS = 1024
 twice as many the older half becomes operating points. Origin: assumed; seventeen stretches of full
 length, more than it takes to report a fault."""
 
-CAUGHT_UP = 60
+ROWS_IN_TIME = 60
 """Most rows of a block after which the judging pauses as long as it has taken; after more, it is
 behind its source. Origin: assumed; a stretch of full length."""
 

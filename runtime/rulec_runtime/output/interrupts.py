@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 
 @contextlib.contextmanager
-def interrupts_held() -> Iterator[None]:
+def interrupts_deferred() -> Iterator[None]:
     """Processes started within this block ignore interrupts; the parent raises one afterwards.
 
     A process that is interrupted while it starts, or whose parent is, would print a traceback.
@@ -20,13 +20,13 @@ def interrupts_held() -> Iterator[None]:
 
     # If it started with the first process, it would lift the mask.
     resource_tracker.ensure_running()
-    held: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    deferred: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: deferred.append(number))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         signal.signal(signal.SIGINT, handler)
-    if held:
+    if deferred:
         raise KeyboardInterrupt

@@ -33,7 +33,7 @@ def cached(name: str) -> bytes | None:
     try:
         if _why_not(folder.lstat()):
             return None
-        head, _, body = bytes_of(file, limits.MOST_KEPT_BYTES).partition(b"\n")
+        head, _, body = bytes_of(file, limits.MOST_CACHED_BYTES).partition(b"\n")
     except (OSError, ValueError):
         return None
     if head != _head(name, body):
@@ -49,7 +49,7 @@ def keep(name: str, body: bytes) -> None:
     A failure is reported once; the next start then does the work again.
     """
     folder = _folder()
-    if folder is None or len(body) > limits.MOST_KEPT_BYTES // 2:
+    if folder is None or len(body) > limits.MOST_CACHED_BYTES // 2:
         return
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -109,7 +109,7 @@ def _remove_oldest(folder: Path) -> None:
                     files.append((found.st_mtime_ns, found.st_size, entry.path))
     size = sum(bytes_ for _, bytes_, _ in files)
     for _, bytes_, path in sorted(files):
-        if size <= limits.MOST_KEPT_BYTES:
+        if size <= limits.MOST_CACHED_BYTES:
             return
         with suppress(OSError):
             os.unlink(path)

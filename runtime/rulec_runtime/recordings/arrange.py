@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.file_form import INFERRED, FileForm
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.column_roles import ColumnRoles, Pair, roles_of
 from rulec_runtime.recordings.long_table import LongTable, Readings, held, long_sheet, rows_written
@@ -37,7 +37,7 @@ def wide_sheet(path: Path, sheet: Sheet, roles: ColumnRoles, form: FileForm) -> 
     if len(form.time) > 1:
         titles[there.index(roles.time[0])] = form.time_title
 
-    def read(raw: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+    def read(raw: Sequence[int], numbers: Sequence[int], _: FileForm = INFERRED) -> Table:
         wanted = [there[i] for i in raw], [there[i] for i in numbers]
         return _read_wide(path, sheet, roles, form, *wanted)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rulec_runtime.contract.file_form import AS_SEEN, START, FileForm, Order
+from rulec_runtime.contract.file_form import INFERRED, START, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Convention, columns_of, read_cells
@@ -87,7 +87,7 @@ def array_sheet(
 ) -> Sheet:
     """A table of `rows` rows whose columns are arrays."""
 
-    def read(raw: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+    def read(raw: Sequence[int], numbers: Sequence[int], form: FileForm = INFERRED) -> Table:
         wanted = list(dict.fromkeys([*raw, *numbers]))
         written = [Convention(form.decimal, form.thousands)] * len(numbers)
         columns = columns_of(titles, numbers, written, form)

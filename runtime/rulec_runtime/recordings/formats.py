@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.file_form import INFERRED, FileForm
 from rulec_runtime.output import open_file
 from rulec_runtime.output.refusal import to_install
 from rulec_runtime.recordings import limits
@@ -142,7 +142,7 @@ _NO_RECORDING = (
 
 
 @contextmanager
-def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
+def opened_sheet(path: Path, form: FileForm = INFERRED) -> Iterator[Sheet]:
     """The table that a path names, with a column per signal, readable while the context lasts.
 
     `form` is its description in the column map. Raises `RecordingRefused` if it cannot be read, or

@@ -133,7 +133,7 @@ AGE_OF_SAMPLE = 12.0**-0.5
 """Standard uncertainty of the age of a logged reading, in sampling intervals: it is up to one
 interval old. Origin: distribution, rectangular (GUM 4.3.7)."""
 
-SEEN_BETWEEN = 5.0
+LARGEST_INTERVAL = 5.0
 """Time between samples up to which slow motion is judged, s. What comes and goes between two
 samples, as a pump that ran for a part of the time, looks like slow motion and is none. Origin:
 assumed."""

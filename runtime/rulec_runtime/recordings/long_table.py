@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.file_form import INFERRED, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits
@@ -104,7 +104,7 @@ class LongTable:
     left_out: tuple[int, int]
     decimals: set[str]
 
-    def read(self, raw: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+    def read(self, raw: Sequence[int], numbers: Sequence[int], _: FileForm = INFERRED) -> Table:
         form = self.form
         found = {index - 1: self.readings[index - 1] for index in (*numbers, *raw) if index}
         most = max(found, key=lambda k: len(found[k].at), default=0)

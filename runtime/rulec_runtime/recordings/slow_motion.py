@@ -46,7 +46,7 @@ def _with_slow(
 
     Moving parts are cut into short pieces, since laws are not linear.
     """
-    if recording.interval > limits.SEEN_BETWEEN:
+    if recording.interval > limits.LARGEST_INTERVAL:
         return settled
     smooth = find_stretches(recording, ruleset, noise, ramps=True)
     samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0)))
@@ -73,7 +73,7 @@ def lag_errors(
     A rate within the noise, or with a negligible effect, counts as 0.
     """
     found: dict[str, Array] = {}
-    if recording.interval > limits.SEEN_BETWEEN:
+    if recording.interval > limits.LARGEST_INTERVAL:
         return found
     lag = lag_u(recording)
     between, _ = _apart(recording.time, stretches)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from rulec_runtime import limits
-from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.file_form import INFERRED, FileForm
 from rulec_runtime.recordings.arrays import GrowingCells, GrowingTimes
 from rulec_runtime.recordings.csv_table import (
     Column,
@@ -50,7 +50,7 @@ class TextTable:
     has_units: bool
     times: frozenset[str]
 
-    def read(self, raw: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+    def read(self, raw: Sequence[int], numbers: Sequence[int], form: FileForm = INFERRED) -> Table:
         """Read columns; rows with a wrong number of cells are left out, since none of their cells
         can be trusted. Raises `RecordingRefused`."""
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))

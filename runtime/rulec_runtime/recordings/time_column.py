@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rulec_runtime import limits as common
-from rulec_runtime.contract.file_form import AS_SEEN, START, FileForm, Order
+from rulec_runtime.contract.file_form import INFERRED, START, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
 from rulec_runtime.recordings import limits
@@ -176,7 +176,7 @@ def read_times(
     units: Mapping[str, UnitSpec],
     zone: str = "",
     notes: list[str] | None = None,
-    form: FileForm = AS_SEEN,
+    form: FileForm = INFERRED,
 ) -> tuple[Array, Array | None]:
     """Seconds, NaN where there is no time; second, for dates (since 1970), their zones as seconds
     ahead of UTC, NaN where a date names none.

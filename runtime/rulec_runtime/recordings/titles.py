@@ -174,7 +174,7 @@ def title_line(
     ones may change the answer. `times` are names of time columns.
     """
     found, first = list[TitleLine](), None
-    stated, in_sight, above = "", False, list[str]()
+    stated, promising, above = "", False, list[str]()
     for number, line in enumerate(lines):
         own, is_header = before_header(line)
         stated = own or stated
@@ -188,7 +188,7 @@ def title_line(
         if found and len(cells) >= len(above) and (timed or found[-1].likely):
             return replace(found[-1], likely=True)
         likely = are_titles(cells, times)
-        in_sight = in_sight or values or likely
+        promising = promising or values or likely
         found.append(TitleLine(number, separator, len(found), likely))
         first = first or (found[-1] if likely else None)
         above = cells
@@ -198,4 +198,4 @@ def title_line(
         if not (ended and found):
             return None
     best = found[-1] if found[-1].likely else first or found[0]
-    return replace(best, likely=in_sight)
+    return replace(best, likely=promising)

@@ -15,7 +15,7 @@ CHOSEN = "NUMBA_CACHE_DIR"
 """Environment variable that sets numba's folder."""
 
 
-def can_be_kept(source: str) -> bool:
+def can_be_cached(source: str) -> bool:
     """Whether the code compiled from a source file can be kept; if not, warn once."""
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     named = os.environ.get(CHOSEN)

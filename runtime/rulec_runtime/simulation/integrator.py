@@ -19,14 +19,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rulec_runtime.simulation.code_cache import can_be_kept
+from rulec_runtime.simulation.code_cache import can_be_cached
 from rulec_runtime.simulation.tape import Tape
 
 try:
-    KEPT = can_be_kept(__file__)
+    CACHED = can_be_cached(__file__)
     from numba import njit as compiled
 except ImportError:  # numba is optional at an operator's station: slow, but the same numbers
-    KEPT = False
+    CACHED = False
 
     def compiled(**_: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:  # type: ignore[no-redef]
         """Leave the function as it is."""
@@ -84,7 +84,7 @@ WEIGHTS = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
 and weights of the explicit method, in which each stage starts from the one before."""
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=CACHED, nogil=True, fastmath=False, error_model="numpy")
 def evaluate(
     first: int,
     codes: np.ndarray,
@@ -239,7 +239,7 @@ def _given(given: Given, j: int, sample: int, share: float) -> float:
     return u
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=CACHED, nogil=True, fastmath=False, error_model="numpy")
 def _follow(machine: Machine, past: Past, when: float, count: int) -> None:
     """Set states with a dead time to what they followed that much earlier, linear between nodes.
 
@@ -270,7 +270,7 @@ def _follow(machine: Machine, past: Past, when: float, count: int) -> None:
                 store[slot, c] -= steep * store[delay, c]
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=CACHED, nogil=True, fastmath=False, error_model="numpy")
 def _aim(machine: Machine, late: np.ndarray, weight: float, past: np.ndarray, node: int) -> None:
     """Add what states with a dead time follow now, as a lag would, to a node of the past."""
     tape, store, width = machine
@@ -331,7 +331,7 @@ def _linearised(machine: Machine, step: float, matrix: np.ndarray) -> float:
 
 
 @compiled(inline="always")
-def _seen_by_stages(
+def _shown_by_stages(
     k: np.ndarray, peak: np.ndarray, step: float
 ) -> tuple[float, float, float, float]:
     """What the stages of an explicit step show.
@@ -589,7 +589,7 @@ def _step(
         piece = (at // size, pieces)
         fastest, apart = _piece(machine, given, room, past, s, piece, stiff, fresh)
         if not stiff:
-            fastest, there, turn, bend = _seen_by_stages(k, peak, step)
+            fastest, there, turn, bend = _shown_by_stages(k, peak, step)
         rate = max(rate, fastest)
         fresh = False
         taken += 1
@@ -643,7 +643,7 @@ def _ran_away(x: np.ndarray) -> bool:
 
 
 @compiled(  # type: ignore[untyped-decorator] # numba tells no type of such an option
-    cache=KEPT, nogil=True, fastmath=False, error_model="numpy", **UNCOUNTED
+    cache=CACHED, nogil=True, fastmath=False, error_model="numpy", **UNCOUNTED
 )
 def _over_samples(
     machine: Machine,
@@ -679,7 +679,7 @@ def _over_samples(
     return taken
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=CACHED, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     tape: Tape,
     held: np.ndarray,

@@ -72,12 +72,12 @@ def _without_reason(
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if signal.is_input and values is not None:
-            held = [_held(signal, values[a - 1 : b + 1], noise[signal.id]) for a, b, _ in gaps]
-            gaps = gaps[np.array(held, dtype=bool)]
+            still = [_steady(signal, values[a - 1 : b + 1], noise[signal.id]) for a, b, _ in gaps]
+            gaps = gaps[np.array(still, dtype=bool)]
     return gaps
 
 
-def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
+def _steady(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
     level = float(np.median(values))
     floor = common.NO_CHANGE * float(systematic_u(signal, level))
     limit = max(common.JUMP * np.sqrt(2.0) * noise, floor)

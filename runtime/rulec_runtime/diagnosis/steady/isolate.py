@@ -165,12 +165,12 @@ def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, singles: b
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
-    within = _within_range(test)
-    evidence[~within] = -np.inf
+    in_range = _in_range(test)
+    evidence[~in_range] = -np.inf
     result.probability[:, chosen] = shares(evidence)
     # A change of the liquid explains most pairs of faults too, so pairs are tried beside it.
     own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
-    unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
+    unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & in_range[own].all(axis=0))
     if not singles and unexplained.any() and rank > 2:
         tried, found = _fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
         least = np.max(evidence[:, unexplained], axis=0, initial=-np.inf) + limits.SECOND_FAULT
@@ -180,7 +180,7 @@ def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, singles: b
             _take_pairs(tried, found, better, chosen[unexplained], test.ruleset.odds, result)
 
 
-def _within_range(test: HypothesisTest) -> np.ndarray:
+def _in_range(test: HypothesisTest) -> np.ndarray:
     """Whether a fault may explain every reading beyond its range, shape (faults, n).
 
     The equations hold in a range. A fault may move what it scales out of it; any other excursion is
@@ -188,13 +188,13 @@ def _within_range(test: HypothesisTest) -> np.ndarray:
     """
     faults = test.ruleset.faults
     members = test.members[0]
-    within = np.ones((len(faults), len(members)), dtype=bool)
+    in_range = np.ones((len(faults), len(members)), dtype=bool)
     for signal, flags in test.observed.extrapolated.items():
         observers = zip(test.ruleset.observers, test.valid, strict=True)
         is_read = any(usable and signal in observer.signals for observer, usable in observers)
         outside = flags[members] & is_read
-        within[[signal not in fault.scales for fault in faults]] &= ~outside
-    return within
+        in_range[[signal not in fault.scales for fault in faults]] &= ~outside
+    return in_range
 
 
 def _take_pairs(

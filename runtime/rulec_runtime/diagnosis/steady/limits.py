@@ -35,7 +35,7 @@ assumed."""
 
 # Sensor health: a reading against the others -----------------------------------------------------
 
-FREED_FROM, FREED_TO = 0.05, 3.0
+TRIED_FROM, TRIED_TO = 0.05, 3.0
 """Ends of the values tried, in references, where a sensor has no range. Origin: assumed."""
 
 STAND_IN_VALUES = 15
@@ -237,7 +237,7 @@ FAR_BEYOND = 10.0
 """A deviation this many times beyond the threshold of an alarm (in chi-square) need not persist.
 Origin: assumed."""
 
-HOLDS_TOGETHER = 0.05
+JOINS_A_RUN = 0.05
 """A cause more probable than this in every stretch holds a run together. Origin: assumed."""
 
 STRETCHES_COMPARED = 8

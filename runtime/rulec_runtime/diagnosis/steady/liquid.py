@@ -112,7 +112,7 @@ def _evidence(change: LiquidSpec, degree: float, warming: Warming | None) -> flo
         return 0.0
     needed = math.log1p(change.sign * min(degree, common.NEARLY_ALL if change.sign < 0 else degree))
     share = change.per_kelvin * warming.rise / needed
-    known_to = change.factor**common.COVERAGE
-    if share < 1.0 / known_to:
+    bound = change.factor**common.COVERAGE
+    if share < 1.0 / bound:
         return -limits.BY_TEMPERATURE
-    return limits.BY_TEMPERATURE if share <= known_to else 0.0
+    return limits.BY_TEMPERATURE if share <= bound else 0.0

@@ -68,7 +68,7 @@ def _continues(
         return True
     rests = islice((m for m in reversed(members) if m not in slow), limits.STRETCHES_COMPARED)
     recent = [*rests][::-1] or members[-limits.STRETCHES_COMPARED :]
-    common = (isolation.probability[:, [*recent, point]] > limits.HOLDS_TOGETHER).all(axis=1)
+    common = (isolation.probability[:, [*recent, point]] > limits.JOINS_A_RUN).all(axis=1)
     steady = [i for i in np.flatnonzero(common) if _steady(isolation, int(i), recent, point)]
     return len(steady) >= len(here.faults)
 

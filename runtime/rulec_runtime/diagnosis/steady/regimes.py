@@ -47,7 +47,7 @@ def regimes_of(ruleset: Ruleset, timeline: Timeline, points: Points) -> tuple[Re
         return ()
     found, out = [], _margins(ruleset, points)
     for regime in ruleset.regimes:
-        there, sure = _held(ruleset, regime, points, out)
+        there, sure = _fulfilled(ruleset, regime, points, out)
         for first, behind in _rows(there, timeline):
             if timeline.samples[first:behind].sum() >= limits.PERSISTENCE:
                 found.append(_finding(regime, timeline, sure, first, behind - 1))
@@ -67,7 +67,7 @@ def _margins(ruleset: Ruleset, points: Points) -> dict[str, Array]:
     return {name: np.broadcast_to(share, (len(points),)) for name, share in shares.items()}
 
 
-def _held(
+def _fulfilled(
     ruleset: Ruleset, regime: RegimeSpec, points: Points, out: Mapping[str, Array]
 ) -> tuple[np.ndarray, dict[str, Array]]:
     """Stretches in which a regime holds, shape (n,), and margins of its conditions, (n,) each."""

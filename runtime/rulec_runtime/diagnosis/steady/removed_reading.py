@@ -102,7 +102,7 @@ def ends_tried(signal: SignalSpec) -> tuple[float, float]:
     """Range of values tried for a reading, SI."""
     if signal.lowest is not None and signal.highest is not None:
         return signal.lowest, signal.highest
-    return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
+    return limits.TRIED_FROM * signal.reference, limits.TRIED_TO * signal.reference
 
 
 def of_samples(points: Points, stretches: Points, stretch: np.ndarray) -> Points:

@@ -45,9 +45,9 @@ def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
 
 def _without(chi: ChiSquare, free: Array) -> Array:
     """Chi-square if some of the flows, 1 in a table of shape (flows, n), are free."""
-    held = np.eye(len(free))[:, :, None] * (1.0 - free)
+    fixed = np.eye(len(free))[:, :, None] * (1.0 - free)
     slope = chi.slope * free
-    moved = solved(chi.curvature * free[:, None] * free + held, slope[:, None])[:, 0]
+    moved = solved(chi.curvature * free[:, None] * free + fixed, slope[:, None])[:, 0]
     gain = np.einsum("in,in->n", slope, moved)
     # Where these flows are unknown, there is no bound.
     return np.where(np.isfinite(gain), chi.value - gain, -np.inf)

@@ -57,7 +57,7 @@ def _information(
     certain, shared, whole = own.T @ own, own.T @ effect, effect.T @ effect
     certain[states:, states:] += np.eye(len(certain) - states)
     left: Array = whole - shared.T @ inverse(certain) @ shared
-    shown = np.diag(left) > limits.HIDDEN_EFFECT * np.diag(whole)
+    shown = np.diag(left) > limits.UNDETECTABLE_EFFECT * np.diag(whole)
     return np.where(np.outer(shown, shown), left, 0.0)
 
 

@@ -156,7 +156,7 @@ class Judge:
         explained, whole = plain.covariance @ shared, np.diag(every.information)[count:]
         information = whole - np.sum(shared * explained, axis=0)
         pull = every.pull[count:] - explained.T @ every.pull[:count]
-        return pull, np.where(information > limits.HIDDEN_EFFECT * whole, information, 0.0)
+        return pull, np.where(information > limits.UNDETECTABLE_EFFECT * whole, information, 0.0)
 
     def _test(
         self, one: Judged, before: Judged | None, name: str, degree: float, limit: float

@@ -45,7 +45,7 @@ REMARKABLE_MISFIT = 1.5
 EDGE_TIMES = 32
 """Times that are tried for the beginning or the end of a fault. Origin: assumed."""
 
-HIDDEN_EFFECT = 1e-9
+UNDETECTABLE_EFFECT = 1e-9
 """Share of a fault's effect that is left beside all errors below which it shows nothing. Origin:
 numerical."""
 

@@ -31,7 +31,7 @@ class LinesFile:
         self._path = path
         self._last: dict[str, int] = {}
         try:
-            self._file = self._opened()
+            self._file = self._open()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JournalRefused(f"{self.address}: {reason}") from None
@@ -50,7 +50,7 @@ class LinesFile:
             return
         try:
             if not self._file.still_there():
-                moved, self._file = self._file, self._opened()
+                moved, self._file = self._file, self._open()
                 moved.close()
             last = self.last(plant)
             if min(forms) <= last:
@@ -70,7 +70,7 @@ class LinesFile:
         """Release the file for other processes."""
         self._file.close()
 
-    def _opened(self) -> Appended:
+    def _open(self) -> Appended:
         """Open the file and remove a partial line that a killed process left.
 
         Raises OSError if it cannot be opened now, `JournalRefused` if it is not ours."""

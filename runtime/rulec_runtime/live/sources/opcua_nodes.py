@@ -92,12 +92,12 @@ def _unfit(value: ua.DataValue, channel: Channel) -> str:
     if is_gone(value):
         name = value.StatusCode.name
         return f"the server answers {name}; look the node up in its address space"
-    held: Any = None if value.Value is None else value.Value.Value
-    if isinstance(held, list | tuple):
+    content: Any = None if value.Value is None else value.Value.Value
+    if isinstance(content, list | tuple):
         if channel.index is None:
             return "the node holds an array; write 'index: 0' at the signal for its first number"
-        held = held[channel.index] if channel.index < len(held) else None
-    if held is None or isinstance(held, int | float):
+        content = content[channel.index] if channel.index < len(content) else None
+    if content is None or isinstance(content, int | float):
         return ""
     return f"the node holds {value.Value.VariantType.name}; a number is needed"
 
@@ -192,5 +192,5 @@ def _node(text: str, uris: Sequence[str]) -> ua.NodeId | None:
 
 def _value_text(value: ua.DataValue) -> str:
     good = value.StatusCode is not None and value.StatusCode.is_good()
-    held = value.Value.Value if good and value.Value is not None else None
-    return "" if held is None else str(held).strip()
+    content = value.Value.Value if good and value.Value is not None else None
+    return "" if content is None else str(content).strip()

@@ -181,17 +181,17 @@ def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
             return none, str(status.name)
         if not channel.uncertain:
             return none, f"{status.name}; write 'uncertain: accept' at the signal to use it"
-    held: Any = None if value.Value is None else value.Value.Value
-    if isinstance(held, list | tuple):
-        what = f"an array of {len(held)} values"
+    content: Any = None if value.Value is None else value.Value.Value
+    if isinstance(content, list | tuple):
+        what = f"an array of {len(content)} values"
         if channel.index is None:
             return none, f"{what}; write 'index: 0' at the signal for the first"
-        if channel.index >= len(held):
+        if channel.index >= len(content):
             return none, f"{what} has none at index {channel.index}"
-        held = held[channel.index]
-    if held is None:
+        content = content[channel.index]
+    if content is None:
         return none, "no value"
-    return (float(held), "") if isinstance(held, int | float) else (none, "no number")
+    return (float(content), "") if isinstance(content, int | float) else (none, "no number")
 
 
 async def discard(client: Client) -> None:

@@ -139,19 +139,19 @@ class TableStream:
         if not self._begun:
             refuse_words(self._path, rows[0], (header.time, *(t.index for t in header.targets)))
             self._settle(head, rows)
-        time, kept, found = self._clock.later(self._seconds([row[header.time] for row in rows]))
+        time, newer, found = self._clock.later(self._seconds([row[header.time] for row in rows]))
         found += self._impossible()
         self._see_qualities(rows)
-        if not kept.any():
+        if not newer.any():
             return list(found)
-        first = [] if self._begun else self._connected(header, float(time[kept][0]))
+        first = [] if self._begun else self._connected(header, float(time[newer][0]))
         self._begun = True
         values, odd = {}, []
         for target in header.targets:
             numbers, remarks = self._readings(head, target, rows)
-            values[target.signal] = numbers[kept]
+            values[target.signal] = numbers[newer]
             odd += remarks
-        return [*first, *odd, *found, Rows(time[kept], values)]
+        return [*first, *odd, *found, Rows(time[newer], values)]
 
     def _settle(self, head: TableHead, rows: list[list[str]]) -> None:
         """How each column writes numbers, by the first rows."""
