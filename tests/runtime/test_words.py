@@ -169,7 +169,7 @@ DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
 @pytest.mark.parametrize("case", DIAGNOSES)
 def test_a_diagnosis_is_told_as_reviewed(case: str) -> None:
     found = DIAGNOSES[case]()
-    page = f"<main>{''.join(map(part_html, html_findings.told(found)))}</main>"
+    page = f"<main>{''.join(map(part_html, html_findings.findings_parts(found)))}</main>"
     assert_as_reviewed(f"diagnosis {case}", told(explain, found), page, diagnosis_form(found))
 
 
