@@ -34,7 +34,7 @@ Found = Sequence[tuple[str, Mapping[str, float]]]
 
 
 @functools.cache
-def opened(plant: Path) -> ModelBuilder:
+def builder_of(plant: Path) -> ModelBuilder:
     """The builder of a plant, opened once."""
     return open_builder(plant)[1]
 
@@ -44,7 +44,7 @@ def mismatch(plant: Path, found: Found, **extra: Any) -> tuple[dict[str, Any], M
 
     All uncertain parameters of the plain plant are moved by a tenth of their uncertainty.
     """
-    builder = opened(plant)
+    builder = builder_of(plant)
     base, by_id = builder.parameters, {c.id: c for c in builder.candidates}
     joined, ids, values = [], [], []
     for name, given in found:
@@ -75,7 +75,7 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
     file = folder / "mismatch.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     repair = repair_of(read_form(file), file)
-    builder = opened(plant_of(read_form(file), file))
+    builder = builder_of(plant_of(read_form(file), file))
     assert builder.sources is not None
     with put_in_place(folder / "new") as place:
         write_plant(place, builder.sources, adoption_of(builder, repair), repair)
@@ -217,7 +217,7 @@ def left_out(folder: Path) -> str:
     """Reasons for what was not taken over."""
     file = folder / "mismatch.json"
     data = read_form(file)
-    adoption = adoption_of(opened(plant_of(data, file)), repair_of(data, file))
+    adoption = adoption_of(builder_of(plant_of(data, file)), repair_of(data, file))
     return "; ".join(reason for _, reason in adoption.left)
 
 
@@ -260,7 +260,7 @@ def test_a_curve_that_does_not_fit_is_refused(
 
 def test_a_curve_has_as_many_points_as_an_equation_holds() -> None:
     """However long the name of its driver, and whatever its numbers."""
-    builder = opened(PLANTS / "abc")
+    builder = builder_of(PLANTS / "abc")
     at = np.linspace(-1.234567e-3, 7.654321e-3, 60)
     for driver in ("A.n", "A.dp"):
         curve = curve_through("definition:A.P_law", driver, at, 1e-5 * np.sin(2e3 * at))
@@ -273,7 +273,7 @@ def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
     data, _ = mismatch(WITHOUT, [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})])
     new = adopted(tmp_path, data)
     assert 0 == main(["check", str(new)])
-    valve = next(c.id for c in opened(new).candidates if c.name == "relief-valve")
+    valve = next(c.id for c in builder_of(new).candidates if c.name == "relief-valve")
     again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
     (tmp_path / "second").mkdir()
     second = adopted(tmp_path / "second", again)

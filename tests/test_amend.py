@@ -19,7 +19,7 @@ from rulec.effects.places import parameter_values
 from rulec.effects.write_module import write_module
 from rulec.passes.lower import Lowering, lower_module
 from tests.conftest import ROOT, compiled
-from tests.test_adopt import PLANTS, WITHOUT, opened
+from tests.test_adopt import PLANTS, WITHOUT, builder_of
 
 
 def around(builder: ModelBuilder) -> dict[str, Array | float]:
@@ -38,7 +38,7 @@ def flows(outputs: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
 @pytest.mark.parametrize("plant", ["mixing-rig", "hsy-pumping", "zema-hydraulic"])
 def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
     """Straight from the tree or by way of sympy: observers and guards agree to 1e-12."""
-    ruleset, builder = compiled(plant), opened(PLANTS / plant)
+    ruleset, builder = compiled(plant), builder_of(PLANTS / plant)
     values = around(builder)
     known = dict.fromkeys(ruleset.plan.inputs, 1.0)
     expected = ruleset.plan.run({**known, **values})
@@ -57,7 +57,7 @@ def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
 def test_at_the_null_the_plain_relation_comes_back(plant: str, module: str) -> None:
     """Every candidate at every place it fits, whatever its other parameters are. Faults of the
     library are candidates with the ids of the ruleset."""
-    builder = opened(PLANTS / plant)
+    builder = builder_of(PLANTS / plant)
     values = around(builder) | {"time": 100.0}
     assert {f.id for f in compiled(plant).faults} == {
         c.id for c in builder.candidates if c.sort == "fault"
@@ -78,7 +78,7 @@ def test_at_the_null_the_plain_relation_comes_back(plant: str, module: str) -> N
 
 def test_slip_that_grows_with_temperature() -> None:
     """The plan of an amended module, against the formula written out by hand."""
-    builder = opened(WITHOUT)
+    builder = builder_of(WITHOUT)
     values = around(builder)
     name = "main.slip-temperature@Q_law"
     out = builder.plan("main", (name,)).run({**values, f"{name}.b": 0.03, f"{name}.T0": 310.0})
@@ -95,17 +95,17 @@ def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
 
     Friction over a flow divides by it: there the law beneath counts.
     """
-    builder = opened(PLANTS / "hsy-pumping")
+    builder = builder_of(PLANTS / "hsy-pumping")
     own = [c for c in builder.candidates if c.module == "P11" and not c.members]
     names = [c.id for c in own if c.place == "head" and c.sort != "fault"]
     assert len(names) > 2
-    told = [builder.equation("P11", joined, "head") for joined in itertools.permutations(names, 3)]
-    assert all("law" not in text and "/0" not in text for text in told)
+    laws = [builder.equation("P11", joined, "head") for joined in itertools.permutations(names, 3)]
+    assert all("law" not in text and "/0" not in text for text in laws)
 
 
 def test_a_corrected_reading_drives_what_is_joined_before_and_after() -> None:
     """The order of acceptance does not matter, and the reading counts everywhere as corrected."""
-    builder = opened(PLANTS / "mixing-rig")
+    builder = builder_of(PLANTS / "mixing-rig")
     values = around(builder)
     warm, offset = "A.slip-temperature@Q_geo", "A.offset-pressure@dp"
     own = {f"{warm}.b": 0.02, f"{warm}.T0": 290.0, f"{offset}.z": 2e4}
@@ -120,7 +120,7 @@ def test_a_corrected_reading_drives_what_is_joined_before_and_after() -> None:
 
 def test_base_parameters_carry_their_covariance() -> None:
     """Uncertain ones may be moved, with the correlations of the calibration; others are given."""
-    base = opened(PLANTS / "mixing-rig").parameters
+    base = builder_of(PLANTS / "mixing-rig").parameters
     assert set(base.ids) == set(base.sheet)
     place = {name: i for i, name in enumerate(base.ids)}
     first, second = place["M1.k0"], place["M1.k2"]
@@ -140,7 +140,7 @@ def test_base_parameters_carry_their_covariance() -> None:
 
 def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
     """An error of the head shifts the loss as far; as a place where something acts, one counts."""
-    builder = opened(PLANTS / "rse-boiler")
+    builder = builder_of(PLANTS / "rse-boiler")
     stated = {law.place: law.accuracy for law in builder.laws}
     assert {"head": 0.05, "opening": 0.1, "resistance": 0.08} == stated
     assert "head" not in {spot.place for spot in builder.locations}
@@ -148,10 +148,10 @@ def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
 
 @pytest.mark.parametrize(("share", "told"), [(0.5, []), (-0.5, ["KB125"])])
 def test_an_amended_type_says_what_its_new_parts_may_be(
-    share: float, told: list[str], tmp_path: Path
+    share: float, expected: list[str], tmp_path: Path
 ) -> None:
     """A share lies in its range; what a reading should be is no law that may be off by 5 %."""
-    builder = opened(PLANTS / "rse-boiler")
+    builder = builder_of(PLANTS / "rse-boiler")
     assert builder.sources is not None
     documents = builder.sources.by_kind["module"]
     (document,) = (d for d in documents if d.data["module"] == "pumped-valve-branch")
@@ -161,7 +161,7 @@ def test_an_amended_type_says_what_its_new_parts_may_be(
     brought = {n: replace(kind.parameters[n], value=v, u=0.1) for n, v in values.items()}
     text = write_module(document, kind, brought, [])
     (tmp_path / "kind.yaml").write_text(text, encoding="utf-8")
-    assert told == [d.code for d in collect([tmp_path])]
+    assert expected == [d.code for d in collect([tmp_path])]
     assert "range: [3, 300]" in text
     assert 'accuracy: "0 %, the class of the sensor says it"' in text
 

@@ -16,7 +16,7 @@ from rulec.calibration.fit import CalibrationRefused
 from rulec.cli import main
 from tests.conftest import ROOT, Capsys
 from tests.dosing import NOISE_FREE, RIGS, calibration_run, record, write_csv
-from tests.written import told_by, write_plant
+from tests.written import json_of, write_plant
 
 ABC = ROOT / "plants" / "abc"
 TRUTH = {"C0": 6.0, "C2": 2.0, "P0": 25.0, "P1": 0.095, "eta": 0.70, "k0": 0.05, "k2": 5.2e-6}
@@ -31,7 +31,7 @@ def _noise_free(folder: Path, change: Callable[[Any], dict[str, Any]] = dict) ->
 
 
 def _calibrate(recording: Path, folder: Path, plant: Path = ABC) -> dict[str, Any]:
-    return dict(told_by("calibrate", plant, recording, "-o", folder / "found.yaml")["modules"])
+    return dict(json_of("calibrate", plant, recording, "-o", folder / "found.yaml")["modules"])
 
 
 def test_noise_free_calibration_is_exact(tmp_path: Path) -> None:
@@ -97,17 +97,17 @@ def test_what_is_not_believed_is_written_by_force_alone(tmp_path: Path, capsys: 
     plant = _stated(tmp_path, "{C2: {value: 3.0, unit: l/h/bar**2, u: 0.1, source: test}}")
     target = tmp_path / "f.yaml"
     arguments = ["calibrate", str(plant), str(_noise_free(tmp_path)), "-o", str(target)]
-    (strain,) = told_by(*arguments, code=1)["strain"]
+    (strain,) = json_of(*arguments, code=1)["strain"]
     assert not target.exists()
     assert ("A.C2", 3.0, 0.1) == (strain["parameter"], strain["stated"], strain["u"])
     assert strain["distance"] == pytest.approx(10.0, rel=0.01)
     assert 0 == main([*arguments, "--force"])
     found = yaml.safe_load(target.read_text(encoding="utf-8"))["modules"]["A"]["parameters"]
     assert found["C2"]["value"] == pytest.approx(TRUTH["C2"], rel=1e-3)
-    told = capsys.readouterr().out
-    assert "A.C2 2 l/h/bar**2, sheet 3 ± 0.1: 10.0 u" in told
-    assert "rulec mismatch" in told
-    assert "\N{CHECK MARK}" not in told
+    output = capsys.readouterr().out
+    assert "A.C2 2 l/h/bar**2, sheet 3 ± 0.1: 10.0 u" in output
+    assert "rulec mismatch" in output
+    assert "\N{CHECK MARK}" not in output
     with pytest.raises(CalibrationRefused, match=r"A\.C2"):
         rulec.calibrate(plant, tmp_path / "r.csv").write(target)
 
@@ -147,9 +147,9 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(tmp_path: Path, capsys
     assert {"A.h1", "A.h2"} <= set(form["untold"])
     assert "A.h0" in form["moved"]
     found.tell(Console(width=200))
-    told = capsys.readouterr().out
-    assert "data-sheet value kept: A.h1, A.h2, " in told
-    assert " (only one operating point)" in told
+    output = capsys.readouterr().out
+    assert "data-sheet value kept: A.h1, A.h2, " in output
+    assert " (only one operating point)" in output
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.prove)])
@@ -192,8 +192,8 @@ def test_a_speed_at_which_no_point_fits_is_told(tmp_path: Path, capsys: Capsys) 
         return {**readings, "A.Q [l/h]": np.where(fast, 0.6, 1.0) * readings["A.Q [l/h]"]}
 
     _calibrate(_noise_free(tmp_path, throttled), tmp_path)
-    told = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"A\.pump: \d+ of \d+ points, those with A\.n from \S+ to \S+ rpm, were", told)
+    text = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"A\.pump: \d+ of \d+ points, those with A\.n from \S+ to \S+ rpm, were", text)
 
 
 def test_the_flow_in_a_main_is_not_what_is_dosed() -> None:
@@ -207,6 +207,6 @@ def test_a_module_that_stood_keeps_its_values(tmp_path: Path, capsys: Capsys) ->
     """Where one of several pumps never ran, the others are calibrated, and this one is named."""
     write_plant(tmp_path, {"A": "dosing-pcp", "B": "dosing-pcp", "C": "pump-set"})
     file = _noise_free(tmp_path, lambda r: {**r, "C.Q [l/min]": 0 * r["A.Q [l/h]"]})
-    found = told_by("calibrate", tmp_path, file, "--force", "-o", tmp_path / "f.yaml")
+    found = json_of("calibrate", tmp_path, file, "--force", "-o", tmp_path / "f.yaml")
     assert "left unchanged: C\n" in capsys.readouterr().out
     assert {"A", "B"} == set(found["modules"])

@@ -20,12 +20,12 @@ HEALTHY = ABC / "examples" / "healthy.csv"
 
 
 @functools.cache
-def opened(plant: Path) -> Any:
+def loaded(plant: Path) -> Any:
     return open_builder(plant)
 
 
 def facts(recording: Path, plant: Path = ABC) -> Facts:
-    ruleset, builder = opened(plant)
+    ruleset, builder = loaded(plant)
     return facts_of(recording, ruleset, sought_of(builder.matches))
 
 
@@ -83,9 +83,9 @@ def test_command_tells_files_and_recording(
     assert f"{ABC}: no mistakes" in out
     assert "without A.P_el (not in the recording): no A.power" in out
     assert main(["check", str(ABC), str(file), "--format", "json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["found"] == []
-    assert told["recordings"][str(file)]["lacks"][0]["signal"] == "A.P_el"
+    output = json.loads(capsys.readouterr().out)
+    assert output["found"] == []
+    assert output["recordings"][str(file)]["lacks"][0]["signal"] == "A.P_el"
 
 
 def test_doubts_and_mistakes_in_sarif(tmp_path: Path, capsys: Capsys, monkeypatch: Patch) -> None:

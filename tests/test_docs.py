@@ -26,7 +26,7 @@ from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.limits import UNSURE
 from tests.conftest import ROOT, compiled
-from tests.written import told_by
+from tests.written import json_of
 
 BLOCK = re.compile(
     r'^```(?P<kind>\w+)(?: title="(?P<title>.*?)")?\n(?P<text>.*?)^```', re.MULTILINE | re.DOTALL
@@ -155,8 +155,8 @@ def test_all_commands_of_a_page_run(page: Path) -> None:
         if page.stem == HOUR:
             found = json.loads(Path(file).read_text(encoding="utf-8"))
             (effect,) = found["effects"]
-            told = (found["verdict"], *(effect[k] for k in ("effect", "module", "sort")))
-            assert (verdict, "slip-viscosity", "A", "physics") == told
+            named = (found["verdict"], *(effect[k] for k in ("effect", "module", "sort")))
+            assert (verdict, "slip-viscosity", "A", "physics") == named
             assert {"slip-temperature"} >= {rival["effect"] for rival in effect["alternatives"]}
             assert effect["parameters"]["m"]["lower"] <= 1.0 <= effect["parameters"]["m"]["upper"]
 
@@ -236,7 +236,7 @@ def test_a_plant_is_clean_and_its_readme_right(
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "120")
     ((command, shown),) = (step for step in steps_of(page) if isinstance(step[0], str))
-    (finding,) = told_by(*shlex.split(command)[1:])["findings"]
+    (finding,) = json_of(*shlex.split(command)[1:])["findings"]
     printed = _squeezed(capsys.readouterr().out)
     assert all(_squeezed(line) in printed for line in shown.splitlines())
     assert finding["fault"] in shown.splitlines()[0]

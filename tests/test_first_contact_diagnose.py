@@ -15,7 +15,7 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.cli import main
 from tests.method.readings import calibrated
 from tests.rig.follower.plants import part_of
-from tests.written import told_by, write_columns, write_plant
+from tests.written import json_of, write_columns, write_plant
 
 HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
 """Head of the pump; usually known to 1.5 %."""
@@ -63,7 +63,7 @@ def said(folder: Path, ruleset: Ruleset, recording: Path) -> tuple[dict[str, Any
     """The diagnosis as JSON, and the heading of its page."""
     made, page = folder / "r.ruleset.json", folder / "d.html"
     made.write_text(ruleset.to_json(), encoding="utf-8")
-    found = told_by("diagnose", made, recording, "--report", page)
+    found = json_of("diagnose", made, recording, "--report", page)
     return found, page.read_text(encoding="utf-8").partition("<h1>")[2].partition("<")[0]
 
 
@@ -100,17 +100,17 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     file, ruleset = recorded(tmp_path, 1.1), knowing(rules(tmp_path), *METERS)
     found, heading = said(tmp_path, ruleset, file)
     assert ("S", []) == (found["status"], found["findings"])
-    (told,) = found["unknown"]
-    assert told["from_sheet"]
-    assert told["text"].startswith("pump is not as its sheet says, from the first sample")
-    (off,) = told["disagree"]
+    (unknown,) = found["unknown"]
+    assert unknown["from_sheet"]
+    assert unknown["text"].startswith("pump is not as its sheet says, from the first sample")
+    (off,) = unknown["disagree"]
     assert "pump.head-flow" == off["residual"]
     assert off["threshold"] < off["share"] < 0.3
     assert "is not as its sheet says" in capsys.readouterr().out
     assert "Not as its sheet says, from the first sample" == heading
     recording = read_recording(file, ruleset)
     *_, watched = follow(ruleset, nothing_yet(False), part_of(recording, 0, len(recording)))
-    assert [told["text"]] == [period.text for period in watched.diagnosis.unknown]
+    assert [unknown["text"]] == [period.text for period in watched.diagnosis.unknown]
 
 
 def test_a_sheet_that_knows_little_judges_nothing(tmp_path: Path) -> None:

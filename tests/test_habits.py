@@ -92,7 +92,7 @@ def test_progress_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     for what is done soon, then a bar; brackets are no markup; quiet says nothing."""
     monkeypatch.setattr(limits, "LINE_EVERY", 0.001)
     monkeypatch.setattr(limits, "DRAWN_EVERY", 0.001)
-    pipe, file = Told(), Told()
+    pipe, file = Watched(), Watched()
     with Progress("rulec study", "judging", console=Terminal(file=pipe, width=40)) as progress:
         progress("judging", 3, 4)
         pipe.wait_for("3 of 4")
@@ -112,7 +112,7 @@ def test_progress_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     assert before == file.getvalue()
 
 
-class Told(io.StringIO):
+class Watched(io.StringIO):
     """A file that somebody waits for."""
 
     def __init__(self) -> None:

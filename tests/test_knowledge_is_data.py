@@ -74,10 +74,10 @@ ALLOWED = {
 
 def test_no_code_names_knowledge() -> None:
     """Whole words in identifiers and strings against the names of kb/."""
-    told = [
+    names = [
         f"{file}:{line}: {word}"
         for file in FILES
         for line, word in words(file)
         if named(word) - set(ALLOWED)
     ]
-    assert [] == told
+    assert [] == names

@@ -170,16 +170,16 @@ def refused(line: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> tupl
 def test_a_command_is_refused(
     line: str, code: int, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found, told = refused(line, folder, capsys)
+    found, output = refused(line, folder, capsys)
     assert code == found
-    assert said in told
-    assert "--heldout" not in line or 1 == len(told.splitlines())
+    assert said in output
+    assert "--heldout" not in line or 1 == len(output.splitlines())
 
 
 @pytest.mark.parametrize(("line", "text", "said"), FILES)
 def test_a_file_is_refused(line: str, text: str, said: str, folder: Path, capsys: Capsys) -> None:
     (name,) = (word for word in line.split() if word.startswith("given."))
     (folder / name).write_text(text, encoding="utf-8")
-    code, told = refused(line, folder, capsys)
+    code, output = refused(line, folder, capsys)
     assert code == 1
-    assert said in told
+    assert said in output

@@ -42,7 +42,7 @@ def test_every_page_is_in_the_navigation_and_fetches_nothing(built: Path) -> Non
 
 def test_the_reference_is_made(built: Path) -> None:
     """Of commands, files, the library with its curves, JSON forms and functions."""
-    for page, *told in (
+    for page, *expected in (
         ("commands", "rulec import mtp", "rulec-runtime watch", "--heldout FROM:TO"),
         ("yaml", "signals", "Standard uncertainty", "offset"),
         ("library", "gear-pump", "clearance-wear(Q_slip)", "Wilson 1946"),
@@ -50,7 +50,7 @@ def test_the_reference_is_made(built: Path) -> None:
         ("python", "rulec.diagnose", "rulec.MismatchResult", "RecordingRefused"),
     ):
         text = re.sub(r"<[^>]+>", "", (built / f"reference/{page}.html").read_text("utf-8"))
-        assert [] == [word for word in told if word not in text]
+        assert [] == [word for word in expected if word not in text]
     library = (built / "reference" / "library.html").read_text(encoding="utf-8")
     sections = re.split(r"<h2 id=", library)[1:]
     drawn = {part.split('"')[1] for part in sections if "<polyline" in part}

@@ -22,7 +22,7 @@ from rulec.study.points import operating_points, range_of
 from rulec.study.summary import percent, reliable_from, rows_of, sentences
 from rulec.study.tally import Tally, tally, upper_bound
 from tests.conftest import ROOT, compiled
-from tests.written import told_by
+from tests.written import json_of
 
 ABC = ROOT / "plants" / "abc"
 TYPES = {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"}
@@ -32,7 +32,7 @@ TYPES = {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"}
 def tiny() -> dict[str, Any]:
     """A study of one recording per fault, in this process."""
     asked = ("--degrees", "0.3", "--points", "1", "--seeds", "1", "--jobs", "1")
-    return dict(told_by("study", ABC, *asked))
+    return dict(json_of("study", ABC, *asked))
 
 
 def test_counts_add_up(tiny: dict[str, Any]) -> None:
@@ -152,12 +152,12 @@ def test_summary_says_what_the_counts_mean() -> None:
 def test_the_function_gives_what_the_command_writes(tiny: dict[str, Any]) -> None:
     """On any number of processes; and tables of it. A number that makes no sense is refused with
     the words of the command."""
-    told: list[str] = []
+    lines: list[str] = []
     done: list[Any] = []
-    asked: dict[str, Any] = {"degrees": [0.3], "points": 1, "seeds": 1, "announce": told.append}
+    asked: dict[str, Any] = {"degrees": [0.3], "points": 1, "seeds": 1, "announce": lines.append}
     found = rulec.study(ABC, jobs=2, progress=lambda *one: done.append(one), **asked)
     assert tiny == json.loads(json.dumps(found.to_dict()))
-    assert told[0].startswith("abc: ")
+    assert lines[0].startswith("abc: ")
     assert done[-1][1] == done[-1][2]
     assert len(found.to_frame(backend="pandas")) == len(tiny["faults"])
     assert "False alarms: 0 of 20 healthy recordings" in str(found)

@@ -45,8 +45,8 @@ def test_impossible_requests_are_refused() -> None:
     slow = {"A": np.full(3, 300 * RPM), "B": np.full(3, 900 * RPM)}
     with pytest.raises(ValueError, match="no operating point"):
         record(Run(plant, Operation(np.arange(3.0), slow)))
-    for fault, told in (("C.leakage", "no fault 'C.leakage'"), ("A.widening", "needs 3 degrees")):
-        with pytest.raises(ValueError, match=told):
+    for fault, why in (("C.leakage", "no fault 'C.leakage'"), ("A.widening", "needs 3 degrees")):
+        with pytest.raises(ValueError, match=why):
             record(Run(ABC, healthy_run(ABC, 3).operation, {fault: np.ones(3)}))
     with pytest.raises(ValueError, match="no operating point"):
         record(Run(plant, Operation(np.arange(3.0), slow | {"A": np.full(3, np.nan)})))

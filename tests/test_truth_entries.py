@@ -125,7 +125,7 @@ def settled(kind: str) -> Scene:
     return scene(rig, 4, 120, "steps")
 
 
-def flows_told(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray]:
+def flows_of_plan(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray]:
     """Flow over the true one, by each observer of the tool with its entry built in."""
     even = TABLE["settled"][name]
     module, drawn = even.get("module", "A"), settled(even["kind"])
@@ -145,9 +145,9 @@ def flows_told(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray]:
     shown = drawn.shown(truth, made.changes)
     values: dict[str, Any] = {**truth, **shown, **drawn.values, "time": drawn.time}
     values |= {f"{entry}.{n}": v for n, v in stated.items()}
-    told = plan.run({n: values[n] for n in plan.inputs if n in values})
+    flows = plan.run({n: values[n] for n in plan.inputs if n in values})
     true, lead = truth[f"{module}.Q"], f"q:{module}."
-    return {n.removeprefix(lead): np.asarray(v / true) for n, v in told.items() if lead in n}
+    return {n.removeprefix(lead): np.asarray(v / true) for n, v in flows.items() if lead in n}
 
 
 def own_of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -169,11 +169,11 @@ belongs to the flow that leaves, in the truth to the flow through the impeller."
 )
 def test_an_entry_of_settled_plants_does_what_the_truth_does(name: str, tmp_path: Path) -> None:
     """With the same numbers every observer tells the true flow; without the entry one does not."""
-    plain = flows_told(name, tmp_path / "plain", False)[TABLE["settled"][name]["observer"]]
+    plain = flows_of_plan(name, tmp_path / "plain", False)[TABLE["settled"][name]["observer"]]
     assert np.max(np.abs(plain - 1.0)) > 2e-3
-    told = flows_told(name, tmp_path / "joined", True)
-    assert TABLE["settled"][name]["observer"] in told
-    for observer, flow in told.items():
+    flows = flows_of_plan(name, tmp_path / "joined", True)
+    assert TABLE["settled"][name]["observer"] in flows
+    for observer, flow in flows.items():
         right = flow == pytest.approx(1.0, abs=1e-6)
         assert right or (name, observer) == ("worn-rings", BACK_THROUGH_THE_IMPELLER)
 

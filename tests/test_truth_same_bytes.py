@@ -76,14 +76,14 @@ def _digits(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def told_of(case: Case) -> str:
+def content_of(case: Case) -> str:
     """Over the answer, numbers to three digits: machines round differently."""
     answer = json.loads(case.answer.to_json(), parse_float=lambda text: f"{float(text):.2e}")
     return _digits(json.dumps(answer, sort_keys=True).encode())
 
 
 def both_of(case: Case, folder: Path) -> str:
-    return f"{digest_of(case, folder)} {told_of(case)}"
+    return f"{digest_of(case, folder)} {content_of(case)}"
 
 
 @pytest.mark.parametrize("group", SETTLED)

@@ -37,7 +37,7 @@ def read_columns(file: Path) -> dict[str, Any]:
     return {title: column.to_numpy(dtype=float) for title, column in pd.read_csv(file).items()}
 
 
-def told_by(*words: object, code: int = 0) -> Any:
+def json_of(*words: object, code: int = 0) -> Any:
     """The JSON of a command."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "told.json"

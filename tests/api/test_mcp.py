@@ -59,9 +59,9 @@ def test_tools_answer(ask: Ask, plants: Path) -> None:
     assert not found.is_error
     own = rulec.diagnose(plants / ABC, plants / LEAKAGE)
     assert own.to_dict()["findings"] == found.structured_content["findings"]
-    told = ask("explain", plant=ABC, recording=LEAKAGE).content[0].text
-    assert str(own) == told
-    assert "leakage" in told
+    text = ask("explain", plant=ABC, recording=LEAKAGE).content[0].text
+    assert str(own) == text
+    assert "leakage" in text
     listed = ask("knowledge", plant=ABC).structured_content
     assert "leakage" in listed["fault"]
     one = ask("knowledge", plant=ABC, name="leakage").structured_content

@@ -17,7 +17,7 @@ import rulec
 from rulec.cli import main
 from rulec.commands import result
 from tests.conftest import ROOT, SOURCES, Capsys
-from tests.written import told_by
+from tests.written import json_of
 
 ABC = ROOT / "plants" / "abc"
 EXAMPLES = ABC / "examples"
@@ -42,11 +42,11 @@ def explained() -> rulec.MismatchResult:
 
 def test_data_are_those_of_the_command(tmp_path: Path) -> None:
     """Diagnosis and calibration, value by value."""
-    assert found().to_dict() == told_by("diagnose", ABC, LEAKAGE)
+    assert found().to_dict() == json_of("diagnose", ABC, LEAKAGE)
     file = EXAMPLES / "calibration.csv"
     fitted = rulec.calibrate(ABC, file)
     written = tmp_path / "calibration.yaml"
-    assert fitted.to_dict() == told_by("calibrate", ABC, file, "-o", written)
+    assert fitted.to_dict() == json_of("calibrate", ABC, file, "-o", written)
     assert fitted.text == written.read_text(encoding="utf-8")
     assert "A: the pump delivers 60 % less than its characteristic predicts" in str(found())
 

@@ -10,7 +10,7 @@ import yaml
 
 from rulec.commands.check_files import collect
 from rulec.passes.pipeline import compile_plant
-from tests.written import told_by, write_plant
+from tests.written import json_of, write_plant
 
 NB = """\
 Q [m3/h],H [m],eta [%],P2 [kW],P_el [kW],NPSHr [m],n [rpm]
@@ -51,7 +51,7 @@ def imported(folder: Path, file: str, *more: str, kind: str = TYPE, code: int = 
     """The machine form; the module stands in folder/kb/own.yaml."""
     (folder / "kb").mkdir(exist_ok=True)
     target = folder / "kb" / "own.yaml"
-    return told_by("import", "curve", file, "--type", kind, "-o", target, *more, code=code)
+    return json_of("import", "curve", file, "--type", kind, "-o", target, *more, code=code)
 
 
 def law(found: Any, name: str) -> dict[str, Any]:

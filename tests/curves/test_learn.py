@@ -14,7 +14,7 @@ from rulec.cli import main
 from rulec.commands.check_files import collect
 from tests.conftest import ROOT
 from tests.rig import real
-from tests.written import told_by, write_columns, write_plant
+from tests.written import json_of, write_columns, write_plant
 
 TYPE = """\
 module: own-valve
@@ -127,10 +127,10 @@ def test_the_command_writes_the_type(plant: Path, capsys: Any) -> None:
     file = write_columns(plant / "day.csv", day)
     target = plant / "kb" / "learnt.yaml"
     asked = ["calibrate", str(plant), str(file), "--learn", "M.Kv", "-o", str(target)]
-    assert told_by(*asked)["dropped"] == ["Kvs"]
-    told = " ".join(capsys.readouterr().out.split())
-    assert "no data from 0 to 2" in told
-    assert "give M the type learnt" in told
+    assert json_of(*asked)["dropped"] == ["Kvs"]
+    output = " ".join(capsys.readouterr().out.split())
+    assert "no data from 0 to 2" in output
+    assert "give M the type learnt" in output
     assert [] == [one for one in collect([target]) if not one.doubt]
     assert 2 == main([*asked[:3], "-o", str(target), "--over", "x"])
 

@@ -55,7 +55,7 @@ def test_a_study(elsewhere: Engine) -> None:
 
 def test_a_proof(elsewhere: Engine, tmp_path: Path) -> None:
     """The same seals, the same files, the same judgement."""
-    told = []
+    results = []
     for engine, name in ((Engine(), "local"), (elsewhere, "dask")):
         work = tmp_path / name
         work.mkdir()
@@ -65,8 +65,8 @@ def test_a_proof(elsewhere: Engine, tmp_path: Path) -> None:
             (folder / FORM).write_text(NOTHING, encoding="utf-8")
         found = proof.judged(seals)
         files = {f.relative_to(work): f.read_bytes() for f in work.rglob("*") if f.is_file()}
-        told.append((seals, found, files))
-    local, dask = told
+        results.append((seals, found, files))
+    local, dask = results
     assert local == dask
     assert all(local[0])
 

@@ -70,8 +70,8 @@ def test_files_are_plain_and_say_where_they_are_from() -> None:
     assert text.isascii()
     assert max(map(len, text.splitlines())) < 110
     assert not any(word in text for word in ("malloc(", "static ", "goto ", "NAN"))
-    for told in ("Module A", "dosing-pcp.yaml", ruleset.sources, "A.pump = Q_geo", "Eq. 1"):
-        assert told in source(code)[:1500]
+    for part in ("Module A", "dosing-pcp.yaml", ruleset.sources, "A.pump = Q_geo", "Eq. 1"):
+        assert part in source(code)[:1500]
     assert "acme-pumps 1.2 d0d0" in source(code)[:1500]
 
 

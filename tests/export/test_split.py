@@ -87,13 +87,13 @@ def test_an_unfit_reading_is_left_out(tmp_path: Path) -> None:
     ],
 )
 def test_what_does_not_suffice_is_refused(
-    change: dict[str, str | None], told: str, tmp_path: Path
+    change: dict[str, str | None], expected: str, tmp_path: Path
 ) -> None:
     """With what is missing."""
     columns = results().drop(columns=[name for name, to in change.items() if to is None])
     columns = columns.rename(columns={name: to for name, to in change.items() if to})
     columns = columns.assign(**dict.fromkeys((n for n, to in change.items() if to == ""), "x"))
-    with pytest.raises(RecordingRefused, match=told.replace("[", r"\[")):
+    with pytest.raises(RecordingRefused, match=expected.replace("[", r"\[")):
         diagnose_results(read(columns, tmp_path), compiled("abc"))
 
 

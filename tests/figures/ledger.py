@@ -74,7 +74,7 @@ def read_ledger(file: Path = FILE) -> Ledger:
     )
     wrong = [f"'{n}' stands twice" for n, k in Counter(m.id for m in entries).items() if k > 1]
     for measurement in entries:
-        wrong += [f"{measurement.id}: {told}" for told in _mistakes(measurement, ledger)]
+        wrong += [f"{measurement.id}: {mistake}" for mistake in _mistakes(measurement, ledger)]
     if wrong:
         raise ValueError(f"{file}: " + "; ".join(wrong))
     return ledger

@@ -60,16 +60,16 @@ def test_a_wrong_figure_on_a_page_is_told(ledger: Ledger, copy: Path) -> None:
     page.write_text(text.replace(row, row.replace(was, "71", 1)), encoding="utf-8")
     assert [f"docs/proof.md: {PLACE}:.0%: prints 71, measured {was}"] == misprints(ledger, copy)
     page.write_text(text.replace(row, ""), encoding="utf-8")
-    (told,) = misprints(ledger, copy)
-    assert told.startswith("docs/proof.md: nowhere found: | right fault named")
+    (misprint,) = misprints(ledger, copy)
+    assert misprint.startswith("docs/proof.md: nowhere found: | right fault named")
 
 
 def test_a_new_number_is_told(ledger: Ledger, copy: Path) -> None:
     """A claim without a figure, in prose and in a table; what is code is no claim."""
     with (copy / "README.md").open("a", encoding="utf-8") as file:
         file.write("\nIt finds 97 % of `all 12` leaks.\n\n| speed | 812 |\n")
-    told = list(unclaimed(ledger, copy))
-    assert [": 97 in ", ": 812 in "] == [n[n.index(": ") : n.index("'")] for n in told]
+    numbers = list(unclaimed(ledger, copy))
+    assert [": 97 in ", ": 812 in "] == [n[n.index(": ") : n.index("'")] for n in numbers]
 
 
 def test_a_new_measurement_is_written_everywhere(
@@ -117,12 +117,12 @@ def test_a_figure_grows_stale_with_its_rooms(
 
 def test_a_ledger_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
     text = FILE.read_text(encoding="utf-8")
-    for was, becomes, told in (
+    for was, becomes, expected in (
         ("kind: quoted", "kind: heard", "paper: kind 'heard'"),
         ("[compiler]", "[nothing]", "compile: no room nothing"),
         ("id: hsy", "id: zema", "'zema' stands twice"),
         ("{settled:.0f}", "{set:.0f}", "printed without a value, or a value that no page"),
     ):
         (tmp_path / "it.yaml").write_text(text.replace(was, becomes, 1), encoding="utf-8")
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=expected):
             read_ledger(tmp_path / "it.yaml")

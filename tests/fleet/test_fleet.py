@@ -77,19 +77,19 @@ def here(fleet: Fleet) -> dict[Task, Row]:
 
 def test_every_plant_day_has_a_row(here: dict[Task, Row]) -> None:
     """What cannot be judged says why, and stops nobody else."""
-    told = {(row["plant"], row["day"]): row for row in here.values()}
-    assert RECORDED.keys() == told.keys()
-    leak = told["P2", "2026-01-01"]
+    rows = {(row["plant"], row["day"]): row for row in here.values()}
+    assert RECORDED.keys() == rows.keys()
+    leak = rows["P2", "2026-01-01"]
     assert {"A.leakage"} == {f["fault"] for f in leak["findings"]}
     assert leak["status"] == "M"
     assert 0.0 < leak["health"] < 1.0
     assert {"ok", "A.leakage"} <= {run["verdict"] for run in leak["trace"]}
     assert sum(run["samples"] for run in leak["trace"]) == leak["samples"]
-    assert (1.0, "ok") == (told["P1", "2026-01-01"]["health"], told["P1", "2026-01-01"]["status"])
-    assert " not recorded" in told["P4", "2026-01-01"]["reason"]
-    assert told["P4", "2026-01-01"]["health"] is None
-    assert told["P4", "2026-01-02"]["status"] == "unread"
-    assert "broken.parquet" in told["P4", "2026-01-02"]["reason"]
+    assert (1.0, "ok") == (rows["P1", "2026-01-01"]["health"], rows["P1", "2026-01-01"]["status"])
+    assert " not recorded" in rows["P4", "2026-01-01"]["reason"]
+    assert rows["P4", "2026-01-01"]["health"] is None
+    assert rows["P4", "2026-01-02"]["status"] == "unread"
+    assert "broken.parquet" in rows["P4", "2026-01-02"]["reason"]
 
 
 def killed_once(results: Iterator[tuple[Task, Row]], kill: Any) -> dict[Task, Row]:
@@ -162,17 +162,17 @@ def test_what_is_done_is_not_done_again(
     assert main(call) == 0
     assert 3 + 1 + len(here) - 3 == len(done)
     assert first == contents(home / "few.results")
-    told = json.loads((home / "told.json").read_text())
-    assert "2 of 4 plants need attention: P1 first" in told["verdict"]
-    assert "P4" in {one["plant"] for one in told["not_judged"]}
+    report = json.loads((home / "told.json").read_text())
+    assert "2 of 4 plants need attention: P1 first" in report["verdict"]
+    assert "P4" in {one["plant"] for one in report["not_judged"]}
     table = pyarrow.parquet.read_table(home / "few.results/findings").to_pylist()
     assert {("P1", "A.leakage"), ("P2", "A.leakage")} == {(r["plant"], r["fault"]) for r in table}
     page = (home / "few.results/ranking.html").read_text()
-    assert f">{told['verdict']}</h1>" in page
+    assert f">{report['verdict']}</h1>" in page
     file = home / "recordings/plant=P2/day=2026-01-02/healthy.csv"
     os.utime(file, ns=(1, 1))
     monkeypatch.setattr(
-        command, "judged", lambda _, tasks, *more: [(t, known_as(here, t)) for t in tasks]
+        command, "judged", lambda _, tasks, *more: [(t, row_of(here, t)) for t in tasks]
     )
     assert main(call[:2]) == 0
     assert "1 is done" not in capsys.readouterr().err
@@ -180,7 +180,7 @@ def test_what_is_done_is_not_done_again(
     assert len([*days.iterdir()]) == 1
 
 
-def known_as(here: dict[Task, Row], task: Task) -> Row:
+def row_of(here: dict[Task, Row], task: Task) -> Row:
     """What is told of a plant-day whose file was touched."""
     (row,) = (r for t, r in here.items() if (t.plant, t.day) == (task.plant, task.day))
     return row | {"key": task.key}

@@ -53,8 +53,8 @@ def test_laws_give_what_their_sources_say(name: str, point: dict[str, Any]) -> N
     found = values_at(kind, in_si(kind, point["given"]))
     for what, expected in point["gives"].items():
         share = point.get("within") or stated(kind, what)
-        told = knowledge().units.parse(point["in"]).from_si(found[what])
-        assert math.isclose(told, expected, rel_tol=share, abs_tol=NOTHING), (what, told, expected)
+        si = knowledge().units.parse(point["in"]).from_si(found[what])
+        assert math.isclose(si, expected, rel_tol=share, abs_tol=NOTHING), (what, si, expected)
 
 
 PUMPS = plain_yaml(ROOT / "tests/kb/library_pumps.yaml")
@@ -116,9 +116,9 @@ def test_a_law_keeps_to_what_is_published(name: str, check: Mapping[str, Any]) -
     stated_there = {**check.get("parameters", {}), **check.get("liquid", {})}
     given = {"T": 293.15} | {name: si(text) for name, text in stated_there.items()}
     for point in rows(check):
-        told = point.pop(check["gives"])
+        published = point.pop(check["gives"])
         found = values_at(kind, {**given, **point})[check["gives"]]
-        assert found == pytest.approx(told, rel=within), point
+        assert found == pytest.approx(published, rel=within), point
 
 
 def stores(name: str) -> bool:
@@ -193,5 +193,5 @@ def test_a_fault_goes_the_way_it_is_told(plant: Ruleset, name: str) -> None:
     slopes = {(cell.fault, cell.residual): cell.sensitivity for cell in plant.cells}
     for fault, (place, sign) in PUMPS[name]["signs"].items():
         beside, residual = place.startswith("beside."), place.removeprefix("beside.")
-        told = slopes[f"{module}.{fault}", f"{module}{'_beside' * beside}.{residual}"]
-        assert told * sign > 0.0, (fault, told)
+        slope = slopes[f"{module}.{fault}", f"{module}{'_beside' * beside}.{residual}"]
+        assert slope * sign > 0.0, (fault, slope)

@@ -205,9 +205,9 @@ def test_skeleton_passes_the_check(kind: str) -> None:
 
 
 def test_the_next_step_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    for words, told in ((["plant", "x"], "next: rulec check x"), (["module", "y"], "y.yaml")):
+    for words, expected in ((["plant", "x"], "next: rulec check x"), (["module", "y"], "y.yaml")):
         assert main(["init", *words]) == 0
-        assert told in capsys.readouterr().out
+        assert expected in capsys.readouterr().out
 
 
 def test_a_plant_begins_like_a_shipped_one() -> None:

@@ -32,15 +32,15 @@ def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
 
 def followed(rules: Ruleset, recording: Recording, ends: Iterable[int]) -> list[Update]:
     """What is told as rows come, up to each of some numbers of them."""
-    memory, told = nothing_yet(False), list[Update]()
+    memory, updates = nothing_yet(False), list[Update]()
     for first, last in pairwise([0, *ends]):
-        told += follow(rules, memory, part_of(recording, first, last))
-        memory = told[-1].memory
-    return told
+        updates += follow(rules, memory, part_of(recording, first, last))
+        memory = updates[-1].memory
+    return updates
 
 
-def events_of(told: Iterable[Update], kind: str = "") -> list[Event]:
-    return [e for one in told for e in one.events if kind in ("", e.episode.kind)]
+def events_of(updates: Iterable[Update], kind: str = "") -> list[Event]:
+    return [e for one in updates for e in one.events if kind in ("", e.episode.kind)]
 
 
 def active(memory: Memory) -> list[Episode]:
@@ -54,8 +54,8 @@ def test_a_fault_that_outlasts_a_gap_is_told_once_and_soon(step: int) -> None:
     some = first_rows(recording, 25)
     some = replace(some, time=some.time + 100.0 * (some.time > 15.0))
     events = events_of(followed(rules, some, range(step, 25 + step, step)))
-    told = [(e.number, e.what, e.episode.subject, e.episode.since) for e in events]
-    assert told == [(1, "began", "A.leakage", 11.0), (2, "ended", "A.leakage", 11.0)]
+    reported = [(e.number, e.what, e.episode.subject, e.episode.since) for e in events]
+    assert reported == [(1, "began", "A.leakage", 11.0), (2, "ended", "A.leakage", 11.0)]
     # Three samples make a settled stretch, the first of them behind the jump is left out.
     assert step > 1 or events[0].time - 11.0 == 2.0
     assert events[-1].time > 119.0
@@ -120,7 +120,7 @@ def test_what_is_remembered_survives_as_bytes() -> None:
 
 
 def test_readings_that_stay_away_are_an_alarm() -> None:
-    memory, told = nothing_yet(False), []
+    memory, reported = nothing_yet(False), []
     for notice in (
         Notice("connected", 0.0, "server: 7 of 7 signals"),
         Notice("lost", 5.0, "server: no answer"),
@@ -130,21 +130,21 @@ def test_readings_that_stay_away_are_an_alarm() -> None:
         Notice("connected", 9.0, "server is back"),
     ):
         memory, events = noticed(memory, notice)
-        told += [(e.what, e.episode.since, e.episode.active) for e in events]
+        reported += [(e.what, e.episode.since, e.episode.active) for e in events]
     noted = [("noted", at, False) for at in (0.0, 7.0, 8.0)]
-    assert told == [noted[0], ("began", 5.0, True), *noted[1:], ("ended", 5.0, False)]
+    assert reported == [noted[0], ("began", 5.0, True), *noted[1:], ("ended", 5.0, False)]
     assert active(memory) == []
 
 
 def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> None:
     """Beside others that are read, also by the next process; it ends with a reading."""
-    rules, memory, told = compiled("abc"), nothing_yet(False), list[tuple[str, str]]()
+    rules, memory, reported = compiled("abc"), nothing_yet(False), list[tuple[str, str]]()
 
     def takes(part: Rows | Notice) -> None:
         nonlocal memory
         for remembered, events, _ in judged(rules, memory, [part]):
             memory = remembered
-            told.extend((e.what, e.text) for e in events)
+            reported.extend((e.what, e.text) for e in events)
 
     def rows(first: float, dp: float) -> Rows:
         return Rows(first + np.arange(2.0), {"A.dp": np.full(2, dp), "A.n": np.ones(2)})
@@ -158,7 +158,7 @@ def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> Non
     memory, _ = state.from_bytes(rules, state.to_bytes(rules, memory, {}), "state")
     takes(rows(4.0, 1.0))
     texts = ("A.dp: an array", "A.dp: Uncertain", "A.dp is read again")
-    assert told == [*zip(("began", "changed", "ended"), texts, strict=True)]
+    assert reported == [*zip(("began", "changed", "ended"), texts, strict=True)]
     assert not memory.episodes
 
 
@@ -167,10 +167,10 @@ def test_a_stuck_reading_is_told_once_while_it_lasts() -> None:
     held = recording.values["A.dp"].copy()
     held[200:] = held[200]
     stuck = replace(recording, values={**recording.values, "A.dp": held})
-    told = followed(compiled("abc"), stuck, range(100, 700, 100))
-    (event,) = events_of(told, "sensor")
+    updates = followed(compiled("abc"), stuck, range(100, 700, 100))
+    (event,) = events_of(updates, "sensor")
     assert (event.what, event.episode.subject) == ("began", "A.dp.stuck")
-    assert event.episode.id in {one.id for one in active(told[-1].memory)}
+    assert event.episode.id in {one.id for one in active(updates[-1].memory)}
 
 
 TANK = ("lower.y.low", 0.2, 0.5)
@@ -181,20 +181,21 @@ def test_a_fault_of_a_tank_that_lasts_is_told_once() -> None:
     """With every row windows are cut anew, some across the beginning of the fault. The reading that
     shows it is beyond its threshold, and was not before. Each is the diagnosis of all rows."""
     recording = made("cascaded-tanks", 1, TANK, count=600)
-    told = followed(plant("cascaded-tanks"), recording, (300, 400, 401))
-    (event,) = events_of(told, "fault")
+    updates = followed(plant("cascaded-tanks"), recording, (300, 400, 401))
+    (event,) = events_of(updates, "fault")
     assert (event.what, event.episode.subject) == ("began", "lower.y.low")
-    memory = told[-1].memory
+    memory = updates[-1].memory
     (episode,) = [one for one in active(memory) if one.kind == "fault"]
     assert episode.lower <= 0.2 <= episode.upper
     assert abs(episode.since - 1200.0) < 256.0  # between two windows
-    latest = [one.diagnosis.latest for one in told if one.diagnosis.latest is not None]
-    assert len(latest) == len(told)
+    latest = [one.diagnosis.latest for one in updates if one.diagnosis.latest is not None]
+    assert len(latest) == len(updates)
     assert [one.until for one in latest[:2]] == [recording.time[299], recording.time[399]]
     beyond = [[e.residual for e in one.residuals if e.verdict == "+"] for one in latest]
     assert beyond == [[], ["lower.y"], ["lower.y"]]
     assert memory.count == len(memory.recent) == 401
-    whole, begun = diagnose(first_rows(recording, 300), plant("cascaded-tanks")), told[0].diagnosis
+    begun = updates[0].diagnosis
+    whole = diagnose(first_rows(recording, 300), plant("cascaded-tanks"))
     assert begun.findings == whole.findings
     assert (begun.unknown, begun.judged) == (whole.unknown, whole.judged)
 
@@ -203,22 +204,22 @@ def test_a_fault_of_a_tank_that_lasts_is_told_once() -> None:
 def test_row_by_row_a_fault_of_a_tank_is_told_once() -> None:
     for seed in (1, 2):
         recording = made("cascaded-tanks", seed, TANK, count=600)
-        told = events_of(followed(plant("cascaded-tanks"), recording, range(300, 601)), "fault")
-        assert {e.episode.subject for e in told} == {"lower.y.low"}
-        assert [e.what for e in told if e.what != "changed"] == ["began"]
+        updates = events_of(followed(plant("cascaded-tanks"), recording, range(300, 601)), "fault")
+        assert {e.episode.subject for e in updates} == {"lower.y.low"}
+        assert [e.what for e in updates if e.what != "changed"] == ["began"]
 
 
 @pytest.mark.prove
 def test_a_fault_of_a_tank_that_ends_is_told_to_end() -> None:
     """Once as many windows say so as it takes to say that it is there."""
     recording = made("cascaded-tanks", 1, ("lower.y.low", 0.2, 0.25), count=520, until=0.65)
-    told = followed(plant("cascaded-tanks"), recording, (338, 375, 520))
-    faults = [[(e.what, e.episode.subject) for e in events_of([one], "fault")] for one in told]
+    updates = followed(plant("cascaded-tanks"), recording, (338, 375, 520))
+    faults = [[(e.what, e.episode.subject) for e in events_of([one], "fault")] for one in updates]
     assert faults == [[("began", "lower.y.low")], [], [("ended", "lower.y.low")]]
-    (found,) = told[1].diagnosis.findings
+    (found,) = updates[1].diagnosis.findings
     assert found.active
     assert found.behind == BRIEFLY_GONE
-    memory = told[-1].memory
+    memory = updates[-1].memory
     (episode,) = [one for one in memory.episodes if one.kind == "fault"]
     assert abs(episode.until - 1352.0) < 96.0
     assert active(memory) == []
@@ -239,10 +240,10 @@ def test_no_reading_of_a_healthy_tank_is_beyond_its_threshold() -> None:
 def test_a_fault_that_comes_and_goes_is_told_as_in_a_recording() -> None:
     """Shorter than a settled stretch each time: one alarm, however often it comes again."""
     rules, recording = compiled("abc"), read(coming(6, 60, DEGREE), 1)
-    told = followed(rules, recording, range(60, 361, 60))
-    assert told[-1].diagnosis.findings == diagnose(recording, rules).findings
-    assert told[-1].diagnosis.findings[0].events is not None
-    happened = [(e.what, e.episode.subject) for e in events_of(told)]
+    updates = followed(rules, recording, range(60, 361, 60))
+    assert updates[-1].diagnosis.findings == diagnose(recording, rules).findings
+    assert updates[-1].diagnosis.findings[0].events is not None
+    happened = [(e.what, e.episode.subject) for e in events_of(updates)]
     assert happened == [("began", "A.leakage"), ("ended", "A.leakage")]
 
 
@@ -256,23 +257,23 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     whole = diagnose(recording, rules)
     finding = next(f for f in whole.findings if not f.active)
     over = replace(whole, findings=(replace(finding, since=100.0, until=200.0),))
-    (told,), events = changes(rules, (), over, SIGHT, 0)
+    (episode,), events = changes(rules, (), over, SIGHT, 0)
     assert [e.what for e in events] == ["began", "ended"]
 
     none = replace(over, findings=())
-    kept, events = changes(rules, (told,), none, SIGHT, 2)
-    assert [(e.number, e.what, e.episode.id) for e in events] == [(3, "withdrawn", told.id)]
+    kept, events = changes(rules, (episode,), none, SIGHT, 2)
+    assert [(e.number, e.what, e.episode.id) for e in events] == [(3, "withdrawn", episode.id)]
     assert changes(rules, kept, none, SIGHT, 3) == ((), ())
     later = replace(SIGHT, time=np.arange(150.0, 401.0))
-    assert changes(rules, (told,), none, later, 2)[1] == ()
+    assert changes(rules, (episode,), none, later, 2)[1] == ()
 
-    kept, events = changes(rules, (replace(told, active=True),), none, SIGHT, 1)
+    kept, events = changes(rules, (replace(episode, active=True),), none, SIGHT, 1)
     assert ([e.what for e in events], kept) == (["withdrawn"], ())
 
-    pair = (replace(told, id="first", until=120.0), replace(told, id="second", since=160.0))
+    pair = (replace(episode, id="first", until=120.0), replace(episode, id="second", since=160.0))
     assert "withdrawn" not in [e.what for e in changes(rules, pair, over, SIGHT, 2)[1]]
 
-    kept, events = changes(rules, (replace(told, since=180.0),), over, SIGHT, 2)
+    kept, events = changes(rules, (replace(episode, since=180.0),), over, SIGHT, 2)
     assert [(e.what, e.episode.since) for e in events] == [("changed", 100.0)]
     assert "earlier" in events[0].text
     assert changes(rules, kept, over, SIGHT, 3)[1] == ()

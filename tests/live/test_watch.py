@@ -58,8 +58,8 @@ def add(log: Path, low: int, high: int) -> None:
 
 def test_standard_input(rules: Path) -> None:
     command, text = watching(rules, "--source", "-"), "".join(LINES)
-    told = subprocess.check_output(command, input=text, env=environment(), text=True, timeout=60)
-    assert "began A.leakage 0.600" in told
+    output = subprocess.check_output(command, input=text, env=environment(), text=True, timeout=60)
+    assert "began A.leakage 0.600" in output
 
 
 def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
@@ -77,8 +77,8 @@ def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
     add(log, 72, len(LINES))
     for _ in range(2):
         subprocess.run(watching(rules, *options, "--until-end"), env=environment(), check=True)
-    told = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
-    assert [e["number"] for e in told] == list(range(1, len(told) + 1))
-    faults = [(e["what"], e["episode"]["since"]) for e in told if e["episode"]["kind"] == "fault"]
+    events = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    assert [e["number"] for e in events] == list(range(1, len(events) + 1))
+    faults = [(e["what"], e["episode"]["since"]) for e in events if e["episode"]["kind"] == "fault"]
     for what in ("began", "ended"):
         assert [since for told_as, since in faults if told_as == what] == [11.0, 31.0, 51.0]

@@ -14,7 +14,7 @@ from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal
 
 from tests.live.conftest import filled
-from tests.live.journal.events import event, events_in, kept_in
+from tests.live.journal.events import event, events_in, stored_in
 
 
 @contextmanager
@@ -41,21 +41,21 @@ def test_full_and_free_again(small_disk: Path, capsys: pytest.CaptureFixture[str
     all is there, each once, no half line: in a new file where the old one was put away."""
     file, old, state = (small_disk / name for name in ("events.jsonl", "old.jsonl", "state"))
     with kept(small_disk) as (files, unwritten):
-        told = []
+        events = []
         for number in range(1, 4):
-            told.append(put(files, number))
-            assert events_in(file) == told
+            events.append(put(files, number))
+            assert events_in(file) == events
             assert state.read_bytes() == f"state {number}".encode()
         ballast = filled(small_disk)
-        told += [put(files, n) for n in range(4, 40)]
+        events += [put(files, n) for n in range(4, 40)]
         before = events_in(file)
         assert len(before) < 20
         file.rename(old)
-        told.append(put(files, 40))
+        events.append(put(files, 40))
         ballast.unlink()
     assert unwritten == []
     assert events_in(old) == before
-    assert [*before, *events_in(file)] == told
+    assert [*before, *events_in(file)] == events
     assert state.read_bytes() == b"state 40"
     full, free = capsys.readouterr().err.splitlines()
     assert "No space left" in full
@@ -73,18 +73,18 @@ def test_ended_while_it_is_full(
     waiting, file = tmp_path / "waits", small_disk / "events.jsonl"
     waiting.mkdir()
     with kept(small_disk, waiting, state) as (files, unwritten):
-        told = [put(files, 1, dated)]
+        events = [put(files, 1, dated)]
         ballast = filled(small_disk)
-        told += [put(files, n, dated) for n in range(2, 40)]
+        events += [put(files, n, dated) for n in range(2, 40)]
     assert "stands in" in unwritten[0]
     ballast.unlink()
     with kept(small_disk, waiting, state) as (files, unwritten):
         latest = [data for data, _ in files.saved()][-1:]
         assert latest == ([b"state 39"] if state else [])
         put(files, 39, dated)  # as it is judged again where no state is kept
-        told.append(put(files, 40, dated))
+        events.append(put(files, 40, dated))
     assert unwritten == []
-    assert events_in(file) == told
+    assert events_in(file) == events
     assert list(waiting.iterdir()) == []
 
 
@@ -131,7 +131,7 @@ def test_a_journal_on_such_a_disk(
     assert (saved and saved[0]) == (f"state {before}".encode() if before else None)
     with closing(open_journal(where, make=False)) as found:
         assert [e.event for e in found.events("abc")] == [event(n + 1) for n in range(number)]
-        assert kept_in(found) == (number, f"state {number}".encode())
+        assert stored_in(found) == (number, f"state {number}".encode())
     said += capsys.readouterr().err
     assert said.count("events are kept and written when it works again") == 1
     assert "written again after" in said

@@ -54,8 +54,8 @@ def test_acknowledged_on_the_page_is_in_the_journal(
         with closing(open_journal(where)) as journal:
             (episode,) = until(lambda: journal.acknowledged("abc"))
     assert main(["journal", where]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"acknowledged by Ann, page 127\.0\.0\.1, 20\d\d-", told)
+    output = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"acknowledged by Ann, page 127\.0\.0\.1, 20\d\d-", output)
     add(log, 59, 60)
     with watched(rules, "--source", str(log), *options):
         now = until(lambda: now_at(page))
@@ -163,6 +163,6 @@ def test_mistakes_are_told(rules: Path, tmp_path: Path, capsys: pytest.CaptureFi
         (("--journal", str(tmp_path / "j"), "--state", "x"), "leave out --state"),
     ):
         assert 1 == main(["watch", str(rules), "--source", str(LEAKAGE), "--until-end", *options])
-        told = capsys.readouterr().err
-        assert words in told, (options, told)
+        output = capsys.readouterr().err
+        assert words in output, (options, output)
     assert other.read_text(encoding="utf-8") == "not events\n"

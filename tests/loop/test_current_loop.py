@@ -14,7 +14,7 @@ from rulec_runtime.report.text import degree
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
-from tests.written import told_by, write_columns, write_plant
+from tests.written import json_of, write_columns, write_plant
 
 HERE = ROOT / "tests" / "loop"
 V, C, b, K2 = 10.2, 5.5, 0.3, 7.3e-6
@@ -62,7 +62,7 @@ def run_in(folder: Path, varied: bool = True) -> Path:
 
 
 def _calibrate(folder: Path, recording: Path) -> dict[str, Any]:
-    return dict(told_by("calibrate", folder, recording, "-o", folder / "found.yaml"))
+    return dict(json_of("calibrate", folder, recording, "-o", folder / "found.yaml"))
 
 
 def test_the_flow_is_what_the_equation_of_the_meter_says(tmp_path: Path) -> None:
@@ -81,8 +81,8 @@ def test_a_reading_that_stood_is_told_and_gets_the_bounds_of_its_sensor(tmp_path
     """No range "40 to 40 degC" that every later sample leaves."""
     folder = plant(tmp_path)
     found = _calibrate(folder, run_in(folder, varied=False))
-    told = [note for note in found["notes"] if note.startswith("A.T stood all the time")]
-    assert 1 == len(told)
+    notes = [note for note in found["notes"] if note.startswith("A.T stood all the time")]
+    assert 1 == len(notes)
     written = yaml.safe_load((folder / "found.yaml").read_text(encoding="utf-8"))
     entry = written["modules"]["A"]["range"]["T"]
     sensor = yaml.safe_load((folder / "kb/sensors/industrial-thermometer.yaml").read_text("utf-8"))
@@ -107,7 +107,7 @@ def _diagnosed(folder: Path, fault: str, size: float) -> dict[str, Any]:
     made = ["-o", str(folder / "made.csv"), "--noise", "3", "--fault", f"{fault}={size}@60:119"]
     assert 0 == main(["simulate", *arguments, *made])
     page = folder / "d.html"
-    return dict(told_by("diagnose", folder, folder / "made.csv", "--report", page))
+    return dict(json_of("diagnose", folder, folder / "made.csv", "--report", page))
 
 
 @pytest.mark.parametrize(("fault", "size", "unit"), SIZES)
@@ -129,7 +129,7 @@ def test_an_offset_is_found_with_its_size_in_the_unit(
 def test_the_matrix_tells_what_can_be_seen_in_the_unit(tmp_path: Path) -> None:
     """The detectable size times the sensitivity is the threshold, as for every fault."""
     folder = plant(tmp_path)
-    matrix = told_by("matrix", folder)
+    matrix = json_of("matrix", folder)
     units = dict(zip(matrix["faults"], matrix["units"], strict=True))
     assert {"A.leakage": "1", "A.T.high": "K", "A.I_Q.low": "mA"}.items() <= units.items()
     ruleset = compile_plant(folder)

@@ -84,9 +84,9 @@ def test_neighbourhood_promises_no_more_than_the_plant(plant: str) -> None:
         assert (g.kind == "coincide") == bool(np.isinf(whole[0, 1]))
         both = zip(g.degrees, (whole[0, 1], whole[1, 0]), strict=False)
         # Degrees beyond the range of a fault are none.
-        told = [(x, own) for x, own in both if x is not None]
-        assert not told or g.kind != "coincide"
-        ratios += [x / own for x, own in told]
+        promised = [(x, own) for x, own in both if x is not None]
+        assert not promised or g.kind != "coincide"
+        ratios += [x / own for x, own in promised]
     # Four digits are told.
     assert min(ratios) > 1 - 5e-4
     assert np.median(ratios) < 1.1
@@ -124,8 +124,8 @@ def test_advised_sensor_keeps_its_promise(
     (tmp_path / "plant.yaml").write_text(plant, encoding="utf-8")
     made = run_passes(Compilation(path=tmp_path), "isolability")
     found = degrees(made, faults)
-    told = float(re.findall(r"above ([0-9.]+)$", advised.advice)[0])
-    assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=rel)
+    promised = float(re.findall(r"above ([0-9.]+)$", advised.advice)[0])
+    assert promised == pytest.approx(max(found[0, 1], found[1, 0]), rel=rel)
     assert sensor == "B.dp" or faults not in {g.faults for g in made.isolability.groups}
 
 

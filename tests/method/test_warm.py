@@ -13,7 +13,7 @@ from rulec_runtime.recordings.recording import read_recording
 from scipy.optimize import brentq
 
 from tests.method.readings import PLANTS, ruleset
-from tests.written import told_by, write_columns
+from tests.written import json_of, write_columns
 
 SPEED = {"A": 900.0, "B": 700.0}
 LENGTH, DIAMETER, ROUGHNESS = 10.0, 0.016, 1.5e-6
@@ -107,7 +107,7 @@ def test_calibration_over_temperatures_finds_the_parameters(tmp_path: Path) -> N
     Colebrook's law; the file is of the module type, whatever the fluid."""
     points = [readings(c, pace=p) for c in (20.0, 40.0, 60.0) for p in (0.8, 1.0, 1.2, 1.4)]
     recording, written = recorded(tmp_path, points), tmp_path / "found.yaml"
-    modules = told_by("calibrate", PLANTS / "warm", recording, "-o", written)["modules"]
+    modules = json_of("calibrate", PLANTS / "warm", recording, "-o", written)["modules"]
     assert "dosing-pcp-warm" == modules["A"]["type"]
     found = {n: p["value"] for m in "AC" for n, p in modules[m]["parameters"].items()}
     wanted = {"C2": 2.0, "k2": 5.2e-6, "c": 1.0}

@@ -14,14 +14,14 @@ from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, Capsys
 from tests.mtp import writer
 from tests.mtp.writer import ENDPOINT, EXAMPLE, FLOW, LIBRARY, PRESSURE, analog, example, manifest
-from tests.written import told_by
+from tests.written import json_of
 
 
 def imported(folder: Path, text: str, *more: str, code: int = 0) -> dict[str, Any]:
     """The machine form of the only module of a manifest; its files stand in folder/out."""
     file = folder / "m.aml"
     file.write_text(text, encoding="utf-8")
-    found = told_by("import", "mtp", file, "-o", folder / "out", *more, code=code)
+    found = json_of("import", "mtp", file, "-o", folder / "out", *more, code=code)
     return dict(found["modules"][0])
 
 
@@ -118,8 +118,8 @@ def test_references_that_lead_nowhere_are_told_with_their_place(
     module = imported(tmp_path, text)
     assert (module["counts"]["nodes"], module["counts"]["nodes_present"]) == (1, 2)
     line = next(i for i, row in enumerate(text.splitlines(), 1) if ">item-1-V<" in row)
-    told = f"m.aml:{line}: FI12.V refers to 'item-1-V', which is not there; export again"
-    assert told in capsys.readouterr().out
+    report = f"m.aml:{line}: FI12.V refers to 'item-1-V', which is not there; export again"
+    assert report in capsys.readouterr().out
     assert "Dosing.FI12" not in (tmp_path / "out" / "map.yaml").read_text(encoding="utf-8")
 
 
@@ -144,9 +144,9 @@ def test_identifiers_are_of_their_types(tmp_path: Path) -> None:
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
         module = imported(tmp_path, text)
         assert [s["node"] for s in module["signals"]] == [node]
-        told = [o["text"] for o in module["odd"] if o["kind"] == "items without node"]
+        odd = [o["text"] for o in module["odd"] if o["kind"] == "items without node"]
         said = f"the item 'PI11.V' has the identifier '{value}' of {why}"
-        assert told == ([said] if why else [])
+        assert odd == ([said] if why else [])
 
 
 def test_good_files_are_imported_beside_bad_ones(tmp_path: Path, capsys: Capsys) -> None:
@@ -186,8 +186,8 @@ def test_units_are_codes_or_texts(tmp_path: Path) -> None:
     assert [(s["unit"], s["lacks"]) for s in module["signals"]] == list(UNITS.values())
     text = (tmp_path / "out" / "modules" / "Dosing.yaml").read_text(encoding="utf-8")
     assert all(f"# TODO lacks {lacks}" in text for _, lacks in UNITS.values() if lacks)
-    told = [o["place"].rpartition(":")[0] for o in module["odd"] if o["kind"] == "unknown units"]
-    assert told == ["m.aml"]
+    lines = [o["place"].rpartition(":")[0] for o in module["odd"] if o["kind"] == "unknown units"]
+    assert lines == ["m.aml"]
 
 
 def test_quantities_are_proposed_with_a_confidence(tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def test_all_tags_units_and_nodes_are_found(file: Path, tmp_path: Path) -> None:
         return
     tags, units, nodes = present(file)
     counts = [module["counts"] for module in found["modules"]]
-    told = {
+    totals = {
         (tag["name"], name, attribute["node"])
         for module in found["modules"]
         for tag in module["tags"]
@@ -95,7 +95,7 @@ def test_all_tags_units_and_nodes_are_found(file: Path, tmp_path: Path) -> None:
         if "node" in attribute
     }
     for tag, name, identifier in nodes:
-        assert any((tag, name) == (t, n) and node.endswith(identifier) for t, n, node in told)
+        assert any((tag, name) == (t, n) and node.endswith(identifier) for t, n, node in totals)
     assert units == sum(c["units"] + c["online"] for c in counts)
     assert tags - sum(c["tags"] for c in counts) <= 2  # terminations among the tags, in one file
 

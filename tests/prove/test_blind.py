@@ -54,7 +54,7 @@ def test_terminal_and_page_tell_the_same() -> None:
 def test_every_effect_of_a_plant_is_asked_for() -> None:
     plant = ROOT / "plants" / "rse-boiler"
     found = blind(plant, str(plant / "examples" / "day.csv"), lambda text: None)
-    told = {e.id: e.told_usual for e in found.proof.effects}
-    assert len(told) == 36
-    assert told["boiler.seat-deposit"] > 180
+    usual = {e.id: e.told_usual for e in found.proof.effects}
+    assert len(usual) == 36
+    assert usual["boiler.seat-deposit"] > 180
     assert found.form()["nothing"]["called_missing"] <= 10

@@ -93,6 +93,6 @@ def test_a_quick_run_in_its_own_processes(
     clean = [j for j in found if not j["planted"]]
     assert len(clean) >= clean_ones
     assert [] == [j["case"] for j in clean if j["verdict"] != "none"]
-    told = [j for j in found if j["name_right"] is not None and float(j["gain"]) > 300]
-    assert sum(j["name_right"] for j in told) >= 0.6 * len(told)
+    sure = [j for j in found if j["name_right"] is not None and float(j["gain"]) > 300]
+    assert sum(j["name_right"] for j in sure) >= 0.6 * len(sure)
     assert "<h1" in page.read_text(encoding="utf-8")

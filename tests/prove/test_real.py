@@ -69,8 +69,8 @@ def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
     errors: dict[str, Any] = {"unit": "m3/h", "rows": 9, **rms}
     errors["course"] = {n: [i + e for i in rows] for n, e in rms.items()}
     errors["course"] |= {"time": rows, "measured": rows}
-    told = {"form": found, "error": "", "refused": ""}
-    return told | {"predicted": {"boiler.Q": errors}}
+    answer = {"form": found, "error": "", "refused": ""}
+    return answer | {"predicted": {"boiler.Q": errors}}
 
 
 def finding(name: str, place: str, probability: float, **others: Any) -> dict[str, Any]:
@@ -224,7 +224,7 @@ def test_a_command_ends_with_whoever_asked() -> None:
     assert (1, "", "") == (done.returncode, done.stdout, done.stderr)
 
 
-def told_of(rig: Rig, *missing: Missing, beside: tuple[str, ...] = (), **said: Any) -> Scored:
+def score_of(rig: Rig, *missing: Missing, beside: tuple[str, ...] = (), **said: Any) -> Scored:
     """The score where that is missing; `effects` or a `verdict` is what the tool says."""
     found = asked(said.pop("effects", []))
     found["form"] |= said
@@ -236,7 +236,7 @@ def test_a_right_name(rig: Rig) -> None:
     """Place, headline, class, size, and nothing false."""
     size = {"R": {"value": 30.0, "u": 1.0, "lower": 28.0, "upper": 32.0, "unit": "1"}}
     missing = Missing(("valve",), ("boiler",), (Size("R", 33.0, 1.0, "1"),))
-    result = told_of(rig, missing, effects=[finding("valve", "boiler.x", 0.95, parameters=size)])
+    result = score_of(rig, missing, effects=[finding("valve", "boiler.x", 0.95, parameters=size)])
     shares = (result.place, result.headline, result.named, result.probability, result.utility)
     assert (1.0, 1.0, 1.0, 0.95, 1.0) == shares
     assert (1, 1) == result.inside
@@ -251,14 +251,14 @@ def test_sizes_in_other_units(rig: Rig, value: float, unit: str, hits: int) -> N
     size = {"q": {"value": 3.0, "u": 0.1, "lower": 2.8, "upper": 3.2, "unit": "m3/h"}}
     found = [finding("leak", "boiler.Q", 0.95, parameters=size)]
     missing = Missing(("leak",), ("boiler",), (Size("q", value, 0.1, unit),))
-    assert (hits, 1) == told_of(rig, missing, effects=found).inside
+    assert (hits, 1) == score_of(rig, missing, effects=found).inside
 
 
 def test_a_name_in_a_class(rig: Rig) -> None:
     """One of two that coincide is right: in its class, not in the headline; DX scores between."""
     same = {"effect": "valve", "id": "boiler.valve@x", "probability": 0.3, "same": True}
     found = [finding("line", "boiler.dp", 0.6, alternatives=[same], class_probability=0.9)]
-    result = told_of(rig, Missing(("valve",), ("boiler.x",)), effects=found)
+    result = score_of(rig, Missing(("valve",), ("boiler.x",)), effects=found)
     assert (1.0, 0.0, 1.0) == (result.place, result.headline, result.named)
     assert result.utility is not None
     assert 0.5 < result.utility < 1.0
@@ -272,7 +272,7 @@ def test_false_names(rig: Rig) -> None:
         finding("drift", "boiler.Q", 0.5),
         finding("curve", "boiler.Q", 0.99, sort="free"),
     ]
-    result = told_of(rig, Missing(("meter",), ("boiler.Q",)), beside=("lag",), effects=found)
+    result = score_of(rig, Missing(("meter",), ("boiler.Q",)), beside=("lag",), effects=found)
     assert 0.0 == result.named
     assert ["meter", "drift"] == [f.causes[0].name for f in result.false]
     assert ["meter"] == [f.causes[0].name for f in result.sure]
@@ -293,10 +293,10 @@ def test_an_answer_without_a_name(rig: Rig) -> None:
     """Right where nothing is missing, and where no entry names what is; a rig on which the tool
     gave up is in all shares."""
     leak = [finding("leak", "boiler.Q", 0.95)]
-    told = told_of(rig, verdict="none"), told_of(rig, effects=leak, verdict="named")
-    assert [(True, ()), (False, told[1].said)] == [(t.silent, t.sure) for t in told]
+    scores = score_of(rig, verdict="none"), score_of(rig, effects=leak, verdict="named")
+    assert [(True, ()), (False, scores[1].said)] == [(t.silent, t.sure) for t in scores]
     there = [{"module": "boiler", "place": "Q"}]
-    odd = told_of(rig, Missing((), ("boiler.Q",)), verdict="unnamed", locations=there)
+    odd = score_of(rig, Missing((), ("boiler.Q",)), verdict="unnamed", locations=there)
     assert (1.0, 1.0) == (odd.place, odd.named)
     lost = scored(rig, {**asked(), "form": None, "error": "rulec mismatch: no answer in 600 s"})
     assert (0.0, 0.0, "no answer") == (lost.place, lost.named, lost.verdict)

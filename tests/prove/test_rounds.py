@@ -164,8 +164,8 @@ def form_of(**sets: float) -> dict[str, Any]:
 def recipe_of(before: dict[str, Any], until: float = 60.0, covers: bool = False) -> dict[str, Any]:
     """A recipe of one step that tells the explanations of an answer apart."""
     step = {"until": until, "covers": covers}
-    told = {"certainty": [0.55, 0.9], "factors": [[0.0, 2.0], [3.0, 0.0]]}
-    return {"steps": [step], **told, "explanations": before["standing"]}
+    trust = {"certainty": [0.55, 0.9], "factors": [[0.0, 2.0], [3.0, 0.0]]}
+    return {"steps": [step], **trust, "explanations": before["standing"]}
 
 
 MISSED = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
@@ -237,9 +237,9 @@ def test_a_second_round_is_told_within_80_columns() -> None:
     out = Terminal(file=io.StringIO(), width=80, color_system=None)
     tell(out, tables_of_rounds(cases, further))
     assert isinstance(out.file, io.StringIO)
-    told = out.file.getvalue()
-    assert "Round two: 2 of 3 cases were run again." in told
-    assert max(map(len, told.splitlines())) <= 80
+    output = out.file.getvalue()
+    assert "Round two: 2 of 3 cases were run again." in output
+    assert max(map(len, output.splitlines())) <= 80
     run = Run(tuple(cases), further=further)
     assert len(json.loads(json.dumps(run.form()))["further"]) == 3
 
@@ -249,7 +249,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     """What was recorded and answered is kept, what is not the sealed plant is not run, and all is
     judged from the files."""
     few, arms = Partition("development", 1, quick=True, only="fault-leak"), ("recipe",)
-    run = Campaign(few, tmp_path, Workers(Engine(), lambda *told: None))
+    run = Campaign(few, tmp_path, Workers(Engine(), lambda *text: None))
     seals = run.sealed()
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
     before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)

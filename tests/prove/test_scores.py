@@ -136,8 +136,8 @@ def test_hostile_names_are_escaped() -> None:
     names = {"places": (HOSTILE,)}
     bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, **names)
     lost = replace(bad, error=HOSTILE)
-    told = {"digest": HOSTILE, "version": HOSTILE, "notes": (HOSTILE,)}
-    written = page(Run((bad, lost), openings=1, **told))
+    texts = {"digest": HOSTILE, "version": HOSTILE, "notes": (HOSTILE,)}
+    written = page(Run((bad, lost), openings=1, **texts))
     tree(written)
     assert "<b>x" not in written
     assert "<script" not in written
@@ -160,9 +160,9 @@ def test_probabilities_are_held_against_what_is_right() -> None:
     shy = [planted(f"t{i}", "leakage", 9.0, claims=(Claim(0.6, True),)) for i in range(40)]
     known = [planted("u", "leakage", 9.0, claims=(Claim(1.0, True), Claim(0.2, False)))]
     found = reliability([*sure, *shy, *known])
-    assert [(1, 0), (40, 40), (40, 20), (1, 1)] == [(told.count, told.hits) for told in found]
-    assert ["as said", "shy", "too sure", "as said"] == [trust(told) for told in found]
-    assert [0.2, 0.6, 0.95, 1.0] == pytest.approx([told.goal.low for told in found])
+    assert [(1, 0), (40, 40), (40, 20), (1, 1)] == [(row.count, row.hits) for row in found]
+    assert ["as said", "shy", "too sure", "as said"] == [trust(row) for row in found]
+    assert [0.2, 0.6, 0.95, 1.0] == pytest.approx([row.goal.low for row in found])
     shown = Run((*sure, *shy))
     assert "too sure" in text(shown)
     assert "too sure" in page(shown)

@@ -115,9 +115,9 @@ def read_or_refused(file: Path, ruleset: Ruleset) -> Recording | str:
     try:
         return read_recording(file, ruleset)
     except RecordingRefused as error:
-        told = str(error)
-    assert told.startswith(f"{file}: ")
-    return told
+        text = str(error)
+    assert text.startswith(f"{file}: ")
+    return text
 
 
 def refusal(file: Path, ruleset: Ruleset) -> str:
@@ -164,12 +164,12 @@ def test_what_may_run_or_has_no_titles(tmp_path: Path, abc: Ruleset) -> None:
     np.save(array, np.zeros(3))
     with zipfile.ZipFile(packed, "w") as archive:
         archive.writestr("recording.csv", example().text())
-    for told, raw in {
+    for expected, raw in {
         "a pickle": pickle.dumps(_Trap(tmp_path)),
         "an array of NumPy": array.getvalue(),
         "no Excel workbook": packed.getvalue(),
     }.items():
-        assert told in refusal(write(tmp_path, raw, "x.dat"), abc)
+        assert expected in refusal(write(tmp_path, raw, "x.dat"), abc)
     assert not (tmp_path / "trapped").exists()
 
 
@@ -188,14 +188,14 @@ def test_hostile_workbooks(tmp_path: Path, abc: Ruleset, monkeypatch: pytest.Mon
     cell in its last corner is read as far as it has rows."""
     monkeypatch.setattr(limits, "FREE_TO_UNPACK", 1_000_000)
     entity = b'<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]>'
-    for part, data, told in (
+    for part, data, expected in (
         ("xl/media/image9.bin", bytes(40_000_000), "unpacks to more than 100 times its size"),
         ("xl/extra.xml", entity, "xl/extra.xml in it declares a document type"),
     ):
         file = made(tmp_path, "openpyxl.xlsx")
         with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as packed:
             packed.writestr(part, data)
-        assert told in refusal(file, abc)
+        assert expected in refusal(file, abc)
     book = openpyxl.Workbook()
     for row in (example().header, *(map(float, row) for row in example().rows)):
         book.active.append([*row])

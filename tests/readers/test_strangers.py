@@ -379,11 +379,11 @@ def test_what_only_a_person_knows_is_asked(
     name: str, tmp_path: Path, mapped: Mapped, abc: Ruleset, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Refused with the key that helps, with the map too until it is answered there; exit code 1."""
-    text, told, key = ASKED[name]
+    text, expected, key = ASKED[name]
     file = write(tmp_path, text)
     with pytest.raises(RecordingRefused) as refused:
         read_recording(file, abc)
-    assert told in str(refused.value)
+    assert expected in str(refused.value)
     assert key in str(refused.value)
     assert 1 == main(["check", str(ABC), str(file), "--write-map"])
     shown, aside = capsys.readouterr()
@@ -413,8 +413,8 @@ def test_numbers_that_mean_missing(tmp_path: Path, mapped: Mapped, abc: Ruleset)
     assert "missing: [-9999]" in text
     found = read_recording(file, mapped(text))
     assert [*range(20, 30)] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
-    told = "10 cells of A.dp are -9999, which the column map calls missing"
-    assert any(told in note for note in found.notes)
+    remark = "10 cells of A.dp are -9999, which the column map calls missing"
+    assert any(remark in note for note in found.notes)
 
 
 NOT_THERE = {
@@ -427,8 +427,8 @@ NOT_THERE = {
 
 @pytest.mark.parametrize("name", NOT_THERE)
 def test_a_map_of_another_file_is_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
-    form, told = NOT_THERE[name]
-    with pytest.raises(RecordingRefused, match=told):
+    form, expected = NOT_THERE[name]
+    with pytest.raises(RecordingRefused, match=expected):
         read_recording(write(tmp_path, BARE.text()), formed(abc, **form))
 
 
@@ -447,8 +447,8 @@ def test_shared_cases(case: Path, mapped: Mapped) -> None:
     """With the map that is proposed the three leakages are found."""
     ruleset = mapped(case)
     found = diagnose(read_recording(case, ruleset), ruleset).findings
-    told = [round(f.degree, 1) for f in found if f.fault.id == "A.leakage"]
-    assert [0.2, 0.4, 0.6] == told
+    degrees = [round(f.degree, 1) for f in found if f.fault.id == "A.leakage"]
+    assert [0.2, 0.4, 0.6] == degrees
 
 
 AGAIN = ("date, time, milliseconds", "pairs", "LabVIEW", "American, AM and PM")

@@ -183,11 +183,11 @@ def test_named_zone(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     ],
 )
 def test_hours_that_a_zone_repeats_or_leaves_out_are_told(
-    begin: str, told: str, tmp_path: Path, abc: Ruleset
+    begin: str, expected: str, tmp_path: Path, abc: Ruleset
 ) -> None:
     dates = [str(np.datetime64(begin) + np.timedelta64(k, "s")) for k in range(60)]
     found = read(SHEET.mapped("time", lambda k, _: dates[k]).text(), tmp_path, zoned(abc))
-    assert any(told.replace("is in", "rows are in", 1) in note for note in found.notes)
+    assert any(expected.replace("is in", "rows are in", 1) in note for note in found.notes)
 
 
 def test_whose_zone_counts(tmp_path: Path, abc: Ruleset) -> None:

@@ -118,8 +118,8 @@ def measured(folder: Path, plants: int, seconds: int) -> dict[str, Any]:
     found = kept(fleet, judged(Engine(jobs=JOBS), tasks, fleet.rulesets))
     used, lasted = cpu() - before, time.perf_counter() - begun
     # Rows come as they are done; tasks are in the order of the plants.
-    told = [{f["fault"] for f in found[task]["findings"]} for task in tasks]
-    faulty = [(own, names) for own, names in zip(made, told, strict=True) if own]
+    named = [{f["fault"] for f in found[task]["findings"]} for task in tasks]
+    faulty = [(own, names) for own, names in zip(made, named, strict=True) if own]
     begun = time.perf_counter()
     elsewhere = on_a_cluster(fleet, tasks)
     return {
@@ -128,7 +128,7 @@ def measured(folder: Path, plants: int, seconds: int) -> dict[str, Any]:
         "elapsed": lasted,
         "elapsed-dask": time.perf_counter() - begun,
         "found": sum(own in names for own, names in faulty),
-        "alarms": sum(bool(names) for own, names in zip(made, told, strict=True) if not own),
+        "alarms": sum(bool(names) for own, names in zip(made, named, strict=True) if not own),
         "same": elsewhere == found,
     }
 

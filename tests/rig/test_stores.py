@@ -58,5 +58,5 @@ def test_two_tanks_and_a_gravity_pipe() -> None:
     assert heldout(bench, repaired, "tank2.l") < 0.015
     assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
     assert 0.55 < repaired.values["tank2.overflow-lost@inflow.l_o"] < 0.65
-    told = list(failing(read_recording(real(file), bench.ruleset), bench.ruleset))
-    assert ["pipe.l2.drop-outs"] == [finding.id for finding in told]
+    faults = list(failing(read_recording(real(file), bench.ruleset), bench.ruleset))
+    assert ["pipe.l2.drop-outs"] == [finding.id for finding in faults]

@@ -77,8 +77,8 @@ def test_viscosity_explains_the_flow_better(tmp_path: Path) -> None:
             out.write(f"calibration: [{name}.yaml.found]\n")
         misfits[name] = data["modules"]["main"]["misfit"]["pump"]["value"]
     assert misfits["viscosity"] < misfits["exponential"]
-    told = asked("diagnose", tmp_path / "viscosity.yaml", tmp_path / "unseen.csv")
-    found_as_labelled(by_label(score(told, cycles, blocks)))
+    answer = asked("diagnose", tmp_path / "viscosity.yaml", tmp_path / "unseen.csv")
+    found_as_labelled(by_label(score(answer, cycles, blocks)))
 
 
 def asked(command: str, plant: Path, *arguments: object) -> Any:

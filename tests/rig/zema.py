@@ -122,8 +122,8 @@ def score(
         unknown = _within(diagnosis["unknown"], start, end)
         leaks = [f["degree"] for f in found if "main.leakage" in _causes(f)]
         off = [t for t in cycle.off_profile if any(f["since"] <= t <= f["until"] for f in found)]
-        told = bool(found), bool(leaks), max(leaks, default=0.0), bool(unknown), len(off)
-        judged.append(Judged(cycle, *told))
+        result = bool(found), bool(leaks), max(leaks, default=0.0), bool(unknown), len(off)
+        judged.append(Judged(cycle, *result))
     return judged
 
 

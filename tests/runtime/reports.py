@@ -65,7 +65,7 @@ def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
     return Judged(recording, diagnose(recording, ruleset), trace(recording, ruleset), known)
 
 
-def told(tell: Callable[[Terminal, Any], None], what: object, width: int = 120) -> str:
+def shown(tell: Callable[[Terminal, Any], None], what: object, width: int = 120) -> str:
     """What a terminal of some width shows."""
     out = io.StringIO()
     tell(Terminal(file=out, width=width, color_system=None), what)

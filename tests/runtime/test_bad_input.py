@@ -198,13 +198,13 @@ def test_a_leakage_in_json_and_trace(
 
 def test_json_alone_on_standard_output(tmp_path: Path, ruleset_file: Path, capsys: Capsys) -> None:
     """The story goes to standard error; of a file that is none there is no JSON."""
-    told = {}
+    answers = {}
     for content in (LEAKING, bytes(range(256)) * 9):
         file = write(tmp_path, content)
         code = main(["diagnose", str(ruleset_file), str(file), "--json", "-"])
-        told[code] = capsys.readouterr()
-    assert "A.leakage" in {f["fault"] for f in strict(told[0].out)["findings"]}
-    assert "maintenance required" in told[0].err
-    assert ("", 1) == (told[1].out, told[1].err.count("\n"))
-    assert told[1].err.startswith(f"rulec: {file}: ")
-    assert "export the recording as CSV" in told[1].err
+        answers[code] = capsys.readouterr()
+    assert "A.leakage" in {f["fault"] for f in strict(answers[0].out)["findings"]}
+    assert "maintenance required" in answers[0].err
+    assert ("", 1) == (answers[1].out, answers[1].err.count("\n"))
+    assert answers[1].err.startswith(f"rulec: {file}: ")
+    assert "export the recording as CSV" in answers[1].err

@@ -52,8 +52,8 @@ def test_readings_that_bring_faults_back() -> None:
     blind = diagnose(without(whole, *names), rules).blind
     back = {fault: set(b.readings) for b in blind for fault in b.faults}
     assert set(back) == GONE_WITH_DP
-    told = [back[f] for f in ("A.leakage", "A.clogging", "A.P_el.high")]
-    assert [{"A.n", "A.dp"}, {"A.dp"}, set(names)] == told
+    reported = [back[f] for f in ("A.leakage", "A.clogging", "A.P_el.high")]
+    assert [{"A.n", "A.dp"}, {"A.dp"}, set(names)] == reported
     nothing = {n: np.full(len(whole), np.nan) for n in whole.values}
     found = diagnose(replace(whole, values=nothing), rules)
     assert ("C", 0) == (found.status, found.judged)
@@ -76,28 +76,28 @@ def test_readings_that_bring_faults_back() -> None:
         (np.flatnonzero(np.arange(100) % 4), [(0.0, 99.0, True)]),
     ],
 )
-def test_since_and_until_when(rows: slice | Array, told: list[tuple[float, float, bool]]) -> None:
+def test_since_and_until_when(rows: slice | Array, spans: list[tuple[float, float, bool]]) -> None:
     """Readings in every second row are enough, in every fourth they are not."""
     found = diagnose(gone(run_of(), "A.dp", rows), compiled("abc"))
-    assert told == [(b.since, b.until, b.active) for b in found.blind]
+    assert spans == [(b.since, b.until, b.active) for b in found.blind]
     assert all((GONE_WITH_DP, ("A.dp",)) == (set(b.faults), b.readings) for b in found.blind)
-    lost = 9 / 18 * sum(until - since for since, until, _ in told) / 99.0
+    lost = 9 / 18 * sum(until - since for since, until, _ in spans) / 99.0
     assert coverage_of(found.ruleset, found.blind, 0.0, 99.0) == pytest.approx(1.0 - lost)
-    assert found.status == ("C" if told else "ok")
-    assert found.is_whole == (not told)
+    assert found.status == ("C" if spans else "ok")
+    assert found.is_whole == (not spans)
 
 
 def test_a_pump_at_rest_hides_nothing() -> None:
     """It is blind while it runs, and pauses do not end that."""
     rules, whole = compiled("abc"), run_of()
     pauses = {(0, 100): [], (0, 50): [(50.0, 99.0)], (40, 60): [(0.0, 99.0)]}
-    for pause, told in pauses.items():
+    for pause, expected in pauses.items():
         speed = whole.values["A.n"].copy()
         speed[slice(*pause)] = 0.5 * (rules.signal_by_id["A.n"].minimum or np.nan)
         blind = blind_of(changed(without(whole, "A.dp"), {"A.n": speed}), rules)
         hidden = [b for b in blind if GONE_WITH_DP & set(b.faults)]
-        assert told == sorted({(b.since, b.until) for b in hidden if "A.leakage" in b.faults})
-        assert bool(hidden) == bool(told)
+        assert expected == sorted({(b.since, b.until) for b in hidden if "A.leakage" in b.faults})
+        assert bool(hidden) == bool(expected)
 
 
 def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
@@ -115,9 +115,9 @@ def test_the_watch_says_the_same() -> None:
     for low in range(0, len(recording), 10):
         part = slice(low, low + 10)
         rows = Rows(recording.time[part], {n: v[part] for n, v in recording.values.items()})
-        for told in follow(rules, memory, rows):
-            memory = told.memory
-            texts |= {e.text for e in told.events if e.episode.kind == "blind"}
+        for update in follow(rules, memory, rows):
+            memory = update.memory
+            texts |= {e.text for e in update.events if e.episode.kind == "blind"}
     (episode,) = [e for e in memory.episodes if e.kind == "blind"]
     (blind,) = diagnose(recording, rules).blind
     assert ("C", blind.since, True) == (episode.status, episode.since, episode.active)

@@ -104,8 +104,8 @@ def test_what_no_reading_tells_apart_is_told_together(true: str, course: str) ->
     for finding in findings:
         named = {finding.fault.id: finding.probability, **dict(finding.alternatives)}
         assert named[LEAK] == named[LOW]
-        told = headline(rules, finding) + actions(rules, finding)
-        assert all(rules.fault_by_id[name].action in told for name in (LEAK, LOW))
+        text = headline(rules, finding) + actions(rules, finding)
+        assert all(rules.fault_by_id[name].action in text for name in (LEAK, LOW))
 
 
 def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:
@@ -158,7 +158,7 @@ def test_beside_the_plant_the_more_usual_is_named_first_too(
     whole = only(leaking, rules)
     seen = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))
     assert seen[-1].diagnosis.findings == (whole,)
-    events = [e.episode for told in seen for e in told.events if e.episode.kind == "fault"]
+    events = [e.episode for update in seen for e in update.events if e.episode.kind == "fault"]
     (episode,) = {e.id: e for e in events}.values()
     file = tmp_path / "results.csv"
     by_controllers = results_csv(played(leaking, rules, codes(RIG)))

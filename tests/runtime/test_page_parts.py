@@ -39,7 +39,7 @@ from tests.live.view.browser import CHROMIUM, Browser, browser
 from tests.live.view.test_browser import CONTRAST
 from tests.prove.made import run
 from tests.runtime.mismatches import ALL, made_by_hand
-from tests.runtime.reports import EXAMPLES, MADE, Judged, dated, judge, mismatch_page, told
+from tests.runtime.reports import EXAMPLES, MADE, Judged, dated, judge, mismatch_page, shown
 from tests.runtime.sheets import Sheet, example, write
 from tests.test_study import TYPES, counted
 
@@ -141,7 +141,7 @@ def test_flows_of_a_station_are_told_in_its_unit() -> None:
 def test_a_matrix_cuts_no_name() -> None:
     """However long the names of modules, faults and observers, and however narrow the terminal."""
     for plant in ("cooling-loop", "irrigation-booster", "hsy-pumping"):
-        assert "…" not in told(show, compiled(plant), 80)
+        assert "…" not in shown(show, compiled(plant), 80)
 
 
 def test_a_matrix_has_a_page(

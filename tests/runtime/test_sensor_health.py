@@ -117,10 +117,10 @@ OF_EACH_KIND = ("dead", "broken wire", "given, frozen", "bar under mbar", "swapp
     ],
 )
 def test_a_sensor_that_fails_is_told(case: str, name: str) -> None:
-    bend, how, told, letter = CASES[case]
+    bend, how, expected, letter = CASES[case]
     ruleset = plant(name)
     found = diagnose(bend(recorded(name), ruleset, *how), ruleset)
-    assert set(told) == {s.id for s in found.sensors}
+    assert set(expected) == {s.id for s in found.sensors}
     assert {letter} == {s.condition.status for s in found.sensors}
     assert letter == found.status
     assert ((), ()) == (found.findings, found.unknown)
@@ -145,14 +145,14 @@ def test_a_sound_recording_has_sound_sensors(name: str) -> None:
 def test_levels_that_fail(name: str, level: str) -> None:
     ruleset, recording = compiled(name), tanks.made(name, 1)
     low = ruleset.signal_by_id[level].lowest
-    for bent, told in (
+    for bent, expected in (
         (constant(recording, ruleset, level, low), "dead"),
         (below_zero(recording, ruleset, level), "range"),
         (constant(recording, ruleset, level, None, 0.5), "stuck"),
         (constant(recording, ruleset, level, None), "stuck"),
     ):
         found = examine(bent, ruleset)
-        assert [f"{level}.{told}"] == [f.id for f in found.findings]
+        assert [f"{level}.{expected}"] == [f.id for f in found.findings]
         assert not np.isfinite(found.recording.values[level][-1])
     assert () == examine(recording, ruleset).findings
 

@@ -75,7 +75,7 @@ from tests.runtime.reports import (
     figures,
     judge,
     mismatch_page,
-    told,
+    shown,
     tree,
 )
 from tests.runtime.sheets import Sheet, example, write
@@ -151,7 +151,7 @@ def test_a_mismatch_is_told_as_reviewed(case: str) -> None:
 def test_a_page_of_a_diagnosis_is_as_reviewed(leaking: Judged, healthy: Judged) -> None:
     for name, judged in (("leaking", dated(leaking)), ("healthy", healthy)):
         form = diagnosis_form(judged.diagnosis)
-        assert_as_reviewed(name, told(explain, judged.diagnosis), judged.page(), form)
+        assert_as_reviewed(name, shown(explain, judged.diagnosis), judged.page(), form)
 
 
 DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
@@ -170,7 +170,7 @@ DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
 def test_a_diagnosis_is_told_as_reviewed(case: str) -> None:
     found = DIAGNOSES[case]()
     page = f"<main>{''.join(map(part_html, html_findings.findings_parts(found)))}</main>"
-    assert_as_reviewed(f"diagnosis {case}", told(explain, found), page, diagnosis_form(found))
+    assert_as_reviewed(f"diagnosis {case}", shown(explain, found), page, diagnosis_form(found))
 
 
 def test_a_matrix_and_an_experiment_are_told_as_reviewed() -> None:
@@ -191,18 +191,18 @@ def test_a_recipe_and_a_step_write_large_numbers_out() -> None:
     page = experiment_page(replace(found, steps=steps), compiled("abc"), MADE)
     assert ">1\u202f500</td>" in page
     faster = Proposal(changes={"A.n": 18000.0}, here=(), apart=(), hold=60.0)
-    told = set_points(compiled("abc"), {"A.n": 15000.0}, faster)
-    assert told == "raise A.n from 15000 to 18000 rpm, and hold it for 60 s"
+    text = set_points(compiled("abc"), {"A.n": 15000.0}, faster)
+    assert text == "raise A.n from 15000 to 18000 rpm, and hold it for 60 s"
 
 
 @pytest.mark.parametrize("case", ALL)
 def test_every_verdict_is_told(case: str) -> None:
     """On one screen, a page that asks for nothing else, and data; nowhere a number that is not
     known."""
-    rows = told(tell, ALL[case], 80).splitlines()
+    rows = shown(tell, ALL[case], 80).splitlines()
     assert [] == [row for row in rows if len(row) > 80]
     assert 45 >= len(rows)
-    text = told(tell, broken(ALL[case]), 80).replace("(", " ").lower()
+    text = shown(tell, broken(ALL[case]), 80).replace("(", " ").lower()
     assert set(text.split()).isdisjoint(("nan", "inf", "-inf"))
     for mismatch in (ALL[case], broken(ALL[case])):
         json.dumps(mismatch_form(mismatch, "plants/abc"), allow_nan=False)
@@ -215,7 +215,7 @@ HOSTILE = "<script src='//x'>\"&\u202e\x07</script>"
 
 def test_hostile_texts_stay_text() -> None:
     hostile = "[bold]x[/bold] [/] [red] \\"
-    assert 15 <= told(tell, spoken(hostile), 400).count(hostile)
+    assert 15 <= shown(tell, spoken(hostile), 400).count(hostile)
     page = tree(mismatch_page(spoken(HOSTILE)))
     assert [] == [*page.iter("script"), *page.iter("img")]
     assert "<script src='//x'>\"&\ufffd\ufffd</script>" == page.findtext(".//h1")
@@ -223,9 +223,9 @@ def test_hostile_texts_stay_text() -> None:
 
 def test_an_error_without_a_rule_leaves_no_empty_line() -> None:
     found = DIAGNOSES["growing"]()
-    assert "rules and sources" in told(explain, found)
+    assert "rules and sources" in shown(explain, found)
     cells = tuple(replace(cell, equation="") for cell in found.ruleset.cells)
-    lines = told(explain, replace(found, ruleset=replace(found.ruleset, cells=cells))).splitlines()
+    lines = shown(explain, replace(found, ruleset=replace(found.ruleset, cells=cells))).splitlines()
     assert any(line.endswith("─ source") for line in map(str.rstrip, lines))
     assert not [line for line in lines if line.rstrip().endswith("─")]
 
@@ -233,7 +233,7 @@ def test_an_error_without_a_rule_leaves_no_empty_line() -> None:
 def test_alternatives_beyond_three_are_counted() -> None:
     (first, *_), (finding, *rest) = WARM.alternatives, NAMED.findings
     many = replace(finding, alternatives=tuple(replace(first, title=f"slip {k}") for k in range(5)))
-    words = " ".join(told(tell, replace(NAMED, findings=(many, *rest)), 400).split())
+    words = " ".join(shown(tell, replace(NAMED, findings=(many, *rest)), 400).split())
     assert re.search(r"slip 2 \(\d+ %\) and 2 other explanations \(--json has all\)", words)
 
 

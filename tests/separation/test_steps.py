@@ -18,7 +18,7 @@ from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
 from rulec.separation.table import Separated, show_separated
 from tests.conftest import ROOT, Capsys, compiled
-from tests.written import told_by, write_columns
+from tests.written import json_of, write_columns
 
 PLANT = ROOT / "plants" / "abc"
 LIMITS = """\
@@ -44,7 +44,7 @@ def _diagnosed(inputs: Path, fault: str, seed: int, *more: str) -> list[dict[str
         ruleset.write_text(compiled("abc").to_json(), encoding="utf-8")
     noise = ["--fault", fault, "--noise", str(seed)]
     assert main(["simulate", str(ruleset), str(inputs), "-o", str(recording), *noise]) == 0
-    return list(told_by("diagnose", ruleset, recording, *more)["findings"])
+    return list(json_of("diagnose", ruleset, recording, *more)["findings"])
 
 
 HERE = (900.0, 900.0)
@@ -90,14 +90,14 @@ def test_step_keeps_a_file_of_limits_and_says_what_it_costs(tmp_path: Path, caps
         assert 13.0 <= change["to"] <= 16.0
         assert finding["step"]["ramp"] == pytest.approx(abs(change["to"] - change["from"]) / 0.2)
         assert finding["step"]["costs_product"] == ["C"]
-    told = " ".join(re.sub("[│├└─]", " ", capsys.readouterr().out).split())
-    assert "to tell them apart: lower B.n from" in told
-    assert "this costs product (C)" in told
+    output = " ".join(re.sub("[│├└─]", " ", capsys.readouterr().out).split())
+    assert "to tell them apart: lower B.n from" in output
+    assert "this costs product (C)" in output
 
 
 def test_matrix_tells_the_step_of_each_pair(capsys: pytest.CaptureFixture[str]) -> None:
     """Of 16 pairs 10 are alike, and one step tells each of them apart."""
-    pairs = told_by("matrix", PLANT, "--separate")["separate"]
+    pairs = json_of("matrix", PLANT, "--separate")["separate"]
     assert "one change of set points separates all of the other 10" in " ".join(
         capsys.readouterr().out.split()
     )

@@ -171,7 +171,7 @@ def numbers(events: Iterable[Event]) -> dict[str, int]:
     }
 
 
-def told(events: Sequence[Event]) -> list[Event]:
+def last_events(events: Sequence[Event]) -> list[Event]:
     """The last event of each episode of a fault, a sensor or something unknown, unless that was
     withdrawn."""
     last: dict[str, Event] = {}
@@ -185,7 +185,7 @@ def against_plant(
     events: Sequence[Event], planted: Sequence[Injected], end: float
 ) -> dict[str, Any]:
     """Faults over before `end` that were told once, never, more than once; what nobody planted."""
-    episodes = [event.episode for event in told(events)]
+    episodes = [event.episode for event in last_events(events)]
     over = [f for f in planted if f.until < end]
     count = [sum(_is_of(e, f) for e in episodes) for f in over]
     strange = [
@@ -210,7 +210,7 @@ def _is_of(episode: Episode, fault: Injected) -> bool:
 def against_undisturbed(events: Sequence[Event], quiet: Sequence[Event]) -> dict[str, int]:
     """Episodes by name and beginning: those of the undisturbed watch that are missing, and those
     that are there beyond them."""
-    mine, theirs = ([_known(e) for e in told(part)] for part in (events, quiet))
+    mine, theirs = ([_known(e) for e in last_events(part)] for part in (events, quiet))
     return {
         "episodes": len(theirs),
         "lost": sum(max(theirs.count(k) - mine.count(k), 0) for k in set(theirs)),

@@ -18,7 +18,7 @@ from rulec.effects.write_plant import plant_files
 from rulec.knowledge.read import read_plant
 from rulec.simulation.predict import predict
 from tests.states.plants import TANKS, random_inputs, write_inputs
-from tests.test_adopt import adopted, mismatch, models_of, opened, rules_of, values_of
+from tests.test_adopt import adopted, builder_of, mismatch, models_of, rules_of, values_of
 
 CAUGHT = "upper.overflow-caught@inflow"
 
@@ -60,7 +60,7 @@ def assert_same_course(
 
 def test_overflow_of_one_tank(tmp_path: Path) -> None:
     """That tank gets a type of its own; what it loses and what is caught stand in its laws."""
-    data, builder = mismatch(TANKS, [(CAUGHT, unknowns_of(opened(TANKS), CAUGHT))])
+    data, builder = mismatch(TANKS, [(CAUGHT, unknowns_of(builder_of(TANKS), CAUGHT))])
     new = adopted(tmp_path, data)
     upper, lower = (models_of(new).plant.modules[name].type for name in ("upper", "lower"))
     assert ("open-tank-upper", 2) == (upper.name, upper.version)
@@ -83,7 +83,7 @@ def test_states_that_an_effect_brings_in(tmp_path: Path) -> None:
     """Written, read again, the same course, which is another than without. The observer of a pump
     that follows late tells the settled flow; the tank gets the flow that follows."""
     name = "pump.lag-flow@pump"
-    data, builder = mismatch(TANKS, [(name, unknowns_of(opened(TANKS), name))])
+    data, builder = mismatch(TANKS, [(name, unknowns_of(builder_of(TANKS), name))])
     new = adopted(tmp_path, data)
     assert_same_course(tmp_path, new, data, builder, at_least=0.02)
     assert 0 == main(["check", str(new)])
@@ -107,7 +107,7 @@ UNWRITTEN = {
 @pytest.mark.prove
 def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
     """Physics at the first place where it joins the tanks: built in, written, read again."""
-    builder, sources = opened(TANKS), read_plant(TANKS)
+    builder, sources = builder_of(TANKS), read_plant(TANKS)
     known = {c.name: c for c in reversed(builder.candidates) if c.sort == "physics"}
     refused = {n: r for n, c in known.items() if (r := why_not(c, builder.network))}
     assert set(UNWRITTEN) == set(refused)

@@ -64,14 +64,14 @@ def test_odd_rows(tmp_path: Path, capsys: Capsys) -> None:
     # 0.5 mm for each V and second; the first reading, 2 V, counts from the beginning on.
     expected = 0.5 + 1e-3 * np.array([0.0, 8.0, 4.0, 16.0, np.nan, 24.0, 24.0, 24.0, 28.0])
     np.testing.assert_allclose(read_columns(made)["T.y [m]"], expected, rtol=1e-9)
-    told = capsys.readouterr().err
+    output = capsys.readouterr().err
     for note in (
         "2 of 9 rows (the first is data row 1): P.u has no reading; the last one counts on",
         "1 of 9 rows (the first is data row 5) have no usable time; they are not predicted",
         "the rows are not in order of time; they are predicted in it",
         "a gap of 100 s behind data row 7: integrated across",
     ):
-        assert f"in.csv: {note}" in told
+        assert f"in.csv: {note}" in output
 
 
 def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
@@ -140,12 +140,12 @@ def test_balances_and_what_follows_at_once(tmp_path: Path, capsys: Capsys) -> No
     store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
     store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
     plant = plant_in(tmp_path / "a", CHAIN, "P -> T", feed=FEED, store=store)
-    told = refused(plant, tmp_path, "time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n", capsys)
-    assert "a state of made-up grows beyond all bounds" in told
+    output = refused(plant, tmp_path, "time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n", capsys)
+    assert "a state of made-up grows beyond all bounds" in output
     circle = PRESSED.replace("outflow: {is: n*V}", "outflow: {is: k*(dp - b*y)}")
     plant = plant_in(tmp_path / "b", {"T": "pressed-store"}, pressed=circle)
-    told = refused(plant, tmp_path, "time [s],T.n [rpm]\n0,900\n60,900\n", capsys)
-    assert "its balances need T.dp, which follows from T.y" in told
+    output = refused(plant, tmp_path, "time [s],T.n [rpm]\n0,900\n60,900\n", capsys)
+    assert "its balances need T.dp, which follows from T.y" in output
 
 
 def stored(folder: Path, level: float) -> tuple[Path, Path]:

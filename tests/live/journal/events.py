@@ -36,8 +36,8 @@ def event(number: int, episode: Episode = LEAKAGE, **other: object) -> Event:
 def story() -> list[Event]:
     """A leakage that goes on, a sensor that failed and is well again."""
     names = {"id": "B.p@1700000005.000", "subject": "B.p", "module": "B"}
-    told = {"kind": "sensor", "status": "C", "text": "B.p stands still", "action": ""}
-    stuck = replace(LEAKAGE, alternatives=(), **names, **told)  # type: ignore[arg-type]
+    condition = {"kind": "sensor", "status": "C", "text": "B.p stands still", "action": ""}
+    stuck = replace(LEAKAGE, alternatives=(), **names, **condition)  # type: ignore[arg-type]
     return [
         event(1, what="began", text="A.leakage 0.170 (0.150 to 0.190)"),
         event(2, stuck, what="began", text="B.p stands still"),
@@ -50,8 +50,8 @@ def event_in(form: dict[str, Any]) -> Event:
     known, own = {f.name for f in fields(Episode)}, ("number", "time", "what", "text")
     episode = {name: part for name, part in form["episode"].items() if name in known}
     rivals = tuple((r["fault"], r["probability"]) for r in episode.pop("alternatives"))
-    told = Episode(**episode, alternatives=rivals)
-    return Event(**{name: form[name] for name in own}, episode=told)
+    condition = Episode(**episode, alternatives=rivals)
+    return Event(**{name: form[name] for name in own}, episode=condition)
 
 
 def events_in(file: Path) -> list[Event]:
@@ -61,7 +61,7 @@ def events_in(file: Path) -> list[Event]:
     return [event_in(json.loads(line)) for line in lines]
 
 
-def kept_in(journal: Journal) -> tuple[int, bytes]:
+def stored_in(journal: Journal) -> tuple[int, bytes]:
     """The state of plant abc that a journal keeps, and the number of the last event before it."""
     saved = journal.state("abc")
     assert saved is not None

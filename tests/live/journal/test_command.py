@@ -125,9 +125,9 @@ def test_hostile_texts_steer_nothing(
         changed.execute(change)
     for arguments in ([], ["--csv", "-"], ["--json", "-"]):
         assert main(["journal", file, *arguments]) == 0
-        told = capsys.readouterr()
-        assert all(is_shown(sign) or sign == "\n" for sign in told.out + told.err)
-        assert told.out.count("cmd") >= 1  # among all of them
+        output = capsys.readouterr()
+        assert all(is_shown(sign) or sign == "\n" for sign in output.out + output.err)
+        assert output.out.count("cmd") >= 1  # among all of them
     assert main(["journal", file, "--csv", str(tmp_path / "t.csv")]) == 0
     with (tmp_path / "t.csv").open(newline="") as stream:
         rows = list(csv.reader(stream))

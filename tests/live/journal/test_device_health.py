@@ -97,10 +97,10 @@ async def changed(client: Client) -> list[str]:
 def test_clients_change_nothing(server: DeviceHealth, user: str) -> None:
     server.show([LEAKAGE])
     try:
-        told = asked(server.address, changed, user)
+        outcomes = asked(server.address, changed, user)
     except ua.UaStatusCodeError as error:
-        told = [type(error).__name__] if user else ["let in"]  # no name is taken
-    assert set(told) <= {"BadUserAccessDenied", "BadIdentityTokenRejected"}, told
+        outcomes = [type(error).__name__] if user else ["let in"]  # no name is taken
+    assert set(outcomes) <= {"BadUserAccessDenied", "BadIdentityTokenRejected"}, outcomes
     assert values(asked(server.address, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
 
 

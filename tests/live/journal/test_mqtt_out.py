@@ -60,8 +60,8 @@ def test_events_and_status(broker: OwnBroker) -> None:
     sink.close()
     assert heard.get(timeout=5)[1]["status"] == "unknown"
     client.loop_stop()
-    late, told = listening(broker.port)  # the status is retained
-    assert told.get(timeout=5)[1]["status"] == "unknown"
+    late, messages = listening(broker.port)  # the status is retained
+    assert messages.get(timeout=5)[1]["status"] == "unknown"
     late.loop_stop()
 
 
@@ -88,9 +88,9 @@ def test_what_cannot_be_used() -> None:
     """A password would travel readable; without a broker it is trouble, as long as it lasts."""
     hosts = ("mqtt://", "mqtt://ann:secret@host", "mqtt://h:99999", "mqtt://[")
     for url in ("x", "http://host", "ws://x", "wss://x", *hosts):
-        with pytest.raises(JournalRefused, match="named mqtt://HOST:PORT") as told:
+        with pytest.raises(JournalRefused, match="named mqtt://HOST:PORT") as refusal:
             MqttOut(url, "abc")
-        assert "secret" not in str(told.value)
+        assert "secret" not in str(refusal.value)
     for plant in ("", "a/b", "#", "+"):
         with pytest.raises(JournalRefused, match="MQTT topic"):
             MqttOut("mqtt://host", plant)
@@ -142,7 +142,7 @@ def test_a_source_reads_from_the_right_broker_alone(tls_broker: OwnBroker, folde
         taken = opened(f"{host}:{port}", folder, ca).until(lambda t: t.kinds())
         taken.take(0.2).source.close()
         assert taken.kinds() == ["lost"]
-        assert why in taken.told[0][1]
+        assert why in taken.reports[0][1]
 
 
 def test_events_go_to_the_right_broker_alone(tls_broker: OwnBroker, folder: Path) -> None:

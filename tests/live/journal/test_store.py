@@ -14,7 +14,7 @@ from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.store import Journal, open_journal
 
 from tests.hostile.texts import STEERING
-from tests.live.journal.events import LEAKAGE, event, events_in, kept_in, story
+from tests.live.journal.events import LEAKAGE, event, events_in, stored_in, story
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def test_what_is_committed_is_there_once_with_its_state(
     entries = list(journal.events("abc"))
     assert [entry.event for entry in entries] == story()
     assert entries[0].iso == "2023-11-14T22:13:21+00:00"
-    assert kept_in(journal) == (4, b"\0new")
+    assert stored_in(journal) == (4, b"\0new")
     journal.commit("abc", (), b"later")
     with pytest.raises(JournalRefused, match=r"another event 4 of abc.*'B.p healthy again'"):
         journal.commit("abc", [event(5), event(4)], b"other")
@@ -46,7 +46,7 @@ def test_what_is_committed_is_there_once_with_its_state(
         with pytest.raises(ZeroDivisionError):
             journal.commit("abc", [event(5)], b"lost")
     assert numbers(journal) == [1, 2, 3, 4]
-    assert kept_in(journal) == (4, b"later")
+    assert stored_in(journal) == (4, b"later")
     assert journal.state("xyz") is None
     journal.commit("xyz", [event(4)], None)  # another plant counts for itself
     assert journal.last("xyz") == 4

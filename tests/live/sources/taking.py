@@ -32,7 +32,7 @@ class Taken:
         """Take until it holds; fails after that many seconds."""
         end = time.monotonic() + seconds
         while not met(self):
-            assert time.monotonic() < end, (self.told, self.times)
+            assert time.monotonic() < end, (self.reports, self.times)
             self.take(0.05)
         return self
 
@@ -47,7 +47,7 @@ class Taken:
         return [float(v) for v in np.concatenate(parts)] if parts else []
 
     @property
-    def told(self) -> list[tuple[str, str]]:
+    def reports(self) -> list[tuple[str, str]]:
         return [(n.kind, n.text) for n in self.notices]
 
     def kinds(self) -> list[str]:

@@ -187,7 +187,7 @@ def test_clocks_of_files(tmp_path: Path, abc: Ruleset) -> None:
     path, taken = growing(tmp_path, abc, lines([0, 1, 1, 5, 3, 4, 6]))
     append(path, lines([2, 7], header=False))
     assert taken.take().times == [0, 1, 5, 6, 7]
-    assert taken.told[1] == ("clock", "x.csv: 3 rows are not later than 6 s and are left out")
+    assert taken.reports[1] == ("clock", "x.csv: 3 rows are not later than 6 s and are left out")
     assert taken.kinds() == ["connected", "clock"]
     path, taken = growing(tmp_path, abc, lines([0, 2, 4]))
     path.rename(tmp_path / "x.csv.1")
@@ -216,7 +216,7 @@ def test_what_is_odd_is_told_once(tmp_path: Path, abc: Ruleset) -> None:
         taken.until(lambda t, i=i: len(t.times) == 1 + 2 * i)  # type: ignore[misc]
     assert np.isnan(taken.of("A.dp")[1:]).all()
     assert taken.kinds() == ["connected", *["refused"] * 3]
-    assert all(c.isprintable() for _, text in taken.told for c in text)
+    assert all(c.isprintable() for _, text in taken.reports for c in text)
 
 
 def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> None:
@@ -230,7 +230,7 @@ def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> Non
     bad.write_text("time [s],A.dp [m]\n2,1\n")
     os.replace(bad, path)
     taken.until(lambda t: "refused" in t.kinds())
-    assert "A.dp is measured in bar" in taken.told[-1][1]
+    assert "A.dp is measured in bar" in taken.reports[-1][1]
     bad.write_text(lines([3]))
     os.replace(bad, path)
     taken.until(lambda t: t.times == [0, 1, 3])
@@ -347,8 +347,8 @@ def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> No
     assert taken.take().times == [0, 1]
     assert taken.of("A.dp") == pytest.approx([50.0, 150.0])
     missing = ", ".join(s.id for s in abc.signals if s.id in abc.read - {"A.dp", "A.n"})
-    told = f"x.csv: 2 of {len(abc.read)} signals; without {missing}; "
-    assert taken.told == [("connected", told + "2 lines above the titles left out")]
+    text = f"x.csv: 2 of {len(abc.read)} signals; without {missing}; "
+    assert taken.reports == [("connected", text + "2 lines above the titles left out")]
     path.write_text("time,A.dp,A.n\ns,m3/h,rpm\n0,1,2\n")
     with pytest.raises(RecordingRefused, match="is measured in bar"):
         GrowingFile(path, abc)
@@ -422,6 +422,6 @@ def test_dates_of_a_named_zone(restarts: bool, tmp_path: Path, abc: Ruleset) -> 
     assert source.dated
     _, taken = growing(tmp_path, zoned, titles + "2025-03-30 02:30:00,1,900\n")
     text = "x.csv: 1 row is in the hour that Europe/Berlin leaves out; is the zone right?"
-    assert ("clock", text) in taken.told
+    assert ("clock", text) in taken.reports
     unknown = dataclasses.replace(abc, time_zone="Nowhere/Else")
     assert growing(tmp_path, unknown, lines([0, 1]))[1].times == [0, 1]

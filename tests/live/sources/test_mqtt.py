@@ -146,7 +146,7 @@ def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> 
     # The others still come: it is that signal, not the plant, that is not read.
     assert [n.signal for n in taken.notices if n.kind == "stale"] == ["A.dp"]
     send("t/dp", 1.8, 30)
-    taken.until(lambda t: t.told[-1] == ("connected", "all values come again"))
+    taken.until(lambda t: t.reports[-1] == ("connected", "all values come again"))
     source.close()
     assert (np.diff(taken.times) > 0).all()
 
@@ -184,10 +184,10 @@ signals:
 def test_mutated_messages(abc: Ruleset, tmp_path: Path) -> None:
     """By the thousand: nothing escapes, nothing steers."""
     source, _ = without_broker(abc, tmp_path, HOSTILE_MAP)
-    draw, told = random.Random(7), 0
+    draw, count = random.Random(7), 0
     for _ in range(2000):
         source.receive(draw.choice(("plant/A", "plant/B")), mutated(draw.choice(MESSAGES), draw))
-        told += check(source.take(0.0))[1]
+        count += check(source.take(0.0))[1]
     source.receive("plant/A", b"1" * (limits.LARGEST_MESSAGE + 1))
     parts = source.take(0.0)
     assert any("more than" in p.text for p in parts if isinstance(p, Notice))
@@ -198,4 +198,4 @@ def test_mutated_messages(abc: Ruleset, tmp_path: Path) -> None:
     rows, _ = check(source.take(1.0))
     source.close()
     assert rows >= 1, "it still reads after all of that"
-    assert told < 200, "what keeps coming is told once"
+    assert count < 200, "what keeps coming is told once"

@@ -98,7 +98,7 @@ def test_rows_come_and_nothing_is_written(
     assert (steps > 0).all()
     assert np.median(steps) == pytest.approx(0.1, abs=0.03)
     assert taken.kinds()[0] == "connected"
-    assert ("refused", "A.dp has no reading: BadSensorFailure") in taken.told
+    assert ("refused", "A.dp has no reading: BadSensorFailure") in taken.reports
     assert seen == READING
 
 
@@ -118,7 +118,7 @@ def test_a_server_that_is_killed_is_read_again(watch: Watch) -> None:
     taken.source.close()
     server.stop()
     kinds = taken.kinds()
-    assert [kinds.count(k) for k in ("lost", "gap", "connected")] == [2, 1, 2], taken.told
+    assert [kinds.count(k) for k in ("lost", "gap", "connected")] == [2, 1, 2], taken.reports
     assert (np.diff(taken.times) > 0).all()
     server.namespaces = ["urn:other"]
     server.start()
@@ -209,8 +209,8 @@ def test_what_cannot_be_used_is_told_again(plant: PlantServer, watch: Watch) -> 
         (math.nan, "an array of 2 values; write 'index: 0' at the signal for the first"),
         (1.8, "no number"),  # though its quality is Good
     ):
-        told = ("stale", f"A.dp has had no reading for 1 s: {why}")
-        taken.until(lambda t, told=told: told in t.told)  # type: ignore[misc]
+        expected = ("stale", f"A.dp has had no reading for 1 s: {why}")
+        taken.until(lambda t, expected=expected: expected in t.reports)  # type: ignore[misc]
         plant.write("A.dp", value)
     taken.until(lambda t: t.of("A.dp")[-1] == 1.8e5)
     assert math.isnan(taken.of("A.dp")[0])
@@ -251,7 +251,7 @@ def test_signed_and_encrypted_to_the_right_server_alone(watch: Watch) -> None:
         for name in ("plant", "watch")
     )
     taken = watch.of(server.url, right + MAP).until(lambda t: t.times)
-    assert "(Basic256Sha256, SignAndEncrypt): 2 signals" in taken.told[0][1]
+    assert "(Basic256Sha256, SignAndEncrypt): 2 signals" in taken.reports[0][1]
     for security in (wrong, ""):
         taken = watch.of(server.url, security + MAP)
         taken.until(lambda t: "lost" in t.kinds()).take(0.3).source.close()

@@ -75,8 +75,8 @@ class Plant:
 
     turn = 1.0
 
-    def told(self) -> list[str]:
-        return [text for kind, text in self.taken.told if kind in ("gap", "refused", "clock")]
+    def reports(self) -> list[str]:
+        return [text for kind, text in self.taken.reports if kind in ("gap", "refused", "clock")]
 
 
 @pytest.fixture
@@ -116,14 +116,14 @@ def test_names_are_those_of_the_birth(plant: Plant) -> None:
     assert [later.stamp, *(m.stamp for m in later.metrics)] == [1.79e9 + t for t in (1, 1, 0.9, 1)]
     assert [m.null for m in later.metrics] == [False, False, True]
     np.testing.assert_allclose(plant.taken.times, [1.79e9, 1.79e9 + 1])
-    assert plant.told() == ["A.T has no reading: no number"]
+    assert plant.reports() == ["A.T has no reading: no number"]
     plant.says(DEVICE, "DDATA", HISTORICAL)
     assert plant.last() == (1.8, -5.0)
     plant.says(DEVICE, "DDATA", QUALITY)
     dp, n = plant.last()
     assert math.isnan(dp)
     assert n == 901.0
-    assert plant.told()[1:] == [
+    assert plant.reports()[1:] == [
         "site/edge/A: values that it kept while it was cut off are left out",
         "A.dp has no reading: bad quality",
     ]
@@ -136,7 +136,7 @@ def test_without_a_birth_aliases_say_nothing(plant: Plant) -> None:
     anew is not mistaken."""
     plant.says(DEVICE, "DDATA", data(6)).says(DEVICE, "DDATA", data(7))
     assert plant.taken.times == []
-    assert plant.told() == ["site/edge/A: values come by alias; they are read from its birth on"]
+    assert plant.reports() == ["site/edge/A: values come by alias; they are read from its birth on"]
     plant.says(DEVICE, "DDATA", QUALITY[:-1] + b"\x08")
     assert plant.last()[1] == 901.0
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DDATA", data(1))
@@ -156,21 +156,21 @@ def test_messages_that_are_missing_are_told(plant: Plant) -> None:
     plant.born()
     for i, sequence in enumerate([2, 3, 6, 9]):
         plant.says(DEVICE, "DDATA", data(sequence, at=1_790_000_010_000 + 1000 * i))
-    assert plant.told() == ["site/edge: message 6 follows 3; what is between is missing"]
+    assert plant.reports() == ["site/edge: message 6 follows 3; what is between is missing"]
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE)
-    assert len(plant.told()) == 1
+    assert len(plant.reports()) == 1
     assert len(plant.taken.times) == 5
 
 
 def test_a_device_that_is_gone_has_no_readings(plant: Plant) -> None:
     plant.born().says(DEVICE, "DDEATH", b"\x18\x02")
-    assert plant.told() == ["site/edge/A says that it is gone (DDEATH)"]
+    assert plant.reports() == ["site/edge/A says that it is gone (DDEATH)"]
     plant.says(DEVICE, "DDATA", QUALITY[:-1] + b"\x03")
     dp, n = plant.last()
     assert math.isnan(dp)
     assert n == 901.0
     plant.says(NODE, "NDEATH")
-    assert plant.told()[-1] == "site/edge says that it is gone (NDEATH)"
+    assert plant.reports()[-1] == "site/edge says that it is gone (NDEATH)"
 
 
 def test_values_hold(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,15 +207,15 @@ def test_mutated_payloads(plant: Plant) -> None:
     for payload in NO_MESSAGES:
         with pytest.raises(BadPayload, match="neither Sparkplug B nor JSON"):
             message_of(payload)
-    draw, told = random.Random(11), 0
+    draw, count = random.Random(11), 0
     sound = [BIRTH_OF_NODE, BIRTH, DATA, HISTORICAL, QUALITY]
     for _ in range(2000):
         topic = draw.choice((NODE, DEVICE))
         kind = draw.choice(("BIRTH", "DATA", "DATA", "DEATH", "CMD"))
         payload = mutated(draw.choice(sound), draw)
         plant.source.receive(topic.format(("D" if topic is DEVICE else "N") + kind), payload)
-        told += check(plant.source.take(0.0))[1]
-    assert told < 200
+        count += check(plant.source.take(0.0))[1]
+    assert count < 200
     at = varint(int(time.time() * 1000))
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE)
     plant.says(DEVICE, "DBIRTH", BIRTH.replace(varint(1_790_000_000_000), at))

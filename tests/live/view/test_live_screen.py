@@ -226,16 +226,16 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
         live.show(replace(now, past=now.past[2:]))
         live.show(now)
         live.show(now)
-    told = "    since {}; do: check the bypass valve, then the clearance of the pump"
+    line = "    since {}; do: check the bypass valve, then the clearance of the pump"
     assert out.getvalue().splitlines() == [
         "2026-09-21 16:13:31  ◆ M  began A.leakage 0.200",
-        told.format("2026-09-21 16:13:31"),
+        line.format("2026-09-21 16:13:31"),
         "2026-09-21 16:13:39  ✓  ended A.leakage 0.200",
         "2026-09-21 16:13:51  ◆ M  began A.leakage 0.399",
-        told.format("2026-09-21 16:13:51"),
+        line.format("2026-09-21 16:13:51"),
         "2026-09-21 16:13:59  ✓  ended A.leakage 0.399",
         "2026-09-21 16:14:11  ◆ M  began A.leakage 0.600",
-        told.format("2026-09-21 16:14:11"),
+        line.format("2026-09-21 16:14:11"),
     ]
     monkeypatch.setenv("TERM", "dumb")
     out = io.StringIO()

@@ -110,11 +110,11 @@ def slopes(work: Path) -> dict[str, Any]:
     return form
 
 
-def _scored(told: list[Judged]) -> dict[str, Any]:
+def _scored(judged: list[Judged]) -> dict[str, Any]:
     """How many faults are named, and by how much their degrees are off."""
-    right = [j for j in told if j.right]
+    right = [j for j in judged if j.right]
     error = float(np.mean([j.error for j in right])) if right else 0.0
-    return {"right": Share(len(right), len(told)).form(), "error": error}
+    return {"right": Share(len(right), len(judged)).form(), "error": error}
 
 
 if __name__ == "__main__":

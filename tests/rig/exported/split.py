@@ -80,11 +80,11 @@ def gaps(a: Diagnosis, b: Diagnosis) -> Iterator[float]:
     for one, other in pairs:
         assert abs(one.probability - other.probability) < IMPROBABLE
         yield from (
-            abs(x - y) / max(abs(x), 1.0) for x, y in zip(*map(_told, (one, other)), strict=True)
+            abs(x - y) / max(abs(x), 1.0) for x, y in zip(*map(_values, (one, other)), strict=True)
         )
 
 
-def _told(f: Finding) -> tuple[float, ...]:
+def _values(f: Finding) -> tuple[float, ...]:
     residuals = (e.value / e.threshold for e in f.evidence if e.threshold)
     return (f.degree, f.lower, f.upper, *residuals)
 

@@ -24,8 +24,8 @@ def costs_of(ruleset: Ruleset, recording: Recording, step: int) -> Iterator[floa
     memory = nothing_yet(False)
     for first in range(0, len(recording), step):
         begin = time.process_time()
-        for told in follow(ruleset, memory, part_of(recording, first, first + step)):
-            memory = told.memory
+        for update in follow(ruleset, memory, part_of(recording, first, first + step)):
+            memory = update.memory
         yield time.process_time() - begin
 
 

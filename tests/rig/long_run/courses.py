@@ -132,15 +132,15 @@ def said_of(drawn: Drawn) -> dict[str, Any]:
     form, course = asked(drawn.rig, readings_of(drawn)), drawn.course
     finding = last_of(form, drawn.fault) or {}
     true, now = float(course(np.array(course.ends))), plants.now_of(finding) if finding else None
-    told = finding.get("reaches")
-    truly = None if told is None else course.reaches(float(told["degree"]))
+    reaches = finding.get("reaches")
+    truly = None if reaches is None else course.reaches(float(reaches["degree"]))
     return {
         "what": drawn.what,
         "true": true,
         "now": now,
-        "reaches": told,
+        "reaches": reaches,
         "truly": truly,
         "named": any(drawn.fault in names_of(f) for f in form["findings"]),
         "degree_right": now is not None and plants.within(now, true),
-        "forecast_holds": truly is not None and told["earliest"] <= truly <= told["latest"],
+        "forecast_holds": truly is not None and reaches["earliest"] <= truly <= reaches["latest"],
     }

@@ -153,7 +153,7 @@ def measure() -> dict[str, Any]:
             verdict = "ok" if said["status"] == "ok" else "without a name"
         verdicts[verdict] += 1
         if verdict != "right":
-            misses.append({"what": pair.what, "verdict": verdict, "said": plants.told(said)})
+            misses.append({"what": pair.what, "verdict": verdict, "said": plants.in_a_line(said)})
     shares = {verdict: Share(verdicts[verdict], len(pairs)) for verdict in VERDICTS}
     counts = {name: f"{s.count} of {s.of} ({s.value:.1%})" for name, s in shares.items()}
     return {"counts": counts, "misses": misses}

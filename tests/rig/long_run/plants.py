@@ -283,8 +283,8 @@ def last_of(form: Form, fault: str) -> Form | None:
 
 def now_of(finding: Form) -> tuple[float, float, float]:
     """Degree with bounds at the end; where no course is told, those of the whole finding."""
-    told: Mapping[str, Any] = finding.get("now") or finding
-    return float(told["degree"]), float(told["lower"]), float(told["upper"])
+    now: Mapping[str, Any] = finding.get("now") or finding
+    return float(now["degree"]), float(now["lower"]), float(now["upper"])
 
 
 def width_of(finding: Form) -> float:
@@ -292,17 +292,17 @@ def width_of(finding: Form) -> float:
     return (upper - lower) / 2.0
 
 
-def within(told: tuple[float, float, float], degree: float) -> bool:
+def within(bounds: tuple[float, float, float], degree: float) -> bool:
     """Is a degree close to the true one, or do its bounds hold it?"""
-    said, lower, upper = told
+    said, lower, upper = bounds
     return abs(said - degree) <= CLOSE * degree or lower <= degree <= upper
 
 
 def complaints(right: Right, form: Form) -> list[str]:
     found = [*_faults(right, form), *_sensors(right, form), *_blind(right, form)]
     for pattern in right.states:
-        told = [*form["findings"], *form["regimes"]]
-        if not any(re.search(pattern, _words(f), re.IGNORECASE) for f in told):
+        causes = [*form["findings"], *form["regimes"]]
+        if not any(re.search(pattern, _words(f), re.IGNORECASE) for f in causes):
             found.append(f"no finding says {pattern}")
     found += [f"surely wrong: {name}" for name in surely_wrong(right, form)]
     return found
@@ -342,11 +342,11 @@ def _faults(right: Right, form: Form) -> Iterator[str]:
 
 
 def _events(true: tuple[int, float], finding: Form, form: Form) -> Iterator[str]:
-    told = finding.get("events")
-    if told is None:
+    events = finding.get("events")
+    if events is None:
         yield "events are not counted"
         return
-    count, duration = float(told["count"]), float(told["duration"])
+    count, duration = float(events["count"]), float(events["duration"])
     if abs(count - true[0]) > 0.1 * true[0] or abs(duration - true[1]) > 1.0:
         yield f"{true[0]} events of {true[1]:g} s, told {count:g} of {duration:g} s"
     if sum(f["fault"] == finding["fault"] for f in form["findings"]) > 1:
@@ -381,7 +381,7 @@ def _words(finding: Form) -> str:
     return f"{finding.get('fault') or finding.get('regime')} {finding.get('text', '')}"
 
 
-def told(form: Form) -> str:
+def in_a_line(form: Form) -> str:
     """The answer in a line, latest findings last."""
     said = []
     for f in sorted(form["findings"], key=lambda f: float(f["until"]))[-4:]:

@@ -169,7 +169,7 @@ def measure() -> dict[str, Any]:
     for (row, questions), rig in product(ROWS.items(), RIGS):
         for variant, columns, right, *how in questions(rig, 0):
             said = (how[0] if how else plants.asked)(rig, columns)
-            about = {"row": row, "variant": variant, "rig": rig, "said": plants.told(said)}
+            about = {"row": row, "variant": variant, "rig": rig, "said": plants.in_a_line(said)}
             answers.append({**about, "complaints": plants.complaints(right, said)})
     fine = sum(not answer["complaints"] for answer in answers)
     return {"recordings": len(answers), "right": fine, "answers": answers}

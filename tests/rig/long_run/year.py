@@ -14,7 +14,7 @@ from tests.dosing import Sensing, record
 from tests.dosing.plant import LIQUID_TEMPERATURE, Operation
 from tests.dosing.runs import HIGHEST, LOWEST, Run
 from tests.rig.long_run import plants
-from tests.rig.long_run.plants import Columns, asked, plant, told
+from tests.rig.long_run.plants import Columns, asked, in_a_line, plant
 
 RIG, SEED = "abc", 0
 ROWS, MINUTE = 1_440, 60.0
@@ -55,7 +55,7 @@ def measure() -> dict[str, Any]:
     for day in range(YEAR):
         form = asked(RIG, day_of(day))
         if form["findings"] or form["unknown"]:
-            alarms.append({"day": day, "said": told(form)})
+            alarms.append({"day": day, "said": in_a_line(form)})
     return {"days": YEAR, "with_an_alarm": len(alarms), "alarms": alarms}
 
 

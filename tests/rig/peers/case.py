@@ -217,7 +217,7 @@ def libraries(case: Case) -> Iterator[Library]:
             if rms(rows[course.learnt]) > limits.SHOWN * size * factor
         ]
         if found:
-            yield Library(tuple(_told_apart(found, course)), course)
+            yield Library(tuple(_uncorrelated(found, course)), course)
 
 
 def _system(ruleset: Ruleset, builder: ModelBuilder, case: Case) -> System:
@@ -305,7 +305,7 @@ def _moved(predictor: Predictor, setting: Configuration) -> Array:
     return np.nan_to_num(change, posinf=0.0, neginf=0.0)
 
 
-def _told_apart(columns: Sequence[Column], course: Course) -> list[Column]:
+def _uncorrelated(columns: Sequence[Column], course: Course) -> list[Column]:
     """Columns with those that point the same way put together."""
     kept: list[Column] = []
     units: list[Array] = []

@@ -58,7 +58,7 @@ class Sure:
 
 
 @functools.cache
-def opened(plant: str) -> tuple[Ruleset, ModelBuilder]:
+def loaded(plant: str) -> tuple[Ruleset, ModelBuilder]:
     return open_builder(ROOT / "plants" / plant)
 
 
@@ -137,7 +137,7 @@ def _estimates(
 
 
 def recorded(
-    opened: tuple[Ruleset, ModelBuilder],
+    loaded: tuple[Ruleset, ModelBuilder],
     given: Mapping[str, Array],
     built: Built | None = None,
     *,
@@ -148,7 +148,7 @@ def recorded(
 
     The true parameters are drawn from what is stated of them, unless they are not `moved`.
     """
-    ruleset, builder = opened
+    ruleset, builder = loaded
     base: dict[str, float] = {}
     if seed is not None and moved:
         known = builder.parameters
@@ -172,15 +172,15 @@ def prepared(ruleset: Ruleset, recording: Recording, *heldout: tuple[float, floa
     return prepare(recording, ruleset, heldout)
 
 
-def rows_at(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Rows:
-    ruleset, builder = opened
+def rows_at(loaded: tuple[Ruleset, ModelBuilder], recording: Recording) -> Rows:
+    ruleset, builder = loaded
     return rows_of(system_of(ruleset, builder, prepared(ruleset, recording)), Configuration())
 
 
 def fitted(
-    opened: tuple[Ruleset, ModelBuilder], recording: Recording, setting: Configuration | None = None
+    loaded: tuple[Ruleset, ModelBuilder], recording: Recording, setting: Configuration | None = None
 ) -> Fitted:
-    rows = rows_at(opened, recording)
+    rows = rows_at(loaded, recording)
     return fit(rows, setting or Configuration(), rows.system.data.open)
 
 
@@ -192,8 +192,8 @@ def changed(recording: Recording, values: Mapping[str, Array]) -> Recording:
     return replace(recording, values={**recording.values, **values})
 
 
-def compared(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:
-    return analyse(recording, *opened)
+def compared(loaded: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:
+    return analyse(recording, *loaded)
 
 
 def without(recording: Recording, *signals: str) -> Recording:

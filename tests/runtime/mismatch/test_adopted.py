@@ -126,15 +126,15 @@ def test_told_is_what_the_written_plant_gives(folder: Path) -> None:
     assert "A.T" in rules.observer_by_id["A.pump"].signals
     # The points of the old plant: the new one wants the temperature settled as well.
     data = prepared(alone()[0], read_recording(folder / "run.csv", rules))
-    system, told = System(rules, builder, data), form["fit"]
+    system, fit = System(rules, builder, data), form["fit"]
     own = predictors_for(system, ("A.pump", "A.power"), frozenset({"A.dp", "A.T"}))
-    predictor = next(p for p in own if p.signal.id == told["signal"])
+    predictor = next(p for p in own if p.signal.id == fit["signal"])
     off = data.values[predictor.signal.id] - predictor.predicted(Configuration())
     kept = predictor.points & (data.part == HELDOUT)
     rms = float(np.sqrt(np.mean(off[kept] ** 2))) / predictor.signal.factor
-    assert told["heldout"]["points"] == int(kept.sum())
-    assert told["heldout"]["repaired"] == pytest.approx(rms, rel=0.02)
-    assert told["heldout"]["repaired"] < told["heldout"]["recalibrated"]
+    assert fit["heldout"]["points"] == int(kept.sum())
+    assert fit["heldout"]["repaired"] == pytest.approx(rms, rel=0.02)
+    assert fit["heldout"]["repaired"] < fit["heldout"]["recalibrated"]
 
 
 def test_what_is_refused_is_not_written_but_recalibrated_values_are(

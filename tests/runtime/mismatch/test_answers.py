@@ -32,7 +32,7 @@ from tests.runtime.mismatch.made import (
     changed,
     columns,
     compared,
-    opened,
+    loaded,
     recorded,
     tour,
     warmed,
@@ -137,7 +137,7 @@ def test_what_laws_may_be_off_by_gives_no_sure_name() -> None:
 @pytest.mark.prove
 def test_the_leakage_example() -> None:
     file = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
-    found = compared(opened("abc"), read_recording(file, opened("abc")[0]))
+    found = compared(loaded("abc"), read_recording(file, loaded("abc")[0]))
     (finding,) = found.findings
     assert ("fault", "A.leakage") == (found.verdict, finding.id)
     assert all(rival.gain < finding.gain for rival in finding.rivals)
@@ -149,9 +149,9 @@ def test_the_leakage_example() -> None:
 
 
 def test_a_plant_that_stands_at_one_point_is_healthy() -> None:
-    rules, _ = opened("abc")
+    rules, _ = loaded("abc")
     given = {s.id: np.full(100, s.reference) for s in rules.signals if s.is_input}
-    assert "none" == compared(opened("abc"), recorded(opened("abc"), given, seed=8)).verdict
+    assert "none" == compared(loaded("abc"), recorded(loaded("abc"), given, seed=8)).verdict
 
 
 @pytest.mark.prove
@@ -159,7 +159,7 @@ def test_a_driver_that_is_not_recorded() -> None:
     """Of a single module, too, a slow course is no fault that comes and goes."""
     built = {SLIP: {"b": 0.1, "T0": USUAL}}
     found = {}
-    for plant, n in ((opened("abc"), 200), (alone(), 240)):
+    for plant, n in ((loaded("abc"), 200), (alone(), 240)):
         given = {**tour(plant[0], n, 0.98, 1.02), "A.T": warming(n)}
         found[n] = compared(plant, without(recorded(plant, given, built), "A.T"))
         assert "fault" not in {f.sort for f in found[n].findings}
@@ -238,10 +238,10 @@ def test_a_power_below_zero_is_a_sensor_that_is_wrong() -> None:
 def test_most_readings_must_be_out_of_range() -> None:
     """A few are left out, like single readings that jump. Plants that store are asked too."""
     recording = recorded(alone(), tour(alone()[0], 120))
-    for share, told in ((0.0, 0), (0.4, 0), (0.6, 1)):
+    for share, expected in ((0.0, 0), (0.4, 0), (0.6, 1)):
         off = np.where(np.arange(120) < share * 120, 2000.0, 0.0)
         wrong = changed(recording, {"A.P_el": recording.values["A.P_el"] - off})
-        assert told == len(list(impossible(wrong, alone()[0])))
+        assert expected == len(list(impossible(wrong, alone()[0])))
     level = benches.made(200)
     assert not list(impossible(level, benches.tanks()[0]))
     high = changed(level, {"lower.y": np.full(200, 14.0)})

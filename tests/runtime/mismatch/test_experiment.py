@@ -29,7 +29,7 @@ from rulec.mismatch.search.posterior import Posterior
 from rulec.prove.truth.settled.plan import Planned
 from rulec.separation.allowed import Allowed, Range
 from tests.conftest import Capsys, compiled
-from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
+from tests.runtime.mismatch.made import loaded, recorded, rows_at, tour
 from tests.written import read_columns
 
 HALVES = np.array([0.5, 0.5])
@@ -165,7 +165,7 @@ def test_limits_are_kept_and_told(ambiguous: Path, tmp_path: Path, capsys: Capsy
         encoding="utf-8",
     )
     found = experiment(ambiguous, "--limits", str(limits), "--steps", "3")
-    told = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     before = {name: values[-1] for name, values in columns(ambiguous / "recording.csv").items()}
     held = found["steps"][0]["inputs"]["B.n"]["value"]
     assert held == pytest.approx(before["B.n"])
@@ -181,9 +181,9 @@ def test_limits_are_kept_and_told(ambiguous: Path, tmp_path: Path, capsys: Capsy
         dp = next(r for r in step["readings"] if r["signal"] == "A.dp")
         assert all(1.0 < v - u < v + u < 1.6 for v, u in zip(dp["values"], dp["u"], strict=True))
     assert found["limits"]["given"]
-    assert "Product is lost in steps 1 to 3 (by A.n)." in told
+    assert "Product is lost in steps 1 to 3 (by A.n)." in output
     assert not any(step["covers"] for step in found["steps"])
-    assert "within the limits: A.n 600 to 1 200 rpm." in told
+    assert "within the limits: A.n 600 to 1 200 rpm." in output
 
 
 @pytest.mark.parametrize(
@@ -241,9 +241,9 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Worn:
     folder = tmp_path_factory.mktemp("worn")
     case = Planned("a case", "single", "dosing", "steps", ("wear",), aim=3000.0, small=True)
     case.make().write(folder)
-    opened = open_builder(folder / "plant")
-    recording = read_recording(folder / "recording.csv", opened[0])
-    return recording, explain(rows_at(opened, recording), lambda text: None)
+    loaded = open_builder(folder / "plant")
+    recording = read_recording(folder / "recording.csv", loaded[0])
+    return recording, explain(rows_at(loaded, recording), lambda text: None)
 
 
 def soon_and_late(worn: Worn) -> tuple[SetPoints, SetPoints]:
@@ -320,7 +320,7 @@ def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
     reach = InputRanges({"A.n": (10.0, 15.0)}, 60.0, {"A.n": 12.0}, given)
     one, none = np.eye(n - 1), np.zeros(n - 1)
     shown = ([1.25e5, 1.5e5, 1.5e5, 1.75e5, 1.5e5, 1.5e5], [1.5e5] * n)
-    told = [
+    limits = [
         Forecast(
             {"A.dp": np.array(values)},
             np.delete(np.arange(n), 1),
@@ -384,7 +384,7 @@ def test_a_place_far_away_does_not_shorten_the_steps() -> None:
 
 
 def test_set_points_lie_where_pumps_run() -> None:
-    plant = opened("abc")
+    plant = loaded("abc")
     recording = recorded(plant, tour(plant[0], 240))
     system = rows_at(plant, recording).system
     data, least = system.data, system.ruleset.signal_by_id["A.n"].minimum
@@ -395,7 +395,7 @@ def test_set_points_lie_where_pumps_run() -> None:
 
 
 def test_sensors_that_are_never_recorded_together_hinder_no_plan() -> None:
-    plant = opened("abc")
+    plant = loaded("abc")
     recording = recorded(plant, tour(plant[0], 240))
     system = rows_at(plant, recording).system
     data, values = system.data, dict(system.data.values)

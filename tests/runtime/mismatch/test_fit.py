@@ -237,7 +237,7 @@ def test_one_law_may_be_off_by_more_than_the_others() -> None:
     [("A.P_el", "definition:A.P_law", False), ("A.dp", "signal:A.dp", True)],
 )
 def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(
-    reading: str, place: str, told: bool
+    reading: str, place: str, expected: bool
 ) -> None:
     """3 % is what the law of the power may be off by, and more than that of the line may. Where the
     law and the reading fit alike, it is the law."""

@@ -28,7 +28,7 @@ from tests.runtime.mismatch.made import (
     alone,
     compared,
     fitted,
-    opened,
+    loaded,
     recorded,
     rows_at,
     tour,
@@ -70,7 +70,7 @@ def test_periods_are_told_where_there_are_few() -> None:
 
 @pytest.mark.parametrize("plant", ["alone", "abc"])
 def test_predictions_solve_the_residual(plant: str) -> None:
-    where = alone() if plant == "alone" else opened(plant)
+    where = alone() if plant == "alone" else loaded(plant)
     found = rows_at(where, recorded(where, tour(where[0], 240), seed=None)).system
     predictor = predictors_for(found, tuple(o.id for o in found.observers), frozenset())[0]
     assert not predictor.signal.is_input
@@ -211,12 +211,12 @@ def plain(*degrees: tuple[int, int, float]) -> Fitted:
     degree = np.zeros(300)
     for since, until, x in degrees:
         degree[since:until] = x
-    given = tour(opened("abc")[0], 300)
-    return fitted(opened("abc"), recorded(opened("abc"), given, {LEAKAGE: {"x": degree}}))
+    given = tour(loaded("abc")[0], 300)
+    return fitted(loaded("abc"), recorded(loaded("abc"), given, {LEAKAGE: {"x": degree}}))
 
 
 def trial(*degrees: tuple[int, int, float]) -> InitialCandidate | None:
-    (leakage,) = (c for c in opened("abc")[1].candidates if c.id == LEAKAGE)
+    (leakage,) = (c for c in loaded("abc")[1].candidates if c.id == LEAKAGE)
     return in_periods(plain(*degrees), leakage)
 
 
@@ -233,7 +233,7 @@ def test_small_and_large_faults_are_seen(x: float) -> None:
 def test_points_that_do_not_speak_of_a_fault_have_no_degree() -> None:
     """Where a module moves, only rounding is left of its slopes."""
     found = plain((40, 80, 0.2), (130, 160, 0.4), (200, 230, 0.2))
-    (leakage,) = (c for c in opened("abc")[1].candidates if c.id == LEAKAGE)
+    (leakage,) = (c for c in loaded("abc")[1].candidates if c.id == LEAKAGE)
     columns = columns_of(found, leakage, {f"{LEAKAGE}.x": 0.0}, {})
     mute = found.rows.point % 3 > 0
     degree, _ = degree_course(found, np.where(mute, 1e-14 * columns[:, 0], columns[:, 0]))
@@ -289,9 +289,9 @@ def test_a_step_and_what_is_always_there_do_not_grow() -> None:
 
 def test_growth_is_told_in_words_and_in_json() -> None:
     found, since = answer("grows"), "grows since 96\u00a0s"
-    (told,) = dict(finding_facts(found.findings[0]))["when"]
-    assert told.startswith(f"{since}, from 0 to 0.5")
-    assert told.endswith("per hour)")
+    (row,) = dict(finding_facts(found.findings[0]))["when"]
+    assert row.startswith(f"{since}, from 0 to 0.5")
+    assert row.endswith("per hour)")
     assert since in found.headline
     assert report(found, subject()).count("grows since") > 2
     form, step = (json.loads(json.dumps(mismatch_form(m, "x"))) for m in (found, FAULT))

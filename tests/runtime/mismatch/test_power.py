@@ -13,7 +13,7 @@ from rulec.mismatch.search.simulated import begun as begun_with_stores
 from tests.conftest import ROOT, Capsys
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
 from tests.runtime.mismatch.made import SLIP, USUAL, Built, alone, rows_at, warmed
-from tests.written import told_by
+from tests.written import json_of
 
 LEAK, LATE = "A.slip-linear@Q_geo", "A.valve-delay@Q_geo"
 """Both take off what is in proportion to pressure."""
@@ -57,8 +57,8 @@ def test_coinciding_explanations_are_told_as_one(judge: Judge) -> None:
     own = columns_of(judge, LEAK)
     size = 3.0 * float(judge.sizes[0][own[0]])
     assert judge.alike[np.ix_(own, columns_of(judge, LATE))].all()
-    told, other = asked_of(judge, own, size, REPLAYS)
-    assert told > 190
+    one, other = asked_of(judge, own, size, REPLAYS)
+    assert one > 190
     assert other.total() < 10
     shift = judge.rows[:, own[:1]] * size
     judged = judge.judged(drawn(judge, REPLAYS, shift))
@@ -79,12 +79,12 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
     own, missing = np.maximum(hidden, 0), hidden >= 0
     sizes = np.array([_size(judge, i, rng) for i in own]) * missing
     shift = judge.rows[:, own] * sizes
-    judged = told = judge.judged(drawn(judge, count, shift, seed=3))
-    best = np.minimum(told.best, len(judge.columns) - 1)
-    right = missing & (best == told.best)
+    judged = named = judge.judged(drawn(judge, count, shift, seed=3))
+    best = np.minimum(named.best, len(judge.columns) - 1)
+    right = missing & (best == named.best)
     right &= (judge.owner[best] == judge.owner[own]) | judge.alike[best, own]
-    assert told.sure.sum() > 50
-    assert right[told.sure].mean() >= 0.85
+    assert named.sure.sum() > 50
+    assert right[named.sure].mean() >= 0.85
     for low, high in ((0.0, 0.1), (0.1, 0.5), (0.5, 0.9), (0.9, 1.0)):
         here = (judged.nothing >= low) & (judged.nothing <= high)
         if here.any():
@@ -118,7 +118,7 @@ def test_what_was_found_is_concealed_at_its_size() -> None:
 
 
 def test_command_tells_it_behind_the_report(capsys: Capsys) -> None:
-    form = told_by("mismatch", *HEALTHY, "--power", "A.leakage", SLIP)
+    form = json_of("mismatch", *HEALTHY, "--power", "A.leakage", SLIP)
     assert ("none", [], "Nothing to do.") == tuple(form[k] for k in ("verdict", "effects", "next"))
     assert [] == form["repair"]["joined"]
     power = form["power"]

@@ -38,7 +38,7 @@ from tests.runtime.mismatch.made import (
     alone,
     changed,
     compared,
-    opened,
+    loaded,
     prepared,
     recorded,
     rows_at,
@@ -58,12 +58,12 @@ def errors(rows: Rows) -> Array:
 
 
 def abc(samples: int = SAMPLES, hold: int = 12) -> Recording:
-    given = tour(opened("abc")[0], samples, hold=hold)
-    return recorded(opened("abc"), given, moved=False)
+    given = tour(loaded("abc")[0], samples, hold=hold)
+    return recorded(loaded("abc"), given, moved=False)
 
 
 def test_rows_have_unit_noise() -> None:
-    rows = rows_at(opened("abc"), abc(600, 60))
+    rows = rows_at(loaded("abc"), abc(600, 60))
     (cell,) = rows.cells
     table = cell.table(errors(rows)).T
     assert np.ones(cell.rank) == pytest.approx(table.std(axis=0), rel=0.15)
@@ -71,23 +71,23 @@ def test_rows_have_unit_noise() -> None:
 
 def test_as_many_rows_as_estimates_less_free_flows() -> None:
     """Seven estimates of two free flows leave five rows; without a power reading, four."""
-    rows = rows_at(opened("abc"), abc())
+    rows = rows_at(loaded("abc"), abc())
     (cell,) = rows.cells
     assert 5 == cell.rank
     assert {"A.dp", "A.P_el", "B.dp", "B.P_el", "C.dp"} == set(cell.outputs)
     assert np.array_equal(rows.group_rank, rows.per_group(np.ones(len(rows))))
     assert np.array_equal(rows.group_point[rows.group], rows.point)
-    fewer = rows_at(opened("abc"), without(abc(), "A.P_el"))
+    fewer = rows_at(loaded("abc"), without(abc(), "A.P_el"))
     assert [4] == [c.rank for c in fewer.cells]
     assert "A.power" not in fewer.system.number
 
 
 def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
-    rules, builder = opened("abc")
+    rules, builder = loaded("abc")
     values = solved(rules, builder, tour(rules, 240))
     stands = (np.arange(240) // 60) % 2 == 1
     still = {n: np.where(stands, 0.0, values[n]) for n in ("B.n", "B.P_el")}
-    rows = rows_at(opened("abc"), changed(sampled(values), still))
+    rows = rows_at(loaded("abc"), changed(sampled(values), still))
     system = rows.system
     sets = {frozenset(system.observers[i].id for i in c.observers): c for c in rows.cells}
     assert frozenset(o.id for o in system.observers) in sets
@@ -99,7 +99,7 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
 
 def test_estimates_of_infinite_noise_are_no_rows() -> None:
     """As where a speed is read in another unit while a reading of the other pump is lost."""
-    plant = opened("cooling-loop")
+    plant = loaded("cooling-loop")
     recording = read_recording(ROOT / "plants/cooling-loop/examples/fouling.csv", plant[0])
     lost = np.where(np.arange(len(recording)) < 240, recording.values["P1.dp"], np.nan)
     wrong = changed(recording, {"P1.dp": lost, "P2.n": 60.0 * recording.values["P2.n"]})
@@ -110,7 +110,7 @@ def test_estimates_of_infinite_noise_are_no_rows() -> None:
 
 def test_an_infinite_estimate_does_not_hide_the_flow_of_its_module() -> None:
     """A pump that stands, of which only two estimates are known: errors of form follow the flow."""
-    where = opened("abc")
+    where = loaded("abc")
     system = rows_at(where, recorded(where, tour(where[0], 240))).system
     flows = system.flows(Configuration())
     pump, power, plant = (system.number[f"B.{name}"] for name in ("pump", "power", "plant"))
@@ -123,11 +123,11 @@ def test_an_infinite_estimate_does_not_hide_the_flow_of_its_module() -> None:
 
 
 def test_rows_vanish_on_simulated_readings_and_columns_are_their_derivatives() -> None:
-    given = tour(opened("abc")[0], SAMPLES, 0.8, 1.1)
-    found = simulate_with(equations_of(opened("abc")[0]), given, {})
-    rows = rows_at(opened("abc"), sampled({**given, **found.values}))
+    given = tour(loaded("abc")[0], SAMPLES, 0.8, 1.1)
+    found = simulate_with(equations_of(loaded("abc")[0]), given, {})
+    rows = rows_at(loaded("abc"), sampled({**given, **found.values}))
     assert float(np.abs(errors(rows)).max()) < 1e-3
-    system, known = rows.system, opened("abc")[1].parameters
+    system, known = rows.system, loaded("abc")[1].parameters
     flows = system.flows(Configuration(), known.ids)
     maps = rows.maps(flows)
     for name in ("A.C2", "A.k2", "B.eta", "C.k2"):
@@ -225,29 +225,29 @@ def counted(recording: Recording) -> tuple[Evidence, ...]:
     return evidence_of(recording, rows.system.data, rows)
 
 
-def rows(told: tuple[Evidence, ...], because: str) -> int:
-    return sum(e.rows for e in told if because in e.because)
+def rows(evidence: tuple[Evidence, ...], because: str) -> int:
+    return sum(e.rows for e in evidence if because in e.because)
 
 
 def test_every_row_is_counted_once() -> None:
     """Also those of a pump that stands, which vanished in silence, and those spared."""
     rules, _ = alone()
     recording = recorded(alone(), tour(rules, LENGTH))
-    told = counted(recording)
-    assert LENGTH == sum(e.rows for e in told)
-    assert rows(told, UNSETTLED) > 0
-    assert all(e.used != (e.because == UNSETTLED) for e in told)
+    evidence = counted(recording)
+    assert LENGTH == sum(e.rows for e in evidence)
+    assert rows(evidence, UNSETTLED) > 0
+    assert all(e.used != (e.because == UNSETTLED) for e in evidence)
     least = rules.signal_by_id["A.n"].minimum
     slow = recording.values["A.n"].copy()
     slow[100:150] = 0.5 * least
-    told = counted(changed(recording, {"A.n": slow}))
-    assert LENGTH == sum(e.rows for e in told)
-    assert rows(told, "A.n is below") >= 40
-    assert not any(e.used for e in told if "A.n is below" in e.because)
+    evidence = counted(changed(recording, {"A.n": slow}))
+    assert LENGTH == sum(e.rows for e in evidence)
+    assert rows(evidence, "A.n is below") >= 40
+    assert not any(e.used for e in evidence if "A.n is below" in e.because)
     data = prepared(rules, recording)
     spared = replace(data, sample=np.where(data.sample > 3, -2, data.sample))
-    told = evidence_of(recording, spared)
-    assert rows(told, TOO_MANY) == int((spared.sample == -2).sum()) > 0
+    evidence = evidence_of(recording, spared)
+    assert rows(evidence, TOO_MANY) == int((spared.sample == -2).sum()) > 0
     assert (Evidence(LENGTH, False, UNSETTLED),) == evidence_of(recording, None)
 
 
@@ -260,9 +260,9 @@ def test_rows_that_cannot_be_read_are_counted(tmp_path: Path) -> None:
     lines = [head, *(f"{t},{cells}" for t in times), "20"]
     file = tmp_path / "some.csv"
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    told = evidence_of(read_recording(file, rules), None)
-    assert len(lines) - 1 == sum(e.rows for e in told)
-    assert 1 == rows(told, "no usable time") == rows(told, "repeat the time")
+    evidence = evidence_of(read_recording(file, rules), None)
+    assert len(lines) - 1 == sum(e.rows for e in evidence)
+    assert 1 == rows(evidence, "no usable time") == rows(evidence, "repeat the time")
 
 
 def test_units_do_not_make_a_system_singular() -> None:
@@ -310,13 +310,13 @@ def test_a_temperature_spans_its_range(tmp_path: Path, zero: float) -> None:
     stated = {"inlet": zero + 15.0, "outlet": zero + 24.5, "range": [zero, zero + 150.0]}
     text = HEATER.format(unit="K" if zero else "degC", **stated)
     plant = plant_in(tmp_path, {"A": "heater"}, heater=text)
-    opened, number = open_builder(plant), np.arange(240) // 12
+    loaded, number = open_builder(plant), np.arange(240) // 12
     given = {
         "A.P": 40e3 * (0.8 + 0.02 * number),
         "A.v": 15.0 * (0.8 + 0.4 * np.mod(number * np.sqrt(2.0), 1.0)),
         "A.T_i": np.full(240, 288.15),
     }
-    rows = rows_at(opened, recorded(opened, given))
+    rows = rows_at(loaded, recorded(loaded, given))
     assert span(rows.system, "A.T_o") == pytest.approx(150.0)
     assert span(rows.system, "A.T_i") < 1.0
     candidate = next(c for c in rows.system.candidates if c.name == "offset")
@@ -416,15 +416,15 @@ def test_of_a_property_that_is_read_the_reading_counts(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "plant")
     file = tmp_path / "plant" / "p100.yaml"
     file.write_text(f"{file.read_text()}fluid: glycerol\nkb: {ROOT / 'kb'}\n")
-    opened = open_builder(file)
-    given = {**tour(opened[0], COUNT), "pump.T": warming(COUNT)}
+    loaded = open_builder(file)
+    given = {**tour(loaded[0], COUNT), "pump.T": warming(COUNT)}
     given["pump.mu"] = viscosity(40.0) * (1.0 + np.arange(COUNT) / COUNT)
-    recording = recorded(opened, given, seed=None)
+    recording = recorded(loaded, given, seed=None)
     for shown, driver in (
         (recording, "pump.mu"),
         (without(recording, "pump.mu"), "viscosity(pump.T)"),
     ):
-        system = rows_at(opened, shown).system
+        system = rows_at(loaded, shown).system
         every = [c for c in system.candidates if c.name == "head-viscosity"]
         every = [c for c in every if has_drivers(system, c)]
         assert [c.drivers["mu"] for c in every] == [driver]

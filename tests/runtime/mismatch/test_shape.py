@@ -141,8 +141,8 @@ def test_a_curve_has_fewer_pieces_where_its_equation_is_too_long(
     plant = ROOT / "plants" / "abc"
 
     def begin() -> Rows:
-        opened = open_builder(plant)  # a new plant: what was built once is kept
-        return rows_at(opened, read_recording(plant / "examples" / "shaking_B.csv", opened[0]))
+        loaded = open_builder(plant)  # a new plant: what was built once is kept
+        return rows_at(loaded, read_recording(plant / "examples" / "shaking_B.csv", loaded[0]))
 
     first = begin()
     start = begun(first)
@@ -207,8 +207,8 @@ def test_a_term_holds_what_is_a_special_case_of_it() -> None:
 def test_a_term_is_told_beside_a_law_that_it_does_not_hold() -> None:
     """A threshold whose slope looks like a term leaves that open."""
     shaped = {"x": SMOOTH, "k": ELSEWHERE, "k2": np.zeros(len(DRIVER))}
-    for laws, told in (({"k": SMOOTH}, 0), ({"k": ELSEWHERE}, 1), (shaped, 1)):
-        assert told == len(beside(model(laws), [term()]))
+    for laws, expected in (({"k": SMOOTH}, 0), ({"k": ELSEWHERE}, 1), (shaped, 1)):
+        assert expected == len(beside(model(laws), [term()]))
 
 
 def test_a_term_that_shows_alike_is_not_told_twice() -> None:
@@ -223,7 +223,7 @@ def case(effect: str, aim: float = 3000.0) -> SettledCase:
     return Planned(f"concealed {effect}", "single", "dosing", "steps", (effect,), aim).make()
 
 
-def opened(made: SettledCase, folder: Path) -> tuple[Recording, Ruleset, ModelBuilder]:
+def loaded(made: SettledCase, folder: Path) -> tuple[Recording, Ruleset, ModelBuilder]:
     made.write(folder)
     ruleset, builder = open_builder(folder / "plant")
     return read_recording(folder / "recording.csv", ruleset), ruleset, builder
@@ -242,7 +242,7 @@ def opened(made: SettledCase, folder: Path) -> tuple[Recording, Ruleset, ModelBu
 )
 def test_what_was_planted_is_named(effect: str, verdict: str, name: str, tmp_path: Path) -> None:
     made = case(effect)
-    found = analyse(*opened(made, tmp_path))
+    found = analyse(*loaded(made, tmp_path))
     module = made.answer.effects[0].module
     assert verdict == found.verdict
     assert [(name, module)] == [(f.name, f.module) for f in found.findings]
@@ -253,18 +253,18 @@ def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> Non
     """Each alone gains in some blocks and does harm in others."""
     name, effects = "stationary-718873036-pair-fouling+leak-0", ("fouling", "leak")
     made = Planned(name, "pair", "dosing", "ramps", effects, 4241.729764785293).make()
-    recording, ruleset, builder = opened(made, tmp_path)
+    recording, ruleset, builder = loaded(made, tmp_path)
     found = search(rows_at((ruleset, builder), recording), lambda text: None)
-    told = {a.candidate.name: a.candidate.module for a in found.accepted}
-    assert {"leakage": "B", "fouling": "B"} == told
+    modules = {a.candidate.name: a.candidate.module for a in found.accepted}
+    assert {"leakage": "B", "fouling": "B"} == modules
     assert all(a.probability > 0.9 for a in found.accepted)
 
 
 def rows_of(group: str, effect: str, folder: Path) -> Rows:
     """A small case with one effect that no entry has, or whose driver is not recorded."""
     Planned("a case", group, "dosing", "steps", (effect,), 3000.0, small=True).make().write(folder)
-    opened = open_builder(folder / "plant")
-    return rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
+    loaded = open_builder(folder / "plant")
+    return rows_at(loaded, read_recording(folder / "recording.csv", loaded[0]))
 
 
 def with_terms(rows: Rows, place: str) -> Posterior:
@@ -370,7 +370,7 @@ def test_a_reading_is_rarely_off_by_more_than_usual() -> None:
 
 @pytest.mark.parametrize(("behind", "told"), [(2.0, "A.P_law"), (2.5, "A.P_el")])
 def test_of_places_that_fit_alike_one_that_a_plant_can_hold_is_told(
-    behind: float, told: str
+    behind: float, expected: str
 ) -> None:
     def term(kind: str, place: str) -> SimpleNamespace:
         where = replace(LAW, id=f"A.{place}", kind=kind, place=place)

@@ -27,7 +27,7 @@ from rulec.mismatch.structure.wiring import hypothesis_of
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, Capsys
 from tests.runtime import sheets
-from tests.runtime.mismatch.made import changed, opened, recorded, sampled, tour, without
+from tests.runtime.mismatch.made import changed, loaded, recorded, sampled, tour, without
 from tests.runtime.sheets import Sheet
 from tests.runtime.tanks import made
 
@@ -36,12 +36,12 @@ EXAMPLES = ROOT / "plants/abc/examples"
 
 
 def example(plant: str, name: str) -> Recording:
-    return read_recording(ROOT / "plants" / plant / "examples" / f"{name}.csv", opened(plant)[0])
+    return read_recording(ROOT / "plants" / plant / "examples" / f"{name}.csv", loaded(plant)[0])
 
 
 def looked(plant: str, recording: Recording) -> tuple[AcceptedHypothesis, ...]:
     kind = Stores if plant == TANKS else Settled
-    return structure_of(recording, kind(*opened(plant), ()), lambda text: None).taken
+    return structure_of(recording, kind(*loaded(plant), ()), lambda text: None).taken
 
 
 def swapped(one: str, other: str) -> Mending:
@@ -93,7 +93,7 @@ def test_physics_and_faults_are_no_wrong_columns(plant: str, name: str) -> None:
 
 def test_nor_are_those_of_tanks() -> None:
     assert () == looked(TANKS, made(TANKS, 1))
-    faults = sorted(f.id for f in opened(TANKS)[0].faults if f.id.startswith("tank1."))
+    faults = sorted(f.id for f in loaded(TANKS)[0].faults if f.id.startswith("tank1."))
     assert () == looked(TANKS, made(TANKS, 1, (faults[0], 0.3, 0.5)))
 
 
@@ -117,9 +117,9 @@ def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     answer, page = tmp_path / "answer.json", tmp_path / "answer.html"
     bent = CALIBRATION.mapped("A.dp", lambda _, cell: f"{100.0 * float(cell):.6g}")
     form, shown = answered(tmp_path, bent, capsys, "--report", str(page))
-    told = "A.dp is in kPa, not bar"
-    assert f"{told}: its values are 100 times" in shown
-    assert told in page.read_text(encoding="utf-8")
+    text = "A.dp is in kPa, not bar"
+    assert f"{text}: its values are 100 times" in shown
+    assert text in page.read_text(encoding="utf-8")
     assert ("wrong-unit", "A.dp") == tuple(form["effects"][0][k] for k in ("effect", "place"))
     assert ("A", "dp") == tuple(form["locations"][0][k] for k in ("module", "place"))
     assert form["next"].startswith("Write kPa as the unit of A.dp")
@@ -150,7 +150,7 @@ def test_readings_are_moved_in_time_within_their_file() -> None:
 
 
 def run(seed: int) -> Recording:
-    return recorded(opened("abc"), tour(opened("abc")[0], 400, hold=40), seed=seed)
+    return recorded(loaded("abc"), tour(loaded("abc")[0], 400, hold=40), seed=seed)
 
 
 OF_A = ("A.n", "A.dp", "A.P_el")
@@ -165,13 +165,13 @@ OF_A = ("A.n", "A.dp", "A.P_el")
     ],
 )
 def test_columns_of_another_clock_are_found(
-    signals: tuple[str, ...], late: float, told: str
+    signals: tuple[str, ...], late: float, expected: str
 ) -> None:
     """Of one reading or of all of a module."""
     (found,) = looked("abc", off(run(2), signals, late))
     assert set(signals) == set(found.hypothesis.mending.signals)
     assert late == found.hypothesis.mending.late
-    assert told in found.hypothesis.text
+    assert expected in found.hypothesis.text
 
 
 def test_nothing_is_told_of_one_clock() -> None:
@@ -236,12 +236,12 @@ def without_a_pipe(folder: Path) -> Path:
 
 def test_one_pipe_at_a_time_and_only_where_something_contradicts() -> None:
     """No pump is fed in this plant, and none is made to be."""
-    plant = opened("abc")[1].network.plant
+    plant = loaded("abc")[1].network.plant
     found = rewirings(plant, {"A": 0.4, "C": 0.1}, 9)
     assert {Rewiring(("A", "C"), None), Rewiring(("B", "C"), None)} == set(found)
     assert ("A", "C") == found[0].stated
     assert () == rewirings(plant, {}, 9)
-    rig = opened("mixing-rig")[1].network.plant
+    rig = loaded("mixing-rig")[1].network.plant
     many = rewirings(rig, dict.fromkeys(rig.modules, 1.0), 99)
     assert Rewiring(("D", "M2"), ("D", "M1")) in many
     assert all(r.fits is None or r.fits[1] in ("M1", "M2") for r in many)
@@ -250,7 +250,7 @@ def test_one_pipe_at_a_time_and_only_where_something_contradicts() -> None:
 
 def test_a_plant_connected_otherwise_is_what_its_file_edited_so_compiles_to(tmp_path: Path) -> None:
     edited = compile_plant(without_a_pipe(tmp_path))
-    ruleset, _ = opened("abc")[1].connected((("A", "C"),))
+    ruleset, _ = loaded("abc")[1].connected((("A", "C"),))
     for part in ("sources", "junctions", "observers", "residuals", "faults", "plan", "undo"):
         assert getattr(edited, part) == getattr(ruleset, part), part
 

@@ -27,7 +27,7 @@ from tests.runtime.mismatch.made import (
     changed,
     compared,
     fitted,
-    opened,
+    loaded,
     prepared,
     recorded,
     rows_at,
@@ -60,23 +60,23 @@ def joined(*parts: Recording) -> Recording:
 
 
 def healthy(low: float = 0.6) -> Recording:
-    plant = opened(PLANT)
+    plant = loaded(PLANT)
     return recorded(plant, tour(plant[0], LENGTH, low=low), moved=False)
 
 
 def shifted(recording: Recording, name: str, by: float) -> Recording:
-    u = float(np.median(rows_at(opened(PLANT), recording).system.shared[name]))
+    u = float(np.median(rows_at(loaded(PLANT), recording).system.shared[name]))
     return changed(recording, {name: recording.values[name] + by * u})
 
 
 @pytest.fixture(scope="module")
 def rows() -> Rows:
-    return rows_at(opened(PLANT), joined(healthy(), healthy(0.65)))
+    return rows_at(loaded(PLANT), joined(healthy(), healthy(0.65)))
 
 
 def test_each_recording_has_its_own_held_out_part_means_and_clock(rows: Rows) -> None:
     """Zeros may be others in the next one."""
-    both, plant = joined(healthy(), healthy(0.65)), opened(PLANT)
+    both, plant = joined(healthy(), healthy(0.65)), loaded(PLANT)
     data = prepared(plant[0], both)
     first, second = (data.source == number for number in (0, 1))
     for here in (first, second):
@@ -125,7 +125,7 @@ def test_a_zero_set_in_between_is_an_error_of_that_recording(name: str) -> None:
         both = joined(healthy(), other)
         one = replace(both, sources=(), source=None)
         for number, recording in enumerate((both, one)):
-            found = fitted(opened(PLANT), recording)
+            found = fitted(loaded(PLANT), recording)
             costs[by, number] = found.objective
             if (by, number) == (SHIFT, 0):
                 own = np.asarray(found.rows.system.error_at(name, found.setting))
@@ -142,7 +142,7 @@ def test_values_to_be_written_do_not_follow_what_one_recording_has_as_its_own() 
     for by in (0.0, SHIFT):
         both = joined(healthy(), shifted(healthy(0.65), name, by))
         for number, recording in enumerate((both, replace(both, sources=(), source=None))):
-            found = with_sensors_as_they_are(fitted(opened(PLANT), recording))
+            found = with_sensors_as_they_are(fitted(loaded(PLANT), recording))
             shared = found.rows.system.shared
             assert all(found.setting.values[ERROR + own] == 0.0 for own in shared)
             repair = repair_of(found, found.covariance)
@@ -158,7 +158,7 @@ def quiet(text: str) -> None:
 @pytest.mark.prove
 def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
     """To the last digit; one with too little in it says nothing."""
-    whole, plant = healthy(0.65), opened(PLANT)
+    whole, plant = healthy(0.65), loaded(PLANT)
     short = sampled({n: v[:3] for n, v in whole.values.items()})
     both = joined(short, whole)
     rows = rows_at(plant, both)

@@ -64,17 +64,17 @@ def test_verdict_and_headline(
 ) -> None:
     """Physics decides before faults and sensors; a free form is no name."""
     assert verdict == verdict_of(findings, left, SOUND)
-    told = headline_of(verdict, findings, (), SOUND)
-    assert told.startswith(headline)
-    assert "lacks flow lost" not in told
+    text = headline_of(verdict, findings, (), SOUND)
+    assert text.startswith(headline)
+    assert "lacks flow lost" not in text
 
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
     at: Any = {"module": UNSURE.module, "place": UNSURE.place, "title": ""}
     large = Location(**at, share=0.8, region=(), periods=())
     small = replace(large, module="B", place="Q_imp", share=0.2)
-    for places, told in (((large, small), "B.Q_imp"), ((large,), f"A.{UNSURE.place}")):
-        assert f"missing at {told} that no" in headline_of("unnamed", (UNSURE,), places, SOUND)
+    for places, expected in (((large, small), "B.Q_imp"), ((large,), f"A.{UNSURE.place}")):
+        assert f"missing at {expected} that no" in headline_of("unnamed", (UNSURE,), places, SOUND)
 
 
 def rivalled(own: float, *others: tuple[str, float]) -> Finding:
@@ -107,18 +107,18 @@ NEARLY = (SENSOR, replace(SURE, probability=0.7))
     ],
 )
 def test_what_the_headline_tells(
-    verdict: str, findings: Sequence[Finding], noise: float, told: str, never: str
+    verdict: str, findings: Sequence[Finding], noise: float, expected: str, never: str
 ) -> None:
     headline = headline_of(verdict, findings, (), SOUND, [fit_of(noise=noise)])
-    assert told in headline
+    assert expected in headline
     assert never not in headline
     assert verdict != "ambiguous" or verdict_of(findings, False, SOUND) == "ambiguous"
 
 
 def test_what_is_left_is_told_of_what_has_a_name() -> None:
     off = " However, A.Q is still off by 4 times its noise."
-    told = (("named", 0.1), ("named", 0.2), ("named", 0.0), ("unnamed", 0.1))
-    assert [off, "", "", ""] == [remainder_of(v, [fit_of(noise=noise)]) for v, noise in told]
+    reports = (("named", 0.1), ("named", 0.2), ("named", 0.0), ("unnamed", 0.1))
+    assert [off, "", "", ""] == [remainder_of(v, [fit_of(noise=noise)]) for v, noise in reports]
 
 
 def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
@@ -219,6 +219,6 @@ def test_a_sentence_states_shares_in_per_cent() -> None:
     unknowns = [SimpleNamespace(name=n, title="median", fixed=n == "T0") for n in ("b", "T0")]
     text = "the slip changes by {b:%} ({b}) with A.T from its {T0}"
     candidate: Any = SimpleNamespace(unknowns=unknowns, place="Q_gap", text=text)
-    told = sentence(candidate, {"b": Estimate("rise", 0.0304, 0.0009, 0.029, 0.032, "1/K")}, ())
+    words = sentence(candidate, {"b": Estimate("rise", 0.0304, 0.0009, 0.029, 0.032, "1/K")}, ())
     rise = "3.040 ± 0.090 %/K (0.03040 ± 0.00090 1/K)"
-    assert told == f"the slip changes by {rise} with A.T from its median"
+    assert words == f"the slip changes by {rise} with A.T from its median"

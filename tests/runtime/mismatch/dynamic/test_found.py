@@ -120,8 +120,8 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     fault = "upper.lost-inflow"
     place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
     found = search(place, lambda text: None)
-    told = {c.id for own in found.accepted for c in (own.candidate, *(c for c, _ in own.others))}
-    assert {fault, "pump.leakage", "pump.u.high"} <= told
+    ids = {c.id for own in found.accepted for c in (own.candidate, *(c for c, _ in own.others))}
+    assert {fault, "pump.leakage", "pump.u.high"} <= ids
     model = model_of(found.best)
     (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
