@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from tests.dosing.plant import Plant
-from tests.dosing.runs import HOLD, Run, Speeds, settling, visiting_run
+from tests.dosing.runs import DWELL, Run, Speeds, settling, visiting_run
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,13 @@ def campaign(
     fault_sets: Iterable[Mapping[str, float]],
     visits: Sequence[Sequence[Speeds]],
     first_seed: int,
-    lead_in: int = HOLD,
-    hold: int = HOLD,
+    lead_in: int = DWELL,
+    dwell: int = DWELL,
 ) -> list[Case]:
     """Combine each set of faults with each visit to operating points; seeds count up."""
     every = product(fault_sets, visits)
     return [
-        Case(faults, settling(visiting_run(plant, points, faults, lead_in, hold)), first_seed + k)
+        Case(faults, settling(visiting_run(plant, points, faults, lead_in, dwell)), first_seed + k)
         for k, (faults, points) in enumerate(every)
     ]
 

@@ -17,7 +17,7 @@ from rulec.prove.truth.units import RPM, Array
 from tests.dosing.faults import Faults
 from tests.dosing.plant import LIQUID_TEMPERATURE, Duty, Operation, Plant
 
-HOLD = 10  # samples per plateau, s
+DWELL = 10  # samples per plateau, s
 # Steps back to zero between the plateaus: the plant is healthy again after each fault.
 DEGREES = (0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0)
 # Part of each speed range that operation uses: every pump can still deliver with a fault of the
@@ -44,7 +44,7 @@ def healthy_run(plant: Plant, samples: int = 60) -> Run:
 
 def fault_replay(plant: Plant, fault: str, degrees: Sequence[float] = DEGREES) -> Run:
     """Return one fault in plateaus of HOLD samples at nominal speed."""
-    degree = np.repeat(np.asarray(degrees, dtype=np.float64), HOLD)
+    degree = np.repeat(np.asarray(degrees, dtype=np.float64), DWELL)
     return Run(plant, _nominal(plant, degree.size), {fault: degree})
 
 
@@ -68,11 +68,11 @@ def visiting_run(
     points: Sequence[Speeds],
     faults: Mapping[str, float],
     lead_in: int = 0,
-    hold: int = HOLD,
+    dwell: int = DWELL,
 ) -> Run:
     """Visit operating points for `hold` samples each, with all faults present, behind `lead_in`
     samples without fault at the first point."""
-    lengths = [lead_in, *[hold] * len(points)]
+    lengths = [lead_in, *[dwell] * len(points)]
     visited = [points[0], *points]
     speed = {
         name: np.repeat([float(point[name]) for point in visited], lengths)
@@ -91,19 +91,19 @@ def calibration_run(plant: Plant) -> Run:
     plant without throttle, at their slowest, at their fastest, and with speeds spread over the
     ranges, so that all flows of mixers vary, and a module's back-pressure does not follow its flow.
     """
-    speeds, mixer_points, hold = 5, 15, HOLD
+    speeds, mixer_points, dwell = 5, 15, DWELL
     settings = min(len(module.throttles) for module in plant.modules.values())
     position = np.tile(np.linspace(0.0, 1.0, speeds), settings)
-    bench = position.size * hold
+    bench = position.size * dwell
     speed, throttle = {}, {}
     for k, (name, module) in enumerate(plant.modules.items()):
         on_bench = _speed_at(module, position)
         on_plant = _speed_at(module, np.concatenate([[0.0, 1.0], _spread(mixer_points - 2, k)]))
         setting = np.repeat(module.throttles[:settings], speeds)
         closed = setting * plant.values[f"{name}.k2"] * (module.fastest / on_bench) ** 2
-        speed[name] = np.repeat(np.concatenate([on_bench, on_plant]), hold)
-        throttle[name] = np.repeat(np.concatenate([closed, np.zeros(mixer_points)]), hold)
-    time = np.arange(bench + mixer_points * hold, dtype=np.float64)
+        speed[name] = np.repeat(np.concatenate([on_bench, on_plant]), dwell)
+        throttle[name] = np.repeat(np.concatenate([closed, np.zeros(mixer_points)]), dwell)
+    time = np.arange(bench + mixer_points * dwell, dtype=np.float64)
     return Run(plant, Operation(time, speed, throttle, on_bench=time < bench))
 
 
@@ -191,4 +191,4 @@ def shaken_run(plant: Plant) -> Run:
 
 
 def _tour(plant: Plant) -> Run:
-    return settling(visiting_run(plant, operating_points(plant, POINTS), {}, hold=STAY))
+    return settling(visiting_run(plant, operating_points(plant, POINTS), {}, dwell=STAY))

@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem,
 from rulec.mismatch.search.simulated import begun
 from tests.conftest import ROOT
 from tests.rig import real
-from tests.runtime.mismatch.dynamic.benches import grow_by
+from tests.runtime.mismatch.dynamic.problems import grow_by
 
 
 def fitted(plant: str, file: str, *sets: tuple[str, ...]) -> tuple[SimulationProblem, list[Fitted]]:
@@ -21,20 +21,20 @@ def fitted(plant: str, file: str, *sets: tuple[str, ...]) -> tuple[SimulationPro
     ruleset, builder = open_builder(ROOT / "plants" / plant)
     record = record_of(read_recording(real(file), ruleset), ruleset, builder.given)
     assert record is not None
-    bench = SimulationProblem(ruleset, builder, record)
-    search = begun(bench)
+    problem = SimulationProblem(ruleset, builder, record)
+    search = begun(problem)
     grow_by(search, *set().union(*sets))
-    plain = plain_end(bench, search.models[frozenset()].setting.values)
+    plain = plain_end(problem, search.models[frozenset()].setting.values)
     found = [plain]
     for joined in sets:
         setting = search.models[frozenset(joined)].setting
         found.append(refit(plain, setting.joined, {**setting.values, **setting.fixed}))
-    return bench, found
+    return problem, found
 
 
-def heldout(bench: SimulationProblem, model: Fitted, signal: str) -> float:
+def heldout(problem: SimulationProblem, model: Fitted, signal: str) -> float:
     """Root mean square error on held-out blocks, SI."""
-    error = model.errors[signal][~bench.record.open]
+    error = model.errors[signal][~problem.record.open]
     return float(np.sqrt(np.nanmean(error**2)))
 
 
@@ -42,8 +42,8 @@ def test_cascaded_tanks() -> None:
     """A bent transmitter and an overflow hide each other: alone next to nothing, together most."""
     bend, rim = "lower.bent-characteristic@y", "upper.overflow-caught@inflow"
     file = "cascaded-tanks/estimation.csv"
-    bench, models = fitted("cascaded-tanks", file, (bend,), (bend, rim))
-    errors = [heldout(bench, model, "lower.y") for model in models]
+    problem, models = fitted("cascaded-tanks", file, (bend,), (bend, rim))
+    errors = [heldout(problem, model, "lower.y") for model in models]
     assert errors[0] > 0.6
     assert errors[1] > 0.9 * errors[0]
     assert errors[2] < 0.3
@@ -53,10 +53,10 @@ def test_two_tanks_and_a_gravity_pipe() -> None:
     """An overflow of tank 2 and the delay of the pipe; the bad level sensor of the pipe is told."""
     file = "aau-wastewater-lab/onoff_2021-12-30.csv.gz"
     joined = ("tank2.overflow-lost@inflow", "pipe.transport-delay@outflow")
-    bench, (plain, repaired) = fitted("wastewater-lab", file, joined)
-    assert heldout(bench, plain, "tank2.l") > 0.025
-    assert heldout(bench, repaired, "tank2.l") < 0.015
+    problem, (plain, repaired) = fitted("wastewater-lab", file, joined)
+    assert heldout(problem, plain, "tank2.l") > 0.025
+    assert heldout(problem, repaired, "tank2.l") < 0.015
     assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
     assert 0.55 < repaired.values["tank2.overflow-lost@inflow.l_o"] < 0.65
-    faults = list(failing(read_recording(real(file), bench.ruleset), bench.ruleset))
+    faults = list(failing(read_recording(real(file), problem.ruleset), problem.ruleset))
     assert ["pipe.l2.drop-outs"] == [finding.id for finding in faults]

@@ -34,9 +34,9 @@ GONE_WITH_DP = {
 
 
 @cache
-def run_of(hold: int = 25) -> Recording:
+def run_of(dwell: int = 25) -> Recording:
     rig = RIGS["abc"]
-    run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, hold=hold)
+    run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, dwell=dwell)
     return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
 
 
@@ -95,9 +95,9 @@ def test_a_pump_at_rest_hides_nothing() -> None:
         speed = whole.values["A.n"].copy()
         speed[slice(*pause)] = 0.5 * (rules.signal_by_id["A.n"].minimum or np.nan)
         blind = blind_of(changed(without(whole, "A.dp"), {"A.n": speed}), rules)
-        hidden = [b for b in blind if GONE_WITH_DP & set(b.faults)]
-        assert expected == sorted({(b.since, b.until) for b in hidden if "A.leakage" in b.faults})
-        assert bool(hidden) == bool(expected)
+        periods = [b for b in blind if GONE_WITH_DP & set(b.faults)]
+        assert expected == sorted({(b.since, b.until) for b in periods if "A.leakage" in b.faults})
+        assert bool(periods) == bool(expected)
 
 
 def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
@@ -110,7 +110,7 @@ def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
 
 def test_the_watch_says_the_same() -> None:
     rules = compiled("abc")
-    recording = gone(run_of(hold=75), "A.dp", slice(100, None))
+    recording = gone(run_of(dwell=75), "A.dp", slice(100, None))
     memory, texts = nothing_yet(False), set[str]()
     for low in range(0, len(recording), 10):
         part = slice(low, low + 10)
@@ -133,10 +133,10 @@ def test_what_each_sensor_is_needed_for() -> None:
     assert json.loads(json.dumps(table)) == table
     assert table.keys() == rules.read
     for signal, lost in table.items():
-        hidden = {f for b in blind_of(without(run_of(), signal), rules) for f in b.faults}
-        assert hidden == set(lost["unseen"])
+        undetectable = {f for b in blind_of(without(run_of(), signal), rules) for f in b.faults}
+        assert undetectable == set(lost["unseen"])
         for group in lost["merged"]:
-            assert not hidden & set(group)
+            assert not undetectable & set(group)
     assert ["A.dp.high", "A.P_el.low"] in table["C.dp"]["merged"]
     assert [] == table["A.P_el"]["merged"]
 

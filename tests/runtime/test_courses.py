@@ -91,10 +91,10 @@ def test_a_fault_that_stays_does_not_grow() -> None:
     assert ("", None) == (grown(finding), growth.next_degree)
 
 
-def coming(points: int, hold: int, size: float = 0.0) -> Run:
+def coming(points: int, dwell: int, size: float = 0.0) -> Run:
     """A leakage is there for two seconds of every ten, at some operating points."""
     plant = built("abc")
-    run = visiting_run(plant, operating_points(plant, points), {}, 0, hold)
+    run = visiting_run(plant, operating_points(plant, points), {}, 0, dwell)
     second = np.arange(run.operation.time.size) % PERIOD
     return replace(run, faults={"A.leakage": np.where((second >= 5) & (second < 5 + ON), size, 0)})
 
@@ -103,17 +103,17 @@ def read(run: Run, seed: int) -> Recording:
     return recording(ruleset("abc"), record(run, INSIDE, seed).readings)
 
 
-def coming_and_going(points: int, hold: int) -> Diagnosis:
-    return diagnose(read(coming(points, hold, DEGREE), 1), ruleset("abc"))
+def coming_and_going(points: int, dwell: int) -> Diagnosis:
+    return diagnose(read(coming(points, dwell, DEGREE), 1), ruleset("abc"))
 
 
 @pytest.mark.parametrize(("points", "hold", "fewest"), [(1, 200, 17), (6, 60, 27)])
-def test_a_leakage_that_comes_and_goes(points: int, hold: int, fewest: int) -> None:
-    found = coming_and_going(points, hold)
+def test_a_leakage_that_comes_and_goes(points: int, dwell: int, fewest: int) -> None:
+    found = coming_and_going(points, dwell)
     (finding,) = found.findings
     assert finding.fault.id == "A.leakage"
     assert finding.degree == pytest.approx(DEGREE, abs=0.02)
-    assert fewest <= finding.events.count <= points * hold // PERIOD
+    assert fewest <= finding.events.count <= points * dwell // PERIOD
     assert finding.events.duration == pytest.approx(ON, abs=0.3)
     assert found.status == "M"
 
@@ -166,8 +166,8 @@ def test_learning_in_turn_is_learning_at_once_and_is_forgotten() -> None:
     expected = np.eye(len(crossed)) - gain @ crossed.T
     assert np.allclose(expected, last.covariance, atol=1e-6)
     (blank,) = nothing_learned(observed).states
-    known = replace(blank, mean=blank.mean + 1.0, covariance=0.01 * blank.covariance)
-    late = known.later(20 * limits.LASTING)
+    baseline = replace(blank, mean=blank.mean + 1.0, covariance=0.01 * blank.covariance)
+    late = baseline.later(20 * limits.LASTING)
     assert np.allclose(blank.mean, late.mean, atol=1e-6)
     assert np.allclose(blank.covariance, late.covariance, atol=1e-6)
 

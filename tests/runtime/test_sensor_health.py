@@ -37,7 +37,7 @@ def plant(name: str) -> Ruleset:
 
 @cache
 def recorded(name: str, seed: int = 5) -> Recording:
-    run = visiting_run(rig := RIGS[name], operating_points(rig, 6), {}, hold=25)
+    run = visiting_run(rig := RIGS[name], operating_points(rig, 6), {}, dwell=25)
     return of_columns(plant(name), record(run, TABLE_1, seed).readings)
 
 
@@ -203,9 +203,9 @@ LEAKAGE, DEGREE = "A.leakage", 0.4
 
 
 @cache
-def leaking(points: int = 6, hold: int = 40) -> Recording:
+def leaking(points: int = 6, dwell: int = 40) -> Recording:
     """Some operating points; the leakage begins behind a third of the samples."""
-    run = visiting_run(built("abc"), operating_points(built("abc"), points), {}, 0, hold)
+    run = visiting_run(built("abc"), operating_points(built("abc"), points), {}, 0, dwell)
     n = run.operation.time.size
     faulty = replace(run, faults={LEAKAGE: np.where(np.arange(n) < n // 3, 0.0, DEGREE)})
     return recording(ruleset("abc"), record(faulty, INSIDE, 1).readings)

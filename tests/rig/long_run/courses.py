@@ -111,8 +111,8 @@ def readings_of(drawn: Drawn) -> Columns:
     rows, interval = SCALES[drawn.scale]
     time = clock(rows, interval)
     random = np.random.default_rng([51, drawn.number])
-    hold = int(random.integers(20, 60)) if interval < 3600.0 else int(random.integers(12, 48))
-    speed = moving(drawn.rig, time, hold, random) if drawn.moves else constant(drawn.rig, time)
+    dwell = int(random.integers(20, 60)) if interval < 3600.0 else int(random.integers(12, 48))
+    speed = moving(drawn.rig, time, dwell, random) if drawn.moves else constant(drawn.rig, time)
     degree = drawn.course(time)
     return plants.recorded(
         drawn.rig, time, 7_000 + drawn.number, {drawn.fault: degree}, speed=speed

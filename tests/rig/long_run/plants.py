@@ -103,14 +103,14 @@ def constant(rig: str, time: Array) -> dict[str, Array]:
     return {name: np.full(time.size, m.speed) for name, m in plant(rig).modules.items()}
 
 
-def moving(rig: str, time: Array, hold: int, random: np.random.Generator) -> dict[str, Array]:
+def moving(rig: str, time: Array, dwell: int, random: np.random.Generator) -> dict[str, Array]:
     """New speeds for all modules every `hold` rows, rev/s, inside what every pump can do."""
     found = {}
     for name, module in plant(rig).modules.items():
-        share = random.uniform(LOWEST, HIGHEST, -(-time.size // hold))
+        share = random.uniform(LOWEST, HIGHEST, -(-time.size // dwell))
         points = module.slowest + share * (module.fastest - module.slowest)
         points[0] = module.speed
-        setting = np.repeat(points, hold)[: time.size]
+        setting = np.repeat(points, dwell)[: time.size]
         found[name] = approach(time, setting, 1.0) if time[1] < QUICK else setting
     return found
 

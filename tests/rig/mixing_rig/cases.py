@@ -14,7 +14,7 @@ from tests.dosing import (
     settling,
 )
 from tests.dosing.runs import DEGREES as PLATEAUS
-from tests.dosing.runs import HOLD
+from tests.dosing.runs import DWELL
 
 BOTH = ("default", "paper")
 PLANTS = ("abc", "mixing-rig")
@@ -68,7 +68,7 @@ QUICK = Scale(
     start_repetitions=1,
     start_samples=3_000,
 )
-ALARM_HOLD = 40  # samples at each operating point of a fault-free recording
+ALARM_DWELL = 40  # samples at each operating point of a fault-free recording
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Task:
 
 def leakage(scale: Scale) -> list[Task]:
     """Leakage in A, plateaus 0, 0.2, 0, 0.4, 0, 0.6, on both plants, a draw each time."""
-    plateaus = tuple((k * HOLD, (k + 1) * HOLD) for k, x in enumerate(PLATEAUS) if x > 0)
+    plateaus = tuple((k * DWELL, (k + 1) * DWELL) for k, x in enumerate(PLATEAUS) if x > 0)
     tasks = []
     for plant in PLANTS:
         run = settling(leakage_replay(RIGS[plant]))
@@ -114,7 +114,7 @@ def degrees(scale: Scale) -> list[Task]:
     faults = single_faults(plant, scale.degrees)[:: scale.step]
     cases = campaign(plant, faults, visits, first_seed=10_000)
     return [
-        Task("mixing-rig", "all faults", c.seed % scale.draws, c, TABLE_1, ((HOLD, 2 * HOLD),))
+        Task("mixing-rig", "all faults", c.seed % scale.draws, c, TABLE_1, ((DWELL, 2 * DWELL),))
         for c in cases
     ]
 
@@ -126,7 +126,7 @@ def alarms(scale: Scale) -> list[Task]:
     tasks = []
     for draw in range(scale.alarm_recordings):
         visit = points[draw :: scale.alarm_recordings]
-        (case,) = campaign(plant, [{}], [visit], 300_000 + draw, lead_in=0, hold=ALARM_HOLD)
+        (case,) = campaign(plant, [{}], [visit], 300_000 + draw, lead_in=0, dwell=ALARM_DWELL)
         tasks.append(Task("mixing-rig", "healthy", draw, case, INSIDE, ()))
     return tasks
 
@@ -138,8 +138,8 @@ def sound_start(scale: Scale) -> list[Task]:
     for repetition in range(scale.start_repetitions):
         for k, fault in enumerate(single_faults(plant, scale.start_degrees)):
             seed = 100_000 + STRIDE * repetition + k
-            (case,) = campaign(plant, [fault], [visit], seed, HOLD)
-            draw, plateaus = seed % scale.start_draws, ((HOLD, 2 * HOLD),)
+            (case,) = campaign(plant, [fault], [visit], seed, DWELL)
+            draw, plateaus = seed % scale.start_draws, ((DWELL, 2 * DWELL),)
             tasks.append(Task(START, "sound-start", draw, case, TABLE_1, plateaus, BOTH[:1]))
     return tasks
 
@@ -147,11 +147,11 @@ def sound_start(scale: Scale) -> list[Task]:
 def sound(scale: Scale) -> list[Task]:
     """Fault-free tours of drawn plants, sensors inside their bounds."""
     plant, stops = RIGS[START], FULL.alarm_points
-    recordings = -(-scale.start_samples // (stops * ALARM_HOLD))
+    recordings = -(-scale.start_samples // (stops * ALARM_DWELL))
     points, tasks = operating_points(plant, recordings * stops), []
     for k in range(recordings):
         visit, draw = points[k::recordings], k % scale.start_draws
-        (case,) = campaign(plant, [{}], [visit], 500_000 + k, lead_in=0, hold=ALARM_HOLD)
+        (case,) = campaign(plant, [{}], [visit], 500_000 + k, lead_in=0, dwell=ALARM_DWELL)
         tasks.append(Task(START, "sound", draw, case, INSIDE, (), BOTH[:1], spread=True))
     return tasks
 

@@ -307,20 +307,20 @@ def _moved(predictor: Predictor, setting: Configuration) -> Array:
 
 def _uncorrelated(columns: Sequence[Column], course: Course) -> list[Column]:
     """Columns with those that point the same way put together."""
-    kept: list[Column] = []
+    merged: list[Column] = []
     units: list[Array] = []
     for column in columns:
         rows = column.rows[course.learnt]
         unit = rows / np.linalg.norm(rows)
         alike = [i for i, other in enumerate(units) if abs(unit @ other) > SAME_PATTERN]
         if alike:
-            first = kept[alike[0]]
+            first = merged[alike[0]]
             causes = tuple(dict.fromkeys((*first.causes, *column.causes)))
-            kept[alike[0]] = replace(first, causes=causes)
+            merged[alike[0]] = replace(first, causes=causes)
         else:
-            kept.append(column)
+            merged.append(column)
             units.append(unit)
-    return kept
+    return merged
 
 
 PEER = "faultdiagnosistoolbox"
@@ -337,7 +337,7 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
     sets = model.MSO()
     signature = np.asarray(model.FSM(sets), dtype=bool)
     of = {frozenset(observers[i] for i in s if i in observers): k for k, s in enumerate(sets)}
-    fired, asked = np.ones(len(spots), dtype=bool), 0
+    fired, asked = np.ones(len(locations), dtype=bool), 0
     for name in case.shown:
         relation = _relation(system, name, set(case.drivers))
         spec = next((r for r in ruleset.residuals if r.id == relation), None)
@@ -348,12 +348,12 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
         asked += 1
         if case.left[name] > limits.FIRES * noise:
             fired &= signature[number]
-    places = [f"{s.module}.{s.place}" for s in spots]
+    places = [f"{s.module}.{s.place}" for s in locations]
     open_ = dict.fromkeys(p for p, own in zip(places, fired, strict=True) if own)
     return (tuple(open_), len(set(places))) if asked else None
 
 
-def _structure(case: Case, spots: tuple[DisturbanceLocation, ...]) -> tuple[Any, dict[int, str]]:
+def _structure(case: Case, at: tuple[DisturbanceLocation, ...]) -> tuple[Any, dict[int, str]]:
     """The model of the toolbox, and the observer of each equation that has one."""
     import faultdiagnosistoolbox as toolbox
 
@@ -363,10 +363,10 @@ def _structure(case: Case, spots: tuple[DisturbanceLocation, ...]) -> tuple[Any,
         modules |= dict.fromkeys((*junction.outlets, *junction.inlets))
     flow = {module: f"q{i}" for i, module in enumerate(modules)}
     reading = {s.id: f"z{i}" for i, s in enumerate(rules.signals)}
-    fault = {s.id: f"f{i}" for i, s in enumerate(spots)}
+    fault = {s.id: f"f{i}" for i, s in enumerate(at)}
     relations = [
         [flow[o.module], *(reading[s] for s in o.signals)]
-        + [fault[s.id] for s in spots if o.id in s.observers]
+        + [fault[s.id] for s in at if o.id in s.observers]
         for o in rules.observers
     ]
     relations += [[flow[m] for m in (*j.outlets, *j.inlets)] for j in rules.junctions]

@@ -69,10 +69,10 @@ def alone() -> tuple[Ruleset, ModelBuilder]:
 
 
 def tour(
-    ruleset: Ruleset, samples: int, low: float = 0.6, high: float = 1.25, hold: int = HOLD
+    ruleset: Ruleset, samples: int, low: float = 0.6, high: float = 1.25, dwell: int = HOLD
 ) -> dict[str, Array]:
     """Inputs (speeds) at settled points spread over a range around the reference point, SI."""
-    number = np.arange(samples) // hold
+    number = np.arange(samples) // dwell
     given = {}
     for k, signal in enumerate(s for s in ruleset.signals if s.is_input):
         share = np.mod(0.5 + number * np.sqrt((2, 3, 5, 7, 11, 13)[k % 6]), 1.0)
@@ -151,11 +151,11 @@ def recorded(
     ruleset, builder = loaded
     base: dict[str, float] = {}
     if seed is not None and moved:
-        known = builder.parameters
+        parameters = builder.parameters
         draw = np.random.default_rng(seed + 1000).multivariate_normal(
-            known.values, known.covariance, method="eigh"
+            parameters.values, parameters.covariance, method="eigh"
         )
-        base = dict(zip(known.ids, draw.tolist(), strict=True))
+        base = dict(zip(parameters.ids, draw.tolist(), strict=True))
     values = solved(ruleset, builder, given, built, base)
     if seed is not None:
         errors = SensorErrors(bounded=True)
@@ -184,8 +184,8 @@ def fitted(
     return fit(rows, setting or Configuration(), rows.system.data.open)
 
 
-def joined(fitted: Fitted, trial: InitialCandidate) -> Fitted:
-    return fit(fitted.rows, trial.joined_to(fitted.setting), fitted.used)
+def joined(fitted: Fitted, initial: InitialCandidate) -> Fitted:
+    return fit(fitted.rows, initial.joined_to(fitted.setting), fitted.used)
 
 
 def changed(recording: Recording, values: Mapping[str, Array]) -> Recording:

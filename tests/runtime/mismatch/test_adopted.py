@@ -28,7 +28,7 @@ from rulec.mismatch.result import Course, Series
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, Capsys
 from tests.dosing import write_csv
-from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
+from tests.runtime.mismatch.dynamic.problems import explained, made, problem_of, tanks
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -49,22 +49,22 @@ Form = dict[str, Any]
 @pytest.fixture(scope="module")
 def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plant whose type lies deep in its own knowledge base, a recording, and the comparison."""
-    place: Path = tmp_path_factory.mktemp("public")
-    shutil.copytree(ROOT / "kb", place / "kb")
-    deep = place / "kb" / "own" / "pumps"
+    folder: Path = tmp_path_factory.mktemp("public")
+    shutil.copytree(ROOT / "kb", folder / "kb")
+    deep = folder / "kb" / "own" / "pumps"
     deep.mkdir(parents=True)
-    (place / "kb" / "modules" / "dosing-pcp.yaml").rename(deep / "pump.yaml")
-    shutil.copy(Path(__file__).parent / "plant.yaml", place / "plant.yaml")
+    (folder / "kb" / "modules" / "dosing-pcp.yaml").rename(deep / "pump.yaml")
+    shutil.copy(Path(__file__).parent / "plant.yaml", folder / "plant.yaml")
     recording = warmed({SLIP: {"b": 0.1, "T0": USUAL}}, 144, seed=3)
     columns = {"time [s]": recording.time}
     for signal in alone()[0].signals:
         if signal.id in recording.values:
             shown = (recording.values[signal.id] - signal.offset) / signal.factor
             columns[f"{signal.id} [{signal.unit}]"] = shown
-    write_csv(place / "run.csv", columns, 9)
-    plant, run, found = (str(place / n) for n in ("plant.yaml", "run.csv", "found.json"))
+    write_csv(folder / "run.csv", columns, 9)
+    plant, run, found = (str(folder / n) for n in ("plant.yaml", "run.csv", "found.json"))
     assert 0 == main(["mismatch", plant, run, "--json", found])
-    return place
+    return folder
 
 
 @pytest.fixture
@@ -130,9 +130,9 @@ def test_told_is_what_the_written_plant_gives(folder: Path) -> None:
     own = predictors_for(system, ("A.pump", "A.power"), frozenset({"A.dp", "A.T"}))
     predictor = next(p for p in own if p.signal.id == fit["signal"])
     off = data.values[predictor.signal.id] - predictor.predicted(Configuration())
-    kept = predictor.points & (data.part == HELDOUT)
-    rms = float(np.sqrt(np.mean(off[kept] ** 2))) / predictor.signal.factor
-    assert fit["heldout"]["points"] == int(kept.sum())
+    heldout = predictor.points & (data.part == HELDOUT)
+    rms = float(np.sqrt(np.mean(off[heldout] ** 2))) / predictor.signal.factor
+    assert fit["heldout"]["points"] == int(heldout.sum())
     assert fit["heldout"]["repaired"] == pytest.approx(rms, rel=0.02)
     assert fit["heldout"]["repaired"] < fit["heldout"]["recalibrated"]
 
@@ -181,21 +181,21 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     clean = made(n=512, seed=4)
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
     recording = changed(clean, {"lower.y": off})
-    place, (rules, builder) = bench(recording), tanks()
-    plain = plain_end(place, {})
+    problem, (rules, builder) = problem_of(recording), tanks()
+    plain = plain_end(problem, {})
     said = explained(recording, plain, plain)
     proofs = said.proofs(())
     refits, shown = written(said, proofs)
     assert shown.plants is not None
     held = shown.fits[0].heldout
-    spans = heldout_spans(place.record.time, ~place.record.open)
+    spans = heldout_spans(problem.record.time, ~problem.record.open)
     repaired = trial(builder, refits.repairs[0])
     for ruleset, error in ((rules, held.shipped), (repaired, held.recalibrated)):
         found = row_errors(ruleset, simulated(ruleset, recording), recording, spans)
         assert found["lower.y"][0] == pytest.approx(error, rel=1e-9)
     (reading,) = said.readings(None, refits, proofs)
     course = course_of(rules.signal_by_id["lower.y"], reading.measured, reading.predicted)
-    series = Series(place.record.time, ~place.record.open, (course,))
+    series = Series(problem.record.time, ~problem.record.open, (course,))
     table = columns(replace(NAMED, series=series))
     error = table["lower.y recalibrated [V]"] - table["lower.y measured [V]"]
     rms = np.sqrt(np.nanmean(error[table["heldout [1]"] == 1] ** 2))
@@ -207,7 +207,7 @@ def test_courses_of_a_very_long_recording_keep_its_time(monkeypatch: pytest.Monk
     """With more rows than the square of the most samples, the rest has more than one row each."""
     monkeypatch.setattr(limits, "SAMPLE_BUDGET", 40)
     recording = made(n=40**2 - 1)
-    plain = plain_end(bench(recording), {})
+    plain = plain_end(problem_of(recording), {})
     said = explained(recording, plain, plain)
     _, shown = written(said, said.proofs(()))
     assert shown.plants is not None

@@ -23,7 +23,7 @@ from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.inference.heldout_errors import MODELS
 from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT
-from tests.runtime.mismatch.dynamic import benches
+from tests.runtime.mismatch.dynamic import problems
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -100,11 +100,11 @@ def test_what_was_planted_is_told_and_proved(name: str) -> None:
             assert abs(estimate.value - true) < 0.2 * abs(true)
         assert all(rival.gain < finding.gain for rival in finding.rivals)
         assert {(finding.module, finding.place)} == {(p.module, p.place) for p in found.locations}
-        kept = found.fit.heldout
-        assert kept.repaired <= kept.shipped
+        heldout = found.fit.heldout
+        assert heldout.repaired <= heldout.shipped
         # Beside the noise there are the systematic errors of the other sensors, which stay. No
         # plant file holds what a sensor does: the whole explanation does.
-        assert (kept.explained if found.left_out else kept.repaired) < 1.5 * kept.noise
+        assert (heldout.explained if found.left_out else heldout.repaired) < 1.5 * heldout.noise
 
 
 @pytest.mark.parametrize("name", ["zero that drifts", "healthy"])
@@ -242,7 +242,7 @@ def test_most_readings_must_be_out_of_range() -> None:
         off = np.where(np.arange(120) < share * 120, 2000.0, 0.0)
         wrong = changed(recording, {"A.P_el": recording.values["A.P_el"] - off})
         assert expected == len(list(impossible(wrong, alone()[0])))
-    level = benches.made(200)
-    assert not list(impossible(level, benches.tanks()[0]))
+    level = problems.made(200)
+    assert not list(impossible(level, problems.tanks()[0]))
     high = changed(level, {"lower.y": np.full(200, 14.0)})
-    assert ["lower.y.impossible-reading"] == [f.id for f in impossible(high, benches.tanks()[0])]
+    assert ["lower.y.impossible-reading"] == [f.id for f in impossible(high, problems.tanks()[0])]

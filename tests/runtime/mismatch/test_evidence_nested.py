@@ -30,7 +30,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.evidence.stores.starting_values import from_afar
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.simulated import begun
-from tests.runtime.mismatch.dynamic import benches
+from tests.runtime.mismatch.dynamic import problems
 from tests.runtime.mismatch.made import SLIP, USUAL, Sure, alone, recorded, rows_at, tour, warming
 
 WIDER, FREEDOM = 1.3, 3.0
@@ -96,14 +96,14 @@ class Integral:
             residual = rows.errors(rows.system.flows(setting))[0][evidence.open]
         if not np.isfinite(residual).all():
             return IMPOSSIBLE
-        known = model.prior.near(at).density - 0.5 * float(numbers @ numbers)
+        prior = model.prior.near(at).density - 0.5 * float(numbers @ numbers)
         white = evidence.whitened(residual, model.noise)
         if self.drawn:
-            return known + evidence.likelihood(white + self.columns @ numbers, model.noise)
+            return prior + evidence.likelihood(white + self.columns @ numbers, model.noise)
         lower = np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
         gone = np.linalg.solve(lower, self.columns.T @ white)
         size = float(np.sum(np.log(np.diag(lower))))
-        return known + evidence.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
+        return prior + evidence.likelihood(white, model.noise) + 0.5 * float(gone @ gone) - size
 
     def weight(self, share: Array) -> float:
         """Log density at a place of the unit cube, over that with which it is drawn:
@@ -187,18 +187,18 @@ def settled(begin: Values, built: Values, without_error: tuple[str, ...] = ALL) 
 
 
 def stores(begin: Values, built: Values) -> Integral:
-    rules, builder = benches.tanks()
+    rules, builder = problems.tanks()
     unknown = ("pump.k", "upper.a", "upper.h0", "lower.a", "lower.h0")
     more = {n: v for own in whole_names(built).values() for n, v in own.items()}
-    record = benches.bench(benches.made(150, joined=tuple(built), more=more)).record
-    there = cast(ModelBuilder, knowing(builder, *unknown, values=benches.TRUE))
-    bench = SimulationProblem(rules, there, record)
-    search = begun(bench)
+    record = problems.problem_of(problems.made(150, joined=tuple(built), more=more)).record
+    there = cast(ModelBuilder, knowing(builder, *unknown, values=problems.TRUE))
+    problem = SimulationProblem(rules, there, record)
+    search = begun(problem)
     evidence, plain = search.evidence, search.models[frozenset()]
     assert isinstance(evidence, StoresEvidence)
     setting = plain.setting
     for name, values in whole_names(begin).items():
-        candidate = bench.candidate(name)
+        candidate = problem.candidate(name)
         setting = setting.joining(candidate, values, evidence.references(setting, candidate))
     if begin:
         plain = refitted(evidence, from_afar(evidence.problem, setting), plain)

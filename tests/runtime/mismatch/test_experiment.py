@@ -46,9 +46,9 @@ def apart(
     off: Array, covariance: tuple[Array, Array], shares: tuple[float, float]
 ) -> list[Forecast]:
     """Two explanations that predict one reading at each of some places, so far apart."""
-    place, none = np.arange(len(off)), np.zeros(len(off))
+    index, none = np.arange(len(off)), np.zeros(len(off))
     offs = ((none, off), (-off, none))
-    return [Forecast({}, place, own, covariance, shares=shares) for own in offs]
+    return [Forecast({}, index, own, covariance, shares=shares) for own in offs]
 
 
 def test_factors_are_divergences_of_all_rows() -> None:
@@ -167,14 +167,14 @@ def test_limits_are_kept_and_told(ambiguous: Path, tmp_path: Path, capsys: Capsy
     found = experiment(ambiguous, "--limits", str(limits), "--steps", "3")
     output = " ".join(capsys.readouterr().out.split())
     before = {name: values[-1] for name, values in columns(ambiguous / "recording.csv").items()}
-    held = found["steps"][0]["inputs"]["B.n"]["value"]
-    assert held == pytest.approx(before["B.n"])
+    value = found["steps"][0]["inputs"]["B.n"]["value"]
+    assert value == pytest.approx(before["B.n"])
     for step in found["steps"]:
         speed = step["inputs"]["A.n"]["value"]
         assert 600 <= speed <= 1200
         assert step["ramp"] == pytest.approx(abs(speed - before["A.n"]) / 10, abs=0.01)
         before["A.n"] = speed
-        assert step["inputs"]["B.n"]["value"] == held
+        assert step["inputs"]["B.n"]["value"] == value
         assert step["costs_product"] == ["A.n"]
         times = (step["until"] - step["from"] - step["ramp"]) / 100.0
         assert times == pytest.approx(2.0 ** round(math.log2(times)))
@@ -317,7 +317,7 @@ def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
     ends = {"signal": plant.signal_by_id["A.n"], "lowest": 600.0, "highest": 900.0}
     own = Range(**ends, rate=30.0, hold=100.0, costs=True)
     given = Allowed({"A.n": own}, frozenset(), {"A.dp": (1.2e5, 1.8e5)})
-    reach = InputRanges({"A.n": (10.0, 15.0)}, 60.0, {"A.n": 12.0}, given)
+    ranges = InputRanges({"A.n": (10.0, 15.0)}, 60.0, {"A.n": 12.0}, given)
     one, none = np.eye(n - 1), np.zeros(n - 1)
     shown = ([1.25e5, 1.5e5, 1.5e5, 1.75e5, 1.5e5, 1.5e5], [1.5e5] * n)
     limits = [
@@ -342,8 +342,8 @@ def _two_places(lost: tuple[str, ...], forbids: bool) -> Feasible:
     """Of which the second may lose product or be forbidden, and the present one."""
     places = SetPoints({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
     possible, forbidden = np.array([True, True, False]), np.array([False, forbids, False])
-    reach = InputRanges({"A.n": (1.0, 2.0)}, 60.0)
-    return Feasible(places, reach, possible, {"A.dp": forbidden}, ((), lost, ()), ())
+    ranges = InputRanges({"A.n": (1.0, 2.0)}, 60.0)
+    return Feasible(places, ranges, possible, {"A.dp": forbidden}, ((), lost, ()), ())
 
 
 def _sure(*off: float) -> list[Forecast]:

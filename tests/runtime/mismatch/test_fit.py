@@ -28,7 +28,7 @@ from rulec.mismatch.inference.heldout_errors import profile
 from rulec.mismatch.search.operating_states import confirmed, explain
 from rulec.mismatch.search.posterior import reported_names
 from rulec.mismatch.search.refit import refitted
-from tests.runtime.mismatch.dynamic.benches import made, tanks
+from tests.runtime.mismatch.dynamic.problems import made, tanks
 from tests.runtime.mismatch.made import (
     SLIP,
     USUAL,
@@ -51,8 +51,8 @@ B = f"{SLIP}.b"
 
 def setting(name: str, start: Mapping[str, float], **fixed: float) -> Configuration:
     candidate = next(c for c in alone()[1].candidates if c.id == name)
-    values, held = ({f"{name}.{k}": v for k, v in part.items()} for part in (start, fixed))
-    return Configuration().joining(candidate, values, held)
+    values, frozen = ({f"{name}.{k}": v for k, v in part.items()} for part in (start, fixed))
+    return Configuration().joining(candidate, values, frozen)
 
 
 WARM = setting(SLIP, {"b": 0.01}, T0=USUAL)
@@ -91,9 +91,9 @@ def test_what_vanishes_in_the_last_fit_is_not_told(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_base_values_come_back(seed: int) -> None:
-    known = alone()[1].parameters
+    parameters = alone()[1].parameters
     draw = np.random.default_rng(seed + 1000).multivariate_normal(
-        known.values, known.covariance, method="eigh"
+        parameters.values, parameters.covariance, method="eigh"
     )
     found = fitted(alone(), warmed(seed=seed))
     assert max(pulls(found, draw)) < 3.5
@@ -104,8 +104,8 @@ def test_the_prior_holds_where_nothing_is_said() -> None:
     rules, builder = alone()
     given = {"A.n": np.full(60, rules.signal_by_id["A.n"].reference)}
     found = fitted(alone(), recorded(alone(), given, moved=False))
-    known = builder.parameters
-    for name, v, s in zip(known.ids, known.values, np.sqrt(np.diag(known.covariance)), strict=True):
+    base = builder.parameters
+    for name, v, s in zip(base.ids, base.values, np.sqrt(np.diag(base.covariance)), strict=True):
         assert s == 0 or abs(found.setting.values[name] - v) < 1.5 * s
         assert s == 0 or found.u(name) < 1.001 * s
 
@@ -151,15 +151,15 @@ def test_a_bent_valley_is_followed_to_its_end() -> None:
 
 def test_a_sheet_gives_way_and_still_counts() -> None:
     rules, builder = alone()
-    known = builder.parameters
-    i = known.ids.index("A.eta")
-    values, covariance = known.values.copy(), np.diag(np.diag(known.covariance))
-    values[i], covariance[i, i] = known.values[i] - 0.1, 0.005**2
-    sheet = {**known.sheet, "A.eta": (values[i], 0.005)}
-    doubted = replace(known, values=values, covariance=covariance, sheet=sheet)
+    parameters = builder.parameters
+    i = parameters.ids.index("A.eta")
+    values, covariance = parameters.values.copy(), np.diag(np.diag(parameters.covariance))
+    values[i], covariance[i, i] = parameters.values[i] - 0.1, 0.005**2
+    sheet = {**parameters.sheet, "A.eta": (values[i], 0.005)}
+    doubted = replace(parameters, values=values, covariance=covariance, sheet=sheet)
     recording = recorded(alone(), tour(rules, SAMPLES), moved=False)
     found = fitted((rules, Sure(builder, doubted)), recording)  # type: ignore[arg-type]
-    assert found.setting.values["A.eta"] == pytest.approx(known.values[i], abs=0.02)
+    assert found.setting.values["A.eta"] == pytest.approx(parameters.values[i], abs=0.02)
     assert found.negative_log_prior > 5.0
 
 
@@ -188,8 +188,8 @@ def test_sets_of_terms_gain_what_each_gains_alone() -> None:
 
 def test_a_calibration_at_another_temperature_bends_no_law() -> None:
     rules, builder = alone()
-    known = builder.parameters
-    sure = Sure(builder, replace(known, covariance=known.covariance * 1e-4))
+    parameters = builder.parameters
+    sure = Sure(builder, replace(parameters, covariance=parameters.covariance * 1e-4))
     begun = fitted((rules, sure), warmed(TRUE))  # type: ignore[arg-type]
     (trial,) = (t for t in screen(begun, builder.candidates) if t.candidate.id == SLIP)
     setting = begun.setting.joining(trial.candidate, trial.values, trial.fixed)

@@ -81,7 +81,7 @@ def test_predictions_solve_the_residual(plant: str) -> None:
 
 def test_predictions_are_off_by_the_noise() -> None:
     """Where a law has no value nothing is predicted: the reading would count as exact."""
-    recording = recorded(alone(), tour(alone()[0], 600, hold=60), moved=False)
+    recording = recorded(alone(), tour(alone()[0], 600, dwell=60), moved=False)
     found = rows_at(alone(), recording).system
     predictor = predictors_for(found, ("A.pump",), frozenset())[0]
     off = found.data.values[predictor.signal.id] - predictor.predicted(Configuration())
@@ -130,9 +130,9 @@ def test_what_drives_a_slip_shows_in_its_parameter() -> None:
     (wandering,) = found.fitted.setting.joined
     assert wandering.id.startswith("parameter:A.C")
     assert wandering.place == "Q_geo"
-    hidden = reconstruct(found.fitted, wandering.id)
-    warm = np.interp(hidden.time, run.time, run.values["A.T"])
-    assert abs(np.corrcoef(hidden.course, warm)[0, 1]) > 0.9
+    latent = reconstruct(found.fitted, wandering.id)
+    warm = np.interp(latent.time, run.time, run.values["A.T"])
+    assert abs(np.corrcoef(latent.course, warm)[0, 1]) > 0.9
 
 
 @pytest.mark.prove
@@ -237,10 +237,10 @@ def test_points_that_do_not_speak_of_a_fault_have_no_degree() -> None:
     columns = columns_of(found, leakage, {f"{LEAKAGE}.x": 0.0}, {})
     mute = found.rows.point % 3 > 0
     degree, _ = degree_course(found, np.where(mute, 1e-14 * columns[:, 0], columns[:, 0]))
-    known = np.flatnonzero(np.isfinite(degree))
-    assert len(known) > 50
-    assert set(known) <= set(found.rows.point[~mute])
-    assert np.abs(degree[known]).max() < 1.0
+    points = np.flatnonzero(np.isfinite(degree))
+    assert len(points) > 50
+    assert set(points) <= set(found.rows.point[~mute])
+    assert np.abs(degree[points]).max() < 1.0
 
 
 SAMPLES, SINCE, REACHED = 240, 96.0, 0.5

@@ -11,7 +11,7 @@ from rulec.mismatch.search.operating_states import begun
 from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.simulated import begun as begun_with_stores
 from tests.conftest import ROOT, Capsys
-from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
+from tests.runtime.mismatch.dynamic.problems import OVERFLOW, made, problem_of
 from tests.runtime.mismatch.made import SLIP, USUAL, Built, alone, rows_at, warmed
 from tests.written import json_of
 
@@ -75,8 +75,8 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
     """Explanations drawn as likely as they are before, of sizes as they are before."""
     count, rng = 3000, np.random.default_rng(2)
     odds = np.exp(np.append(0.0, judge.odds))
-    hidden = rng.choice(len(odds), count, p=odds / odds.sum()) - 1
-    own, missing = np.maximum(hidden, 0), hidden >= 0
+    true = rng.choice(len(odds), count, p=odds / odds.sum()) - 1
+    own, missing = np.maximum(true, 0), true >= 0
     sizes = np.array([_size(judge, i, rng) for i in own]) * missing
     shift = judge.rows[:, own] * sizes
     judged = named = judge.judged(drawn(judge, count, shift, seed=3))
@@ -94,7 +94,7 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
 
 def _size(judge: Judge, column: int, rng: np.random.Generator) -> float:
     """A size drawn from what is known before, within its range."""
-    usual, width, freedom = (known[column] for known in judge.sizes)
+    usual, width, freedom = (sizes[column] for sizes in judge.sizes)
     low, high = (end[column] for end in judge.ends)
     while True:
         size = float(rng.choice([-1.0, 1.0]) * usual + rng.standard_t(freedom) * width)
@@ -106,12 +106,12 @@ def test_what_was_found_is_concealed_at_its_size() -> None:
     """As the set that has it says; what has no column in the recording is never told."""
     found = warm({SLIP: {"b": 0.1, "T0": USUAL}})
     every = settled(found.evidence).system.builder.candidates
-    (seen,) = self_proof(found, every).effects
-    assert (SLIP, "1/K", True) == (seen.id, seen.unit, seen.found)
+    (effect,) = self_proof(found, every).effects
+    assert (SLIP, "1/K", True) == (effect.id, effect.unit, effect.found)
     values = found.models[frozenset({SLIP})].setting.values
-    assert seen.size == pytest.approx(values[f"{SLIP}.b"])
-    assert seen.told > 190
-    assert 1e-4 < seen.seen_from < seen.size
+    assert effect.size == pytest.approx(values[f"{SLIP}.b"])
+    assert effect.told > 190
+    assert 1e-4 < effect.seen_from < effect.size
     (unseen,) = self_proof(found, every, ["A.cannot-be"]).effects
     assert (0, None) == (unseen.told, unseen.seen_from)
     assert np.isnan(unseen.size)
@@ -138,9 +138,9 @@ def test_command_tells_it_behind_the_report(capsys: Capsys) -> None:
 
 
 def test_plants_that_store_are_replayed_too() -> None:
-    place = bench(made())
-    proof = self_proof(begun_with_stores(place).posterior(), place.candidates, [OVERFLOW])
-    (seen,) = proof.effects
+    problem = problem_of(made())
+    proof = self_proof(begun_with_stores(problem).posterior(), problem.candidates, [OVERFLOW])
+    (effect,) = proof.effects
     assert proof.called_missing < 10
-    assert seen.told > 100
-    assert 0 < seen.seen_from < seen.usual
+    assert effect.told > 100
+    assert 0 < effect.seen_from < effect.usual

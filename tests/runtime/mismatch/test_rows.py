@@ -57,8 +57,8 @@ def errors(rows: Rows) -> Array:
     return rows.errors(rows.system.flows(Configuration()))[0]
 
 
-def abc(samples: int = SAMPLES, hold: int = 12) -> Recording:
-    given = tour(loaded("abc")[0], samples, hold=hold)
+def abc(samples: int = SAMPLES, dwell: int = 12) -> Recording:
+    given = tour(loaded("abc")[0], samples, dwell=dwell)
     return recorded(loaded("abc"), given, moved=False)
 
 
@@ -127,13 +127,13 @@ def test_rows_vanish_on_simulated_readings_and_columns_are_their_derivatives() -
     found = simulate_with(equations_of(loaded("abc")[0]), given, {})
     rows = rows_at(loaded("abc"), sampled({**given, **found.values}))
     assert float(np.abs(errors(rows)).max()) < 1e-3
-    system, known = rows.system, loaded("abc")[1].parameters
-    flows = system.flows(Configuration(), known.ids)
+    system, parameters = rows.system, loaded("abc")[1].parameters
+    flows = system.flows(Configuration(), parameters.ids)
     maps = rows.maps(flows)
     for name in ("A.C2", "A.k2", "B.eta", "C.k2"):
-        i = known.ids.index(name)
-        step = 1e-3 * np.sqrt(known.covariance[i, i])
-        moved = Configuration(values={name: float(known.values[i] + step)})
+        i = parameters.ids.index(name)
+        step = 1e-3 * np.sqrt(parameters.covariance[i, i])
+        moved = Configuration(values={name: float(parameters.values[i] + step)})
         expected = (rows.errors(system.flows(moved))[0] - errors(rows)) / step
         found = rows.column(maps, flows.by_value[name])
         size = float(np.abs(expected).max())
@@ -352,10 +352,10 @@ def planted() -> Rows:
 
 def viscosity(celsius: float) -> float:
     """Of HLP 32 by Walther's equation in its own form, Pa s. Source: ASTM D341."""
-    known = np.array([[313.15, 32.0], [373.15, 5.4]])
-    double = np.log10(np.log10(known[:, 1] + 0.7))
-    slope = (double[1] - double[0]) / np.log10(known[1, 0] / known[0, 0])
-    there = double[0] + slope * np.log10((celsius + 273.15) / known[0, 0])
+    points = np.array([[313.15, 32.0], [373.15, 5.4]])
+    double = np.log10(np.log10(points[:, 1] + 0.7))
+    slope = (double[1] - double[0]) / np.log10(points[1, 0] / points[0, 0])
+    there = double[0] + slope * np.log10((celsius + 273.15) / points[0, 0])
     density = 872.0 * (1.0 - 7.0e-4 * (celsius - 15.0))
     return float(density * (10 ** (10**there) - 0.7) * 1e-6)
 

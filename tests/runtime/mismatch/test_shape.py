@@ -177,9 +177,9 @@ ELSEWHERE = np.cos(7.0 * np.arange(200.0))
 
 def term(name: str = "Q_law~T", driver: Array = DRIVER, length: float = 0.4) -> Term:
     """A term over a driver, of which each row has a value."""
-    basis, spot = basis_over(driver, length), cast(DisturbanceLocation, None)
+    basis, location = basis_over(driver, length), cast(DisturbanceLocation, None)
     columns = SLOPES[:, None] * basis.at(driver)
-    return Term(name, "Q_law", spot, "T", SLOPES, basis, 1.0, columns)
+    return Term(name, "Q_law", location, "T", SLOPES, basis, 1.0, columns)
 
 
 def model(laws: dict[str, Array], terms: tuple[Term, ...] = ()) -> Model:
@@ -267,7 +267,7 @@ def rows_of(group: str, effect: str, folder: Path) -> Rows:
     return rows_at(loaded, read_recording(folder / "recording.csv", loaded[0]))
 
 
-def with_terms(rows: Rows, place: str) -> Posterior:
+def with_terms(rows: Rows, location: str) -> Posterior:
     search = begun(rows)
     spots = {s.id for s in rows.system.builder.locations if f"{s.module}.{s.place}" == place}
     every = search.evidence.terms(search.models[frozenset()].point)
@@ -286,9 +286,9 @@ def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
     found = with_terms(rows, "A.loss")
     (term,) = found.models[found.best].terms
     assert "a law with memory" in term.basis.says
-    standing = possible_sets(found)
-    assert term.basis.says in standing[0].titles[0]
-    assert standing[0] not in refitted_again(rows, standing).sets
+    sets = possible_sets(found)
+    assert term.basis.says in sets[0].titles[0]
+    assert sets[0] not in refitted_again(rows, sets).sets
 
 
 def test_a_driver_that_turns_is_told_as_a_course(tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def test_readings_are_moved_in_time_within_their_file() -> None:
 
 
 def run(seed: int) -> Recording:
-    return recorded(loaded("abc"), tour(loaded("abc")[0], 400, hold=40), seed=seed)
+    return recorded(loaded("abc"), tour(loaded("abc")[0], 400, dwell=40), seed=seed)
 
 
 OF_A = ("A.n", "A.dp", "A.P_el")

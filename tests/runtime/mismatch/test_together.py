@@ -18,7 +18,7 @@ from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.search.intermittent_fault import intermittent
 from rulec.mismatch.search.later_refits import by_recording
 from rulec.mismatch.search.operating_states import explain
-from tests.runtime.mismatch.dynamic.benches import bench, made
+from tests.runtime.mismatch.dynamic.problems import made, problem_of
 from tests.runtime.mismatch.made import (
     HOLD,
     SLIP,
@@ -216,7 +216,7 @@ def test_files_of_their_own_have_none() -> None:
     for one_clock in (True, False):
         found = fitted(alone(), replace(leaking(), one_clock=one_clock))
         assert one_clock == bool(list(intermittent(found, found.rows.system.candidates)))
-        tanks = bench(replace(made(), one_clock=one_clock))
+        tanks = problem_of(replace(made(), one_clock=one_clock))
         assert one_clock == any(c.follows_time for c in tanks.candidates)
 
 

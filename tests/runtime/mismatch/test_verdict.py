@@ -39,8 +39,8 @@ STRAINED = Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h/bar**0.5")
 def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **more: Any) -> Fit:
     """A reading that the repaired model meets to so much; recalibrated it is off by 1."""
     errors = Errors(shipped=2.0, recalibrated=1.0, repaired=repaired, noise=noise, points=10)
-    known: dict[str, Any] = {"estimation": errors, "gain_interval": (0.0, 0.0), "closed": 1.0}
-    return Fit(signal=signal, unit="l/min", heldout=errors, **{**known, **more})
+    fixed: dict[str, Any] = {"estimation": errors, "gain_interval": (0.0, 0.0), "closed": 1.0}
+    return Fit(signal=signal, unit="l/min", heldout=errors, **{**fixed, **more})
 
 
 @pytest.mark.parametrize(
@@ -73,8 +73,8 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
     at: Any = {"module": UNSURE.module, "place": UNSURE.place, "title": ""}
     large = Location(**at, share=0.8, region=(), periods=())
     small = replace(large, module="B", place="Q_imp", share=0.2)
-    for places, expected in (((large, small), "B.Q_imp"), ((large,), f"A.{UNSURE.place}")):
-        assert f"missing at {expected} that no" in headline_of("unnamed", (UNSURE,), places, SOUND)
+    for where, expected in (((large, small), "B.Q_imp"), ((large,), f"A.{UNSURE.place}")):
+        assert f"missing at {expected} that no" in headline_of("unnamed", (UNSURE,), where, SOUND)
 
 
 def rivalled(own: float, *others: tuple[str, float]) -> Finding:
@@ -125,15 +125,15 @@ def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
     """It is mentioned with its probability, an experiment would tell, and there is no tick."""
     named = ((0.6, ("Relief valve in A",)), (0.3, ()), (0.05, ("Wear in A",)))
     rest: Any = {"joined": (), "values": {}, "fixed": {}, "periods": (), "terms": ()}
-    standing = tuple(CandidateSet(names=t, titles=t, probability=p, **rest) for p, t in named)
+    sets = tuple(CandidateSet(names=t, titles=t, probability=p, **rest) for p, t in named)
     doubt = Doubt(0.3, (), ())
     assert "unsure" == verdict_of((), False, doubt)
-    assert headline_of("unsure", (), (), doubt, [fit_of(noise=0.3)], standing) == (
+    assert headline_of("unsure", (), (), doubt, [fit_of(noise=0.3)], sets) == (
         "Perhaps nothing is missing (30\u00a0%). "
         "Possible explanations: relief valve in A (60\u00a0%)."
     )
     for verdict, findings in (("unsure", ()), ("ambiguous", (UNSURE,))):
-        step = next_step(verdict, findings, None, (), standing=standing)
+        step = next_step(verdict, findings, None, (), standing=sets)
         assert "`rulec experiment`" in step
 
 

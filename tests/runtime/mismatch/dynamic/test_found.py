@@ -31,16 +31,16 @@ from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.simulated import begun, curves_of, likeliest_curve, search
 from rulec.mismatch.stores import Explanation, _gained, explanation, prove, until_of
 from tests.conftest import ROOT
-from tests.runtime.mismatch.dynamic.benches import (
+from tests.runtime.mismatch.dynamic.problems import (
     NOISE,
     OVERFLOW,
     RIM,
     TRUE,
-    bench,
     explained,
     grow_by,
     joined_to,
     made,
+    problem_of,
     searched,
     tanks,
     voltage,
@@ -56,12 +56,12 @@ def planted(fault: str) -> dict[str, float]:
 
 @pytest.mark.parametrize("fault", ["lower.blockage", "upper.lost-inflow"])
 def test_onset_and_degree_are_found(fault: str) -> None:
-    place = bench(made(n=512, seed=5, joined=(fault,), more=planted(fault)))
-    grown = begun(place)
+    problem = problem_of(made(n=512, seed=5, joined=(fault,), more=planted(fault)))
+    grown = begun(problem)
     grow_by(grown, fault, "upper.area-slope@h")
     prune(grown, grown.likeliest)
     assert frozenset({fault}) == grown.likeliest
-    plain = plain_end(place, grown.models[frozenset()].setting.values)
+    plain = plain_end(problem, grown.models[frozenset()].setting.values)
     model = grown.models[frozenset({fault})].setting
     found = refit(plain, model.joined, {**model.values, **model.fixed})
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
@@ -72,8 +72,8 @@ def test_a_strong_fault_is_as_sudden_as_it_was() -> None:
     """The rise that a search needs would shift its degree by many uncertainties."""
     fault, degree = "upper.blockage", 0.8
     sudden = {f"{fault}.x": degree, f"{fault}.since": SINCE + 1.0, f"{fault}.t_half": 20.0}
-    place = bench(made(n=2048, seed=4, joined=(fault,), more=sudden))
-    plain, smooth = joined_to(place, fault, {**sudden, f"{fault}.t_half": 4094.0})
+    problem = problem_of(made(n=2048, seed=4, joined=(fault,), more=sudden))
+    plain, smooth = joined_to(problem, fault, {**sudden, f"{fault}.t_half": 4094.0})
     found = sharpened(smooth)
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE + 1.0, abs=0.5)
     u = found.u(f"{fault}.x")
@@ -87,13 +87,13 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     """Values are fitted to what lies before the fault, which is no part of the model."""
     fault = "lower.blockage"
     recording = made(n=512, seed=4, joined=(fault,), more=planted(fault))
-    place = bench(recording)
-    plain, found = joined_to(place, fault, planted(fault))
+    problem = problem_of(recording)
+    plain, found = joined_to(problem, fault, planted(fault))
     said = explained(recording, plain, found)
     model = written(said, said.proofs(()))[0]
     adopted = model.repaired
-    until = until_of(place, found, [place.candidate(fault)])
-    assert found.values[f"{fault}.since"] == pytest.approx(until - place.record.time[0])
+    until = until_of(problem, found, [problem.candidate(fault)])
+    assert found.values[f"{fault}.since"] == pytest.approx(until - problem.record.time[0])
     assert [fault] == [name for name, _ in model.left_out]
     assert adopted.joined == ()
     assert not any(name.startswith(fault) for name in (*adopted.free, *adopted.values))
@@ -103,13 +103,13 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
 
 def test_a_period_is_told_in_the_time_of_the_recording() -> None:
     recording = made()
-    place = bench(replace(recording, time=recording.time + 5000.0))
-    candidate = place.candidate("lower.blockage")
+    problem = problem_of(replace(recording, time=recording.time + 5000.0))
+    candidate = problem.candidate("lower.blockage")
     found = {
         "x": Estimate("", 15.0, 1.0, 13.0, 17.0, "%"),
         "since": Estimate("", SINCE, 4.0, SINCE - 8, SINCE + 8, "s"),
     }
-    (period,) = period_of(place, candidate, found)
+    (period,) = period_of(problem, candidate, found)
     assert (5000.0 + SINCE, 5000.0 + 4.0 * 511) == (period.since, period.until)
     assert (0.15, 0.01) == (pytest.approx(period.degree), pytest.approx(period.u))
 
@@ -118,14 +118,14 @@ def test_a_period_is_told_in_the_time_of_the_recording() -> None:
 def test_a_fault_that_does_the_same_is_told_beside() -> None:
     """Whether a pump delivers less or a line loses it, a level further down says nothing of it."""
     fault = "upper.lost-inflow"
-    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
-    found = search(place, lambda text: None)
+    problem = problem_of(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    found = search(problem, lambda text: None)
     ids = {c.id for own in found.accepted for c in (own.candidate, *(c for c, _ in own.others))}
     assert {fault, "pump.leakage", "pump.u.high"} <= ids
     model = model_of(found.best)
     (finding,) = findings_of(model, found.accepted)
-    spots = {"upper.inflow", "pump.pump", "pump.u"}
-    assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}
+    locations = {"upper.inflow", "pump.pump", "pump.u"}
+    assert locations - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}
 
 
 def test_a_plant_that_runs_away_with_an_error_of_a_sensor_is_not_judged(
@@ -137,7 +137,7 @@ def test_a_plant_that_runs_away_with_an_error_of_a_sensor_is_not_judged(
         raise RanAway
 
     monkeypatch.setattr(fit, "drift_of", away)
-    monkeypatch.setattr(simulated, "explain", lambda bench, tell: begun(bench).posterior())
+    monkeypatch.setattr(simulated, "explain", lambda problem, tell: begun(problem).posterior())
     said = stores.explain(made(200), *tanks(), (), lambda text: None)
     assert isinstance(said, NotComparable)
     assert "runs away" in said.why
@@ -150,7 +150,7 @@ def test_a_sound_plant_is_recalibrated_to_its_noise() -> None:
     """Zero and gain of a sensor within its class are no physics."""
     recording = made(256, seed=3)
     y = recording.values["lower.y"] * 1.002 + 0.02
-    found = search(bench(changed(recording, {"lower.y": y})), lambda text: None)
+    found = search(problem_of(changed(recording, {"lower.y": y})), lambda text: None)
     (noise,) = found.plain.noise.values()
     assert not found.best.joined
     assert frozenset() == found.posterior.best
@@ -160,7 +160,7 @@ def test_a_sound_plant_is_recalibrated_to_its_noise() -> None:
 
 def test_a_law_is_found_although_its_special_case_fits() -> None:
     """An overflow that is caught holds one that is lost, and recalibration makes up for much."""
-    found = begun(bench(made(joined=(OVERFLOW,), more=RIM)))
+    found = begun(problem_of(made(joined=(OVERFLOW,), more=RIM)))
     grow_by(found, OVERFLOW, LOST_FLOW)
     own = frozenset({OVERFLOW})
     assert own == found.likeliest
@@ -183,7 +183,7 @@ def test_what_recalibration_makes_up_for_is_named(
     built: str, named: str, more: dict[str, float], value: str, off: float
 ) -> None:
     own = {f"{built}.{name}": number for name, number in more.items()}
-    found = search(bench(made(joined=(built,), more=own)), lambda text: None)
+    found = search(problem_of(made(joined=(built,), more=own)), lambda text: None)
     (name,) = found.best.ids
     assert named in name
     assert abs(found.best.values[f"{name}.{value}"] - more[value]) < off
@@ -192,8 +192,8 @@ def test_what_recalibration_makes_up_for_is_named(
 @pytest.fixture
 def plain() -> Explanation:
     recording = made(256)
-    place = bench(recording)
-    fitted = plain_end(place, TRUE)
+    problem = problem_of(recording)
+    fitted = plain_end(problem, TRUE)
     return explained(recording, fitted, fitted)
 
 
@@ -245,8 +245,8 @@ LOSS = "lower.store-loss@inflow"
 def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     """A jet that misses the first tank at high flow: a flow from tank to tank, as the pump runs."""
     missed = 0.6 * TRUE["pump.k"] * np.maximum(voltage(384, 1) - 3.0, 0.0)
-    place = bench(made(384, errors={"definition:upper.outflow": missed}))
-    unnamed = likeliest_curve(searched(place, LOSS))
+    problem = problem_of(made(384, errors={"definition:upper.outflow": missed}))
+    unnamed = likeliest_curve(searched(problem, LOSS))
     assert unnamed.curve.driver == "pump.u"
     assert unnamed.curve.location.module in ("upper", "lower")
     assert unnamed.share > 1.0 - 0.7**2
@@ -257,8 +257,8 @@ def test_a_reading_that_no_entry_names_is_a_curve_for_a_plant_file() -> None:
     level = made(384).values["lower.y"]
     middle = float(np.median(level))
     bump = 0.6 * np.exp(-(((level - middle) / 0.7) ** 2))
-    place = bench(made(384, errors={"reading:lower.y": bump}))
-    (curve,) = curves_of(searched(place, LOSS))
+    problem = problem_of(made(384, errors={"reading:lower.y": bump}))
+    (curve,) = curves_of(searched(problem, LOSS))
     assert ("reading:lower.y", "lower.h") == (curve.place, curve.driver)
     h, shown = np.array(curve.points).T
     assert h[np.argmax(shown)] == pytest.approx((middle - TRUE["lower.y0"]) / TRUE["lower.g"], 0.05)
@@ -351,8 +351,8 @@ OUTLET_LAW = "lower.outlet-exponent@outflow"
 
 def test_place_and_driver_are_found(thin: Path) -> None:
     """Among all places and all that they may follow; no curve is drawn through noise."""
-    assert likeliest_curve(searched(bench(made(SAMPLES, 1)), OUTLET_LAW)) is None
-    unnamed = likeliest_curve(searched(bench(flapping(thin, 1)), OUTLET_LAW))
+    assert likeliest_curve(searched(problem_of(made(SAMPLES, 1)), OUTLET_LAW)) is None
+    unnamed = likeliest_curve(searched(problem_of(flapping(thin, 1)), OUTLET_LAW))
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
     assert f"{curve.location.module}.{curve.location.place}" in ("lower.outflow", "lower.h")

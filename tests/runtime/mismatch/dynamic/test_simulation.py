@@ -29,15 +29,15 @@ from rulec.mismatch.evidence.stores.simulation_problem import Record, Simulation
 from rulec.mismatch.evidence.stores.starting_values import from_afar
 from rulec.mismatch.inference.heldout_errors import confounded, profile
 from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
-from tests.runtime.mismatch.dynamic.benches import (
+from tests.runtime.mismatch.dynamic.problems import (
     NOISE,
     OVERFLOW,
     RIM,
     STEP,
     TRUE,
-    bench,
     joined_to,
     made,
+    problem_of,
     tanks,
     voltage,
 )
@@ -132,8 +132,8 @@ def test_memory_of_a_fading_error(rho: float, expected: float) -> None:
     blocks are held out, which are no zeros; that of white noise is 1 to the last digit."""
     error = lfilter([1.0], [1.0, -rho], np.random.default_rng(1).standard_normal(N))
     assert autocorrelation_time(error, ALL) == pytest.approx(expected, rel=0.2 if rho else 0.0)
-    known = (np.arange(N) // 400) % 5 != 2
-    assert autocorrelation_time(error, known) == pytest.approx(
+    there = (np.arange(N) // 400) % 5 != 2
+    assert autocorrelation_time(error, there) == pytest.approx(
         autocorrelation_time(error, ALL), rel=0.15
     )
 
@@ -177,7 +177,7 @@ FORGOTTEN = 150
 
 @functools.cache
 def plain() -> SimulationProblem:
-    return bench(made())
+    return problem_of(made())
 
 
 def shown(tau: float | None = None, **moved: float) -> Array:
@@ -231,8 +231,8 @@ def test_a_rim_is_seen_within_a_sample(sharpness: float) -> None:
 
 def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     """What only a prior says stays uncertain: an unmeasured tank's levels could be larger."""
-    place = bench(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM))
-    plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
+    problem = problem_of(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM))
+    plain, found = joined_to(problem, OVERFLOW, {**TRUE, **RIM})
     assert plain.noise["lower.y"].spread > 5 * NOISE
     assert found.noise["lower.y"].spread == pytest.approx(NOISE, rel=0.15)
     model = model_of(found)
@@ -248,9 +248,9 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
 
 def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
     """At its end, where errors of sensors are seen anew: it loses, and nothing fails."""
-    place = bench(made(200))
-    plain = plain_end(place, {})
-    candidate = place.candidates[0]
+    problem = problem_of(made(200))
+    plain = plain_end(problem, {})
+    candidate = problem.candidates[0]
 
     def away(*_: object, **__: object) -> None:
         raise RanAway
@@ -266,10 +266,10 @@ def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatc
 def test_a_reading_that_never_moves_may_be_predicted_exactly() -> None:
     """A transmitter that holds its value within a wide band has no error at all."""
     still = changed(made(200), {"lower.y": np.full(200, 5.0)})
-    place = bench(still)
-    held = place.candidate("lower.sensor-hysteresis@y")
+    problem = problem_of(still)
+    held = problem.candidate("lower.sensor-hysteresis@y")
     begin = Configuration().joining(held, {u.id: 10.0 for u in held.unknowns}, {})
-    assert np.isfinite(list(from_afar(place, begin).values.values())).all()
+    assert np.isfinite(list(from_afar(problem, begin).values.values())).all()
 
 
 def test_an_exact_prediction_has_some_noise() -> None:
@@ -289,6 +289,6 @@ def test_values_that_nothing_determines_correlate_at_most_fully() -> None:
 def test_a_sensor_shows_what_the_recording_proves(least: float) -> None:
     recording = made(200)
     y = recording.values["lower.y"]
-    own = bench(changed(recording, {"lower.y": y - y.min() + least}) if least else recording)
+    own = problem_of(changed(recording, {"lower.y": y - y.min() + least}) if least else recording)
     said = own.simulate((), {**own.plain_values, "lower.y0": -8.0})  # its zero is far below
     assert float(np.asarray(said.shown["lower.y"]).min()) == pytest.approx(least)

@@ -59,15 +59,15 @@ def made(
 ) -> Recording:
     """A recording of the tanks, with candidates built in and their values.
 
-    `errors` are courses by the spot where they sit, in SI.
+    `errors` are courses by the location at which they act, in SI.
     """
     _, builder = tanks()
     u, time = voltage(n, seed), STEP * np.arange(n)
-    spots = errors or {}
-    balances = builder.balances(joined, tuple(spots))
-    inputs = np.column_stack([u, *spots.values()])
-    known = builder.parameters
-    values = {**dict(zip(known.ids, known.values, strict=True)), **known.constants, **TRUE}
+    courses = errors or {}
+    balances = builder.balances(joined, tuple(courses))
+    inputs = np.column_stack([u, *courses.values()])
+    base = builder.parameters
+    values = {**dict(zip(base.ids, base.values, strict=True)), **base.constants, **TRUE}
     values |= more or {}
     course = balances.run(time, inputs, np.ones(inputs.shape[1], dtype=bool), values)
     y = course.shown[:, balances.outputs.index("shown:lower.y")]
@@ -76,18 +76,18 @@ def made(
     return sampled(shown, time, missing=("upper.y",))
 
 
-def bench(recording: Recording) -> SimulationProblem:
+def problem_of(recording: Recording) -> SimulationProblem:
     ruleset, builder = tanks()
     record = record_of(recording, ruleset, builder.given)
     return SimulationProblem(ruleset, builder, record)
 
 
 def joined_to(
-    place: SimulationProblem, name: str, values: Mapping[str, float]
+    problem: SimulationProblem, name: str, values: Mapping[str, float]
 ) -> tuple[Fitted, Fitted]:
     """The plain model and one with a candidate, fitted from some values of that."""
-    plain = plain_end(place, {})
-    return plain, refit(plain, (place.candidate(name),), {**plain.values, **values})
+    plain = plain_end(problem, {})
+    return plain, refit(plain, (problem.candidate(name),), {**plain.values, **values})
 
 
 def grow_by(search: Search, *names: str) -> None:
@@ -97,12 +97,12 @@ def grow_by(search: Search, *names: str) -> None:
     join_columns(search, frozenset(), columns)
 
 
-def searched(place: SimulationProblem, *names: str) -> Found:
+def searched(problem: SimulationProblem, *names: str) -> Found:
     """What a search finds that knows only some names, and terms without one."""
-    search = begun(place)
+    search = begun(problem)
     grow_by(search, *names)
     grow_terms(search, frozenset())
-    plain = plain_end(place, search.models[frozenset()].setting.values)
+    plain = plain_end(problem, search.models[frozenset()].setting.values)
     return Found(plain, plain, (), search.posterior())
 
 
