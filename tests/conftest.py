@@ -88,12 +88,12 @@ def _each_text_read_once() -> Iterator[None]:
     """The same text under the same name is the same document, keeps to its schema or not, and means
     the same effect: most of the time of a check, and half of that of compiling a small plant, goes
     into reading the knowledge base again."""
-    kept = _Kept()
+    cache = _Cache()
     with pytest.MonkeyPatch.context() as patch:
 
         def once(owner: Any, name: str, things: Callable[..., Things]) -> None:
             read = getattr(owner, name)
-            patch.setattr(owner, name, lambda *of: kept.of(*things(*of), lambda: read(*of)))
+            patch.setattr(owner, name, lambda *of: cache.of(*things(*of), lambda: read(*of)))
 
         def read_by(reader: Reader, others: Iterable[object] = ()) -> Things:
             return (reader.document, reader.units, *others), reader.found
@@ -114,17 +114,17 @@ def _each_text_read_once() -> Iterator[None]:
 
 def _parsed_once(parse: Parse) -> Parse:
     """A parser that reads a text once, and where another file has the same one, names that file."""
-    kept: OrderedDict[str, Document] = OrderedDict()
+    cache: OrderedDict[str, Document] = OrderedDict()
 
     @functools.lru_cache(maxsize=2000)
     def parsed(name: str, text: str) -> tuple[Document | None, list[Diagnostic]]:
-        if text in kept:
-            return _renamed(kept[text], name), []
+        if text in cache:
+            return _renamed(cache[text], name), []
         given, found = parse(name, text)
         if given is not None and not found:
-            kept[text] = given
-            if len(kept) > 1000:
-                kept.popitem(last=False)
+            cache[text] = given
+            if len(cache) > 1000:
+                cache.popitem(last=False)
         return given, found
 
     return parsed
@@ -152,42 +152,42 @@ class _Elsewhere(Mapping[Path_, Place]):
         return len(self._places)
 
 
-class _Kept:
+class _Cache:
     """What was read from the very same things without finding a mistake in them."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[int, ...], tuple[tuple[object, ...], Any]] = OrderedDict()
+        self._results: OrderedDict[tuple[int, ...], tuple[tuple[object, ...], Any]] = OrderedDict()
 
     def of(
         self, things: tuple[object, ...], found: list[Diagnostic], read: Callable[[], Any]
     ) -> Any:
         """Read, or recall. The things are kept with their ids, so that no others get these."""
         key = tuple(map(id, things))
-        if key not in self._kept:
+        if key not in self._results:
             before, given = len(found), read()
             if len(found) > before:
                 return given
-            self._kept[key] = things, given
-        self._kept.move_to_end(key)
-        if len(self._kept) > 2000:
-            self._kept.popitem(last=False)
-        return self._kept[key][1]
+            self._results[key] = things, given
+        self._results.move_to_end(key)
+        if len(self._results) > 2000:
+            self._results.popitem(last=False)
+        return self._results[key][1]
 
 
 def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:
     """A check of a schema that knows the data of the last documents without a mistake; these are
     not hashable."""
-    kept: OrderedDict[tuple[object, ...], Document] = OrderedDict()
+    cache: OrderedDict[tuple[object, ...], Document] = OrderedDict()
 
     def checked(of: Document, *rest: object) -> list[Diagnostic]:
         # The document is kept with the id of its data, so that no other gets it.
         key = (id(of.data), *rest)
-        found = [] if key in kept else check(of, *rest)
+        found = [] if key in cache else check(of, *rest)
         if not found:
-            kept.setdefault(key, of)
-            kept.move_to_end(key)
-        if len(kept) > 1000:
-            kept.popitem(last=False)
+            cache.setdefault(key, of)
+            cache.move_to_end(key)
+        if len(cache) > 1000:
+            cache.popitem(last=False)
         return found
 
     return checked

@@ -209,8 +209,8 @@ def test_what_is_no_physics_of_the_module_is_left_out(
     module = models_of(adopted(tmp_path, data)).plant.modules["main"]
     assert reason in left_out(tmp_path)
     assert 1 == module.type.version
-    place = data["repair"]["parameters"].index("main.C1")
-    assert data["repair"]["values"][place] == pytest.approx(module.parameters["C1"].value)
+    index = data["repair"]["parameters"].index("main.C1")
+    assert data["repair"]["values"][index] == pytest.approx(module.parameters["C1"].value)
 
 
 def left_out(folder: Path) -> str:
@@ -243,16 +243,16 @@ def test_what_has_no_name_is_written_as_a_curve(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "points", "expected"),
+    ("location", "points", "expected"),
     [
         ("definition:A.gone", [[1.0, 0.0], [2.0, 1.0]], "does not fit abc"),
         ("definition:A.P_law", [[2.0, 0.0], [1.0, 1.0]], "do not go up"),
     ],
 )
 def test_a_curve_that_does_not_fit_is_refused(
-    place: str, points: list[list[float]], expected: str, tmp_path: Path
+    location: str, points: list[list[float]], expected: str, tmp_path: Path
 ) -> None:
-    curve = {"place": place, "driver": "A.n", "points": points}
+    curve = {"place": location, "driver": "A.n", "points": points}
     data, _ = mismatch(PLANTS / "abc", [], curves=[curve])
     with pytest.raises(AdoptRefused, match=expected):
         adopted(tmp_path, data)

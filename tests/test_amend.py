@@ -40,8 +40,8 @@ def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
     """Straight from the tree or by way of sympy: observers and guards agree to 1e-12."""
     ruleset, builder = compiled(plant), builder_of(PLANTS / plant)
     values = around(builder)
-    known = dict.fromkeys(ruleset.plan.inputs, 1.0)
-    expected = ruleset.plan.run({**known, **values})
+    inputs = dict.fromkeys(ruleset.plan.inputs, 1.0)
+    expected = ruleset.plan.run({**inputs, **values})
     compared = 0
     for module in builder.network.plant.modules:
         plan = lower_module(Lowering(builder.network, {}), module)
@@ -122,20 +122,20 @@ def test_base_parameters_carry_their_covariance() -> None:
     """Uncertain ones may be moved, with the correlations of the calibration; others are given."""
     base = builder_of(PLANTS / "mixing-rig").parameters
     assert set(base.ids) == set(base.sheet)
-    place = {name: i for i, name in enumerate(base.ids)}
-    first, second = place["M1.k0"], place["M1.k2"]
+    index = {name: i for i, name in enumerate(base.ids)}
+    first, second = index["M1.k0"], index["M1.k2"]
     assert "A.V" in base.constants
-    assert "A.V" not in place
+    assert "A.V" not in index
     scale = base.factors[first] * base.factors[second]
     file = ROOT / "plants" / "mixing-rig" / "calibration.yaml"
     (block,) = yaml.safe_load(file.read_text(encoding="utf-8"))["modules"]["M1"]["covariance"]
     expected = block["matrix"][block["of"].index("k0")][block["of"].index("k2")]
     assert base.covariance[first, second] / scale == pytest.approx(expected, rel=1e-3)
-    assert 0.0 == base.covariance[first, place["A.k2"]]
+    assert 0.0 == base.covariance[first, index["A.k2"]]
     # What the data sheet says stands beside what was calibrated with it.
     value, u = base.sheet["A.k2"]
-    assert (5.2e-6, 2.0e-8) == pytest.approx([v / base.factors[place["A.k2"]] for v in (value, u)])
-    assert u > np.sqrt(base.covariance[place["A.k2"], place["A.k2"]])
+    assert (5.2e-6, 2.0e-8) == pytest.approx([v / base.factors[index["A.k2"]] for v in (value, u)])
+    assert u > np.sqrt(base.covariance[index["A.k2"], index["A.k2"]])
 
 
 def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
@@ -146,7 +146,7 @@ def test_a_law_keeps_its_accuracy_where_its_error_looks_like_anothers() -> None:
     assert "head" not in {spot.place for spot in builder.locations}
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.5, []), (-0.5, ["KB125"])])
+@pytest.mark.parametrize(("share", "expected"), [(0.5, []), (-0.5, ["KB125"])])
 def test_an_amended_type_says_what_its_new_parts_may_be(
     share: float, expected: list[str], tmp_path: Path
 ) -> None:

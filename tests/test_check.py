@@ -108,10 +108,10 @@ def test_doubts_and_mistakes_in_sarif(tmp_path: Path, capsys: Capsys, monkeypatc
     assert run["tool"]["driver"]["name"] == "rulec"
     (result,) = run["results"]
     assert result["level"] == "error"
-    places = [
+    locations = [
         part["physicalLocation"]["artifactLocation"]["uri"]
         for part in (*result["locations"], *result["relatedLocations"])
     ]
-    assert places == ["tests/errors/KB030-twins/module.yaml", "kb/modules/static-mixer.yaml"]
+    assert locations == ["tests/errors/KB030-twins/module.yaml", "kb/modules/static-mixer.yaml"]
     region = result["locations"][0]["physicalLocation"]["region"]
     assert region == {"startLine": 1, "startColumn": 9, "endColumn": 21}

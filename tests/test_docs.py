@@ -268,7 +268,7 @@ def test_page_and_notebook_of_python_run(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def outputs_of(file: Path) -> list[Any]:
     """What the cells of a notebook show: the value of the last line, where that is one."""
-    known: dict[str, Any] = {}
+    outputs: dict[str, Any] = {}
     shown = []
     for cell in json.loads(file.read_text(encoding="utf-8"))["cells"]:
         if cell["cell_type"] != "code":
@@ -276,7 +276,7 @@ def outputs_of(file: Path) -> list[Any]:
         assert [] == cell["outputs"]
         tree = ast.parse("".join(cell["source"]))
         last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-        exec(compile(tree, file.name, "exec"), known)
+        exec(compile(tree, file.name, "exec"), outputs)
         if isinstance(last, ast.Expr):
-            shown.append(eval(compile(ast.Expression(last.value), file.name, "eval"), known))
+            shown.append(eval(compile(ast.Expression(last.value), file.name, "eval"), outputs))
     return shown

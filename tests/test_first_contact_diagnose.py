@@ -41,10 +41,10 @@ def recorded(folder: Path, head: float = 1.0, fault: str = "") -> Path:
     return file
 
 
-def rules(folder: Path, head: float = 1.0, doubt: float = 0.015) -> Ruleset:
+def rules(folder: Path, head: float = 1.0, u: float = 0.015) -> Ruleset:
     """The ruleset of the sheet."""
     file = folder / "sheet.ruleset.json"
-    assert main(["compile", str(plant(folder / "sheet", head, doubt)), "-o", str(file)]) == 0
+    assert main(["compile", str(plant(folder / "sheet", head, u)), "-o", str(file)]) == 0
     return read_ruleset(file)
 
 
@@ -116,7 +116,7 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
 def test_a_sheet_that_knows_little_judges_nothing(tmp_path: Path) -> None:
     """Where parameters may be off by 60 %, no head is wrong, and no meter either: propagation of
     their uncertainties to first order would name one."""
-    found, _ = said(tmp_path, rules(tmp_path, doubt=0.6), recorded(tmp_path, 3.0))
+    found, _ = said(tmp_path, rules(tmp_path, u=0.6), recorded(tmp_path, 3.0))
     assert [] == found["findings"] == found["unknown"]
     for part in found["not_judged"]:
         assert "pump.head: its parameters are not known well enough; calibrate" in part["because"]

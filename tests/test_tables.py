@@ -73,12 +73,12 @@ def written(name: str, over: str, between: str, points: list[list[float]]) -> di
 
 def value_at(definitions: dict[str, Expression], x: float) -> float:
     """What the last of some definitions gives, the others known."""
-    known = {"x": x, "t_per": 1.0, "t_size": 1.0}
+    given = {"x": x, "t_per": 1.0, "t_size": 1.0}
     for name, definition in definitions.items():
-        found = constant(definition, known)
+        found = constant(definition, given)
         assert found is not None
-        known[name] = found
-    return known["t"]
+        given[name] = found
+    return given["t"]
 
 
 @settings(max_examples=50, deadline=None)
@@ -142,10 +142,10 @@ def test_slopes_are_exact() -> None:
 def slopes(between: str, at: tuple[int, ...]) -> list[float]:
     """By the compiler's symbols."""
     x = sympy.Symbol("x", real=True)
-    known = {"x": x, "t_per": sympy.Integer(1), "t_size": sympy.Integer(1)}
+    given = {"x": x, "t_per": sympy.Integer(1), "t_size": sympy.Integer(1)}
     for name, definition in written("t", "x", between, POINTS).items():
-        known[name] = to_sympy(definition, known)
-    slope = known["t"].diff(x)
+        given[name] = to_sympy(definition, given)
+    slope = given["t"].diff(x)
     plain = {Signum: sympy.sign, Larger: sympy.Max, Smaller: sympy.Min}
     found = [slope.subs(x, a) for a in at]
     for own, of_sympy in plain.items():

@@ -136,12 +136,12 @@ def flows_of_plan(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray
     write_plant(drawn.rig, folder)
     _, builder = open_builder(folder)
     plan = builder.plan(module, (entry,) if joined else ())
-    known = {**made.fixed, "size": made.size}
+    given = {**made.fixed, "size": made.size}
     for own in made.parameters.values():
-        known |= own
+        given |= own
     medians = own_of({**truth, **drawn.plain}).items()
-    known |= {f"usual_{n}": float(np.median(v)) for n, v in medians}
-    stated = numbers(even["parameters"], **known)
+    given |= {f"usual_{n}": float(np.median(v)) for n, v in medians}
+    stated = numbers(even["parameters"], **given)
     shown = drawn.shown(truth, made.changes)
     values: dict[str, Any] = {**truth, **shown, **drawn.values, "time": drawn.time}
     values |= {f"{entry}.{n}": v for n, v in stated.items()}

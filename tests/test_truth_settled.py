@@ -161,9 +161,9 @@ def test_a_metered_pump_has_form_errors_of_head_and_power() -> None:
 
 def test_readings_have_the_memory_that_the_answer_states() -> None:
     scene = hard("coloured", profile="long-constant")
-    for place, coefficient in scene.hard.colour.items():
-        value = np.full(20000, float(scene.plain[place][0]))
-        error = scene.read(place, value, Sensing(systematic=False))
+    for column, coefficient in scene.hard.colour.items():
+        value = np.full(20000, float(scene.plain[column][0]))
+        error = scene.read(column, value, Sensing(systematic=False))
         found = np.corrcoef(error[1:], error[:-1])[0, 1]
         assert found == pytest.approx(coefficient, abs=0.03)
 
@@ -237,7 +237,7 @@ def columns(effect: str) -> tuple[tuple[str, ...], Columns, Columns]:
 def test_a_mistake_is_an_error_of_sensors_at_the_columns_that_are_wrong(effect: str) -> None:
     """Those columns and no others are wrong; the verdict is `sensor`."""
     places, wrong, right = columns(effect)
-    off = {place for place in right if not np.array_equal(wrong[place], right[place])}
+    off = {column for column in right if not np.array_equal(wrong[column], right[column])}
     assert off == set(places)
     assert len(off) == (2 if effect.startswith("swapped") else 1)
     assert mistaken(effect).answer.verdict == "sensor"
@@ -245,10 +245,10 @@ def test_a_mistake_is_an_error_of_sensors_at_the_columns_that_are_wrong(effect: 
 
 @pytest.mark.parametrize("effect", ["unit-dp", "unit-power", "unit-speed"])
 def test_a_column_in_another_unit_is_off_by_its_factor(effect: str) -> None:
-    (place,), wrong, right = columns(effect)
-    ratio = float(np.median(wrong[place] / right[place]))
+    (column,), wrong, right = columns(effect)
+    ratio = float(np.median(wrong[column] / right[column]))
     assert abs(ratio - 1.0) > 0.5
-    assert wrong[place] == pytest.approx(ratio * right[place])
+    assert wrong[column] == pytest.approx(ratio * right[column])
 
 
 def test_other_columns_hold_what_the_mistake_says() -> None:
@@ -256,10 +256,10 @@ def test_other_columns_hold_what_the_mistake_says() -> None:
     (one, other), wrong, right = columns("swapped-dp")
     assert np.array_equal(wrong[one], right[other])
     assert np.array_equal(wrong[other], right[one])
-    (place,), wrong, right = columns("turned-dp")
-    assert np.array_equal(wrong[place], -right[place])
-    (place,), wrong, right = columns("late-speed")
-    late, known = wrong[place], right[place]
+    (column,), wrong, right = columns("turned-dp")
+    assert np.array_equal(wrong[column], -right[column])
+    (column,), wrong, right = columns("late-speed")
+    late, known = wrong[column], right[column]
     assert 2 <= next(k for k in range(1, known.size) if np.array_equal(late[k:], known[:-k])) <= 60
 
 
@@ -267,9 +267,9 @@ def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:
     """As the answer's JSON tells it."""
     case = mistaken("swapped-dp")
     (planted,) = case.answer.effects
-    for place, module in ((p, p.partition(".")[0]) for p in planted.places):
+    for column, module in ((p, p.partition(".")[0]) for p in planted.places):
         found = {
-            "effect": "swapped-columns", "id": f"{place}.swapped-columns", "module": module,
+            "effect": "swapped-columns", "id": f"{column}.swapped-columns", "module": module,
             "modules": [module], "place": "dp", "probability": 0.97, "alternatives": (),
             "parameters": {}, "sort": "sensor",
         }  # fmt: skip

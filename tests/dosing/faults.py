@@ -23,7 +23,7 @@ def possible_faults(plant: Plant) -> list[str]:
     instances = [*plant.rig.pumps, *plant.rig.mixers]
     names = [f"{name}.leakage" for name in plant.rig.pumps]
     names += [f"{name}.{kind}" for name in instances for kind in ("clogging", "widening")]
-    return names + [f"{place}.{kind}" for place in plant.rig.sensors for kind in ("high", "low")]
+    return names + [f"{signal}.{kind}" for signal in plant.rig.sensors for kind in ("high", "low")]
 
 
 def check_faults(plant: Plant, faults: Faults, samples: int) -> None:
@@ -37,9 +37,9 @@ def check_faults(plant: Plant, faults: Faults, samples: int) -> None:
             raise ValueError(f"'{name}' needs {samples} degrees from 0 to below {limit}")
 
 
-def factor(faults: Faults, place: str, increase: str, decrease: str) -> Array:
+def factor(faults: Faults, location: str, increase: str, decrease: str) -> Array:
     """Return (1 + x) (1 - y) for the degrees of an increasing and a decreasing fault."""
-    x, y = (np.asarray(faults.get(f"{place}.{kind}", 0.0)) for kind in (increase, decrease))
+    x, y = (np.asarray(faults.get(f"{location}.{kind}", 0.0)) for kind in (increase, decrease))
     return np.asarray((1.0 + x) * (1.0 - y))
 
 

@@ -76,7 +76,7 @@ def test_an_unfit_reading_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         ({"s:A.pump:A.dp": None}, "column 's:A.pump:A.dp' is missing"),
         ({"seconds": None}, "column 'seconds' is missing"),

@@ -47,8 +47,8 @@ def measure(ledger: Ledger, chosen: Sequence[Measurement]) -> int:
             print(f"  not measured: {mistake!r}")
             failed = True
             continue
-        for place, value in new.values.items():
-            print(f"  {place}: {old.values[place]} -> {value}")
+        for path, value in new.values.items():
+            print(f"  {path}: {old.values[path]} -> {value}")
         write(new)
     return 1 if failed else 0
 

@@ -116,8 +116,8 @@ def _measurement(entry: Mapping[str, Any]) -> Measurement:
         depends=tuple(entry.get("depends", ())),
         needs=entry.get("needs", ""),
         values={
-            place: Share(**value) if isinstance(value, Mapping) else float(value)
-            for place, value in entry.get("values", {}).items()
+            path: Share(**value) if isinstance(value, Mapping) else float(value)
+            for path, value in entry.get("values", {}).items()
         },
         prints=_pairs(entry["prints"]),
     )

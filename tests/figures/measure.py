@@ -75,7 +75,7 @@ def measured_again(measurement: Measurement, ledger: Ledger) -> Measurement:
     form = output_of(measurement.command)
     return replace(
         measurement,
-        values={place: picked(form, place) for place in measurement.values},
+        values={path: picked(form, path) for path in measurement.values},
         date=datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         commit=_commit(),
         content=content_of(measurement, ledger),
@@ -93,9 +93,9 @@ def output_of(command: str) -> Any:
     return json.loads(done.stdout)
 
 
-def picked(form: Any, place: str) -> float | Share:
+def picked(form: Any, path: str) -> float | Share:
     """The value at `a/b/c`; a share has `count` and `of`. Raises KeyError."""
-    for word in place.split("/"):
+    for word in path.split("/"):
         form = form[int(word)] if isinstance(form, list) else form[word]
     # As many digits as the ledger keeps: pages are checked against these.
     return Share(form["count"], form["of"]) if isinstance(form, Mapping) else float(f"{form:.6g}")
@@ -117,7 +117,7 @@ def _with(measurement: Measurement, text: str) -> str:
     end = text.index("    prints:\n", begin)
     block, m = text[begin:end], measurement
     fields = {"date": m.date, "commit": f'"{m.commit}"', "content": f'"{m.content}"'}
-    fields |= {place: _written(value) for place, value in m.values.items()}
+    fields |= {path: _written(value) for path, value in m.values.items()}
     for name, value in fields.items():
         line = rf"^( +{re.escape(name)}: ).*$"
         block = re.sub(line, rf"\g<1>{value}", block, count=1, flags=re.MULTILINE)

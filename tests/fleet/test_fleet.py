@@ -46,12 +46,12 @@ RECORDED = {
 def recorded(folder: Path, days: Mapping[tuple[str, str], str], more: str) -> Path:
     """A fleet file and, per plant and day, an example; without a name, a file that is broken."""
     for (plant, day), name in days.items():
-        place = folder / f"recordings/plant={plant.replace(' ', '%20')}/day={day}"
-        place.mkdir(parents=True)
+        partition = folder / f"recordings/plant={plant.replace(' ', '%20')}/day={day}"
+        partition.mkdir(parents=True)
         if name:
-            shutil.copy(ABC / "examples" / name, place)
+            shutil.copy(ABC / "examples" / name, partition)
         else:
-            (place / "broken.parquet").write_bytes(b"PAR1 and no more")
+            (partition / "broken.parquet").write_bytes(b"PAR1 and no more")
     (folder / "fleet.yaml").write_text(f"fleet: few\nrecordings: recordings\n{more}\n")
     return folder
 
@@ -142,7 +142,7 @@ def test_what_is_done_is_not_done_again(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A run that ends on the way goes on where it was, and the same work gives the same bytes."""
-    known = {task.key: row for task, row in here.items()}
+    before = {task.key: row for task, row in here.items()}
     done: list[Task] = []
 
     def run(_: object, tasks: list[Task], *more: object) -> Iterator[tuple[Task, Row]]:
@@ -151,7 +151,7 @@ def test_what_is_done_is_not_done_again(
                 done.append(task)
                 raise KeyboardInterrupt
             done.append(task)
-            yield task, known[task.key]
+            yield task, before[task.key]
 
     monkeypatch.setattr(command, "judged", run)
     call = ["fleet", str(home / "fleet.yaml"), "--json", str(home / "told.json"), "-q"]

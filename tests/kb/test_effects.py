@@ -37,12 +37,12 @@ knowledge base."""
 MATCHES = plain_yaml(ROOT / "tests/kb/matches.yaml")
 
 
-def values(effect: Effect, join: Join, known: Mapping[str, float], seed: int) -> list[float]:
+def values(effect: Effect, join: Join, given: Mapping[str, float], seed: int) -> list[float]:
     """What the laws of a join and its states give, over the same plain law for a seed."""
-    known = {**plain_laws(join, known, random.Random(seed)), **known}
+    given = {**plain_laws(join, given, random.Random(seed)), **given}
     parts = [law.expression for law in join.laws]
     parts += [e for state in effect.states.values() for _, e in state.equations()]
-    return [constant(part, known) or 0.0 for part in parts]
+    return [constant(part, given) or 0.0 for part in parts]
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -52,17 +52,17 @@ def test_every_parameter_moves_something(name: str) -> None:
     for join in effect.joins:
         still = {n: p for n, p in effect.parameters.items() if not p.fixed}
         for seed in range(200):
-            known = readings(effect, draw)
-            known |= parameters(effect, known, draw)
-            law = plain_laws(join, known, random.Random(seed))["law"]
+            given = readings(effect, draw)
+            given |= parameters(effect, given, draw)
+            law = plain_laws(join, given, random.Random(seed))["law"]
             of_law = [n for n, p in effect.parameters.items() if p.driver == "law"]
-            known |= {n: law * draw.uniform(0.5, 2.0) for n in of_law}
+            given |= {n: law * draw.uniform(0.5, 2.0) for n in of_law}
             # What is stored is off its rest by a fifth, and moves at its rate.
-            known |= dict.fromkeys(effect.states, 0.8 * law)
+            given |= dict.fromkeys(effect.states, 0.8 * law)
             for n, p in [*still.items()]:
-                other = 1.2 * known[n] if p.null is None or effect.states else p.null
+                other = 1.2 * given[n] if p.null is None or effect.states else p.null
                 with contextlib.suppress(Rejected):
-                    both = (values(effect, join, k, seed) for k in (known, {**known, n: other}))
+                    both = (values(effect, join, k, seed) for k in (given, {**given, n: other}))
                     if any(abs(a - b) > 1e-6 * abs(a + b) for a, b in zip(*both, strict=True)):
                         del still[n]
         assert still == {}, join

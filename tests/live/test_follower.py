@@ -76,19 +76,19 @@ def long_recording(faulty: int) -> Recording:
 
 def test_memory_stays_bounded_and_a_long_fault_stays_one() -> None:
     recording = long_recording(3 * limits.KEPT_ROWS)
-    looks = followed(compiled("abc"), recording, range(500, len(recording) + 500, 500))
-    memory = looks[-1].memory
+    updates = followed(compiled("abc"), recording, range(500, len(recording) + 500, 500))
+    memory = updates[-1].memory
     assert len(memory.recent) < 2 * limits.KEPT_ROWS
     assert memory.before is not None
     assert len(memory.before) <= limits.MOST_POINTS
-    first, *_ = events_of(looks, "fault")
+    first, *_ = events_of(updates, "fault")
     assert (first.what, first.episode.subject) == ("began", "A.leakage")
     (leakage,) = active(memory)
     assert leakage.subject == "A.leakage"
     assert leakage.lower < 0.2 < leakage.upper
     # Rows that it rests on are long gone.
     assert leakage.since < recording.time[-1] - 2.5 * limits.KEPT_ROWS
-    assert looks[-1].diagnosis.samples == len(recording)
+    assert updates[-1].diagnosis.samples == len(recording)
 
 
 def test_what_is_remembered_survives_as_bytes() -> None:
@@ -247,7 +247,7 @@ def test_a_fault_that_comes_and_goes_is_told_as_in_a_recording() -> None:
     assert happened == [("began", "A.leakage"), ("ended", "A.leakage")]
 
 
-SIGHT = Horizon(np.arange(401.0), 400.0)
+HORIZON = Horizon(np.arange(401.0), 400.0)
 
 
 def test_a_fault_that_has_ended_is_set_right() -> None:
@@ -257,23 +257,23 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     whole = diagnose(recording, rules)
     finding = next(f for f in whole.findings if not f.active)
     over = replace(whole, findings=(replace(finding, since=100.0, until=200.0),))
-    (episode,), events = changes(rules, (), over, SIGHT, 0)
+    (episode,), events = changes(rules, (), over, HORIZON, 0)
     assert [e.what for e in events] == ["began", "ended"]
 
     none = replace(over, findings=())
-    kept, events = changes(rules, (episode,), none, SIGHT, 2)
+    current, events = changes(rules, (episode,), none, HORIZON, 2)
     assert [(e.number, e.what, e.episode.id) for e in events] == [(3, "withdrawn", episode.id)]
-    assert changes(rules, kept, none, SIGHT, 3) == ((), ())
-    later = replace(SIGHT, time=np.arange(150.0, 401.0))
+    assert changes(rules, current, none, HORIZON, 3) == ((), ())
+    later = replace(HORIZON, time=np.arange(150.0, 401.0))
     assert changes(rules, (episode,), none, later, 2)[1] == ()
 
-    kept, events = changes(rules, (replace(episode, active=True),), none, SIGHT, 1)
-    assert ([e.what for e in events], kept) == (["withdrawn"], ())
+    current, events = changes(rules, (replace(episode, active=True),), none, HORIZON, 1)
+    assert ([e.what for e in events], current) == (["withdrawn"], ())
 
     pair = (replace(episode, id="first", until=120.0), replace(episode, id="second", since=160.0))
-    assert "withdrawn" not in [e.what for e in changes(rules, pair, over, SIGHT, 2)[1]]
+    assert "withdrawn" not in [e.what for e in changes(rules, pair, over, HORIZON, 2)[1]]
 
-    kept, events = changes(rules, (replace(episode, since=180.0),), over, SIGHT, 2)
+    current, events = changes(rules, (replace(episode, since=180.0),), over, HORIZON, 2)
     assert [(e.what, e.episode.since) for e in events] == [("changed", 100.0)]
     assert "earlier" in events[0].text
-    assert changes(rules, kept, over, SIGHT, 3)[1] == ()
+    assert changes(rules, current, over, HORIZON, 3)[1] == ()

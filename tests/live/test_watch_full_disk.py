@@ -18,7 +18,7 @@ from tests.live.journal.events import event, events_in, stored_in
 
 
 @contextmanager
-def kept(
+def buffered(
     folder: Path, waiting: Path | None = None, state: bool = True
 ) -> Iterator[tuple[BufferedFiles, list[str]]]:
     """Files of a watch, and what could not be written in the end."""
@@ -40,7 +40,7 @@ def test_full_and_free_again(small_disk: Path, capsys: pytest.CaptureFixture[str
     """Each is on the disk before the next while there is room. Told once that there is none; then
     all is there, each once, no half line: in a new file where the old one was put away."""
     file, old, state = (small_disk / name for name in ("events.jsonl", "old.jsonl", "state"))
-    with kept(small_disk) as (files, unwritten):
+    with buffered(small_disk) as (files, unwritten):
         events = []
         for number in range(1, 4):
             events.append(put(files, number))
@@ -72,13 +72,13 @@ def test_ended_while_it_is_full(
     monkeypatch.setattr(limits, "BUSY", 0.3)
     waiting, file = tmp_path / "waits", small_disk / "events.jsonl"
     waiting.mkdir()
-    with kept(small_disk, waiting, state) as (files, unwritten):
+    with buffered(small_disk, waiting, state) as (files, unwritten):
         events = [put(files, 1, dated)]
         ballast = filled(small_disk)
         events += [put(files, n, dated) for n in range(2, 40)]
     assert "stands in" in unwritten[0]
     ballast.unlink()
-    with kept(small_disk, waiting, state) as (files, unwritten):
+    with buffered(small_disk, waiting, state) as (files, unwritten):
         latest = [data for data, _ in files.saved()][-1:]
         assert latest == ([b"state 39"] if state else [])
         put(files, 39, dated)  # as it is judged again where no state is kept

@@ -80,8 +80,8 @@ def to_si(rules: Ruleset, columns: Mapping[str, Array]) -> dict[str, Array]:
 
 def evaluate(rules: Ruleset, values: Mapping[str, Array]) -> dict[str, Array]:
     """All outputs of the plan."""
-    known = [s for s in rules.signals if s.id in values]
-    u = {f"u:{s.id}": systematic_u(s, values[s.id]) for s in known}
+    signals = [s for s in rules.signals if s.id in values]
+    u = {f"u:{s.id}": systematic_u(s, values[s.id]) for s in signals}
     return rules.plan.run({**values, **u, "u:parameters": 1.0, "u:model": 1.0})
 
 

@@ -105,8 +105,8 @@ def test_residuals_are_complete(graph: Any) -> None:
     derived, modules = derive_residuals(network), network.plant.modules
     rows = table(network, derived)
     observers = [SimpleNamespace(module=m.name) for m in modules.values() for _ in m.type.observers]
-    known = SimpleNamespace(modules=modules, junctions=network.balances, observers=observers)
-    basis = residual_basis(cast(Ruleset, known), np.ones(len(observers), dtype=bool))
+    plant = SimpleNamespace(modules=modules, junctions=network.balances, observers=observers)
+    basis = residual_basis(cast(Ruleset, plant), np.ones(len(observers), dtype=bool))
     assert len({r.id for r in derived}) == len(derived)
     assert set(np.unique(rows)) <= {-1.0, 0.0, 1.0}
     ranks = [
@@ -132,11 +132,11 @@ def test_a_flow_is_told_exactly_if_the_balances_fix_it(graph: Any) -> None:
     flows = vectors[int(np.sum(sizes > 1e-9)) :]
     for kind in KINDS:
         own = [m.name for m in network.plant.modules.values() if kind in m.type.observers]
-        known = flows[:, [names.index(m) for m in own]]
+        measured = flows[:, [names.index(m) for m in own]]
         found = flows_by_continuity(network.graph, own)
         for name in set(names) - set(own):
             flow = flows[:, names.index(name)]
-            rest = flow - known @ np.linalg.lstsq(known, flow, rcond=None)[0] if own else flow
+            rest = flow - measured @ np.linalg.lstsq(measured, flow, rcond=None)[0] if own else flow
             is_fixed = bool(np.abs(rest).max(initial=0) < 1e-9 and np.abs(flow).max(initial=0) > 0)
             assert (name in found) == is_fixed
             if is_fixed:
@@ -191,15 +191,15 @@ def test_sum_for_module_a(name: str) -> None:
 def test_long_sums_follow_from_near_ones(tmp_path: Path) -> None:
     """Every comparison of a sum of all flows upstream is a sum of residuals, none is lost."""
     (tmp_path / "plant.yaml").write_text(chain(60), encoding="utf-8")
-    known = run_passes(Compilation(path=tmp_path), "residuals")
-    assert max(len(r.terms) for r in known.residuals) <= MOST_SUMMED + 1
-    assert max(len(flow.terms) for flow in known.network.sums.values()) == 50
-    number = {name: i for i, name in enumerate(known.plant.observers)}
+    derived = run_passes(Compilation(path=tmp_path), "residuals")
+    assert max(len(r.terms) for r in derived.residuals) <= MOST_SUMMED + 1
+    assert max(len(flow.terms) for flow in derived.network.sums.values()) == 50
+    number = {name: i for i, name in enumerate(derived.plant.observers)}
     span = Span()
-    for residual in known.residuals:
+    for residual in derived.residuals:
         span.add({number[o]: sign for sign, o in residual.terms})
-    for (module, kind), flow in known.network.sums.items():
-        for own in known.plant.modules[module].type.observers:
+    for (module, kind), flow in derived.network.sums.items():
+        for own in derived.plant.modules[module].type.observers:
             terms = {number[f"{m}.{kind}"]: sign for m, sign in flow.terms.items()}
             assert span.holds({**terms, number[f"{module}.{own}"]: -1}), (module, kind)
 

@@ -172,7 +172,7 @@ def test_beyond_the_pole_of_the_linear_rule(fault: str) -> None:
     assert true == pytest.approx(isolation.degree[names.index(fault)], rel=0.01)
 
 
-REACH = {"leakage": 0.95, "clogging": 2.5, "widening": 0.75, "high": 1.2, "low": 0.7}
+LARGEST = {"leakage": 0.95, "clogging": 2.5, "widening": 0.75, "high": 1.2, "low": 0.7}
 """Largest degree of a sweep, before the poles of the linear rules."""
 SHORTER = {
     ("abc", "A.dp.low"): 0.68,  # the slope of the line goes to infinity at its static part
@@ -195,16 +195,16 @@ def test_degrees_grow(plant: str, fault: str) -> None:
     """By Eq. 17 the smallest degree of the true fault. In the default mode a deviation stays seen,
     and the fitted degree is the true one."""
     rules, own = ruleset(plant), row(plant, fault)
-    top = SHORTER.get((plant, fault), REACH[fault.rsplit(".", 1)[1]])
+    top = SHORTER.get((plant, fault), LARGEST[fault.rsplit(".", 1)[1]])
     true = np.linspace(0.0, top, 25)[1:]
     observed = observe(rules, points(rules, noise_free(plant, fault, true)))
     assert observed.valid.all()
     assert np.all(np.diff(judge_by_paper(rules, observed).degree[own]) >= -1e-9)
     isolation = isolate(rules, observed)
-    seen = isolation.deviating
-    assert np.all(np.diff(seen.astype(int)) >= 0)
-    assert true[seen] == pytest.approx(isolation.degree[own, seen], rel=1e-3)
-    assert np.all(isolation.probability[own, seen] > 0)
+    deviating = isolation.deviating
+    assert np.all(np.diff(deviating.astype(int)) >= 0)
+    assert true[deviating] == pytest.approx(isolation.degree[own, deviating], rel=1e-3)
+    assert np.all(isolation.probability[own, deviating] > 0)
 
 
 def row(plant: str, fault: str) -> int:

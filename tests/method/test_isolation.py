@@ -78,11 +78,11 @@ def test_paper_mode_asks_for_all_rules_of_the_winner(fault: str) -> None:
     values = noisy(rules, noise_free("abc", fault, 0.1), 300, np.random.default_rng(36))
     observed = observe(rules, points(rules, values))
     result = judge_by_paper(rules, observed)
-    place = {r.id: i for i, r in enumerate(rules.residuals)}
+    index = {r.id: i for i, r in enumerate(rules.residuals)}
     fires = np.abs(observed.residuals) > 2 * observed.residual_u
     expected = []
     for point, winner in enumerate(result.winner()):
-        own = [place[c.residual] for c in rules.cells_of_fault[rules.faults[winner].id]]
+        own = [index[c.residual] for c in rules.cells_of_fault[rules.faults[winner].id]]
         expected.append(fires[own, point].all() and result.degree[winner, point] > 0)
     assert 0 < sum(expected) < 300
     assert expected == result.deviating.tolist()

@@ -106,9 +106,9 @@ def solve(
             static, quadratic, added = 0.0, 0.0, 0.0
             if isinstance(branch, DosingBranch):
                 added = rise[name]
-                kept = (1.0 - degrees.get(f"{name}.leakage", 0.0)) / UNIT
+                share = (1.0 - degrees.get(f"{name}.leakage", 0.0)) / UNIT
                 slip = 2.0 * added * abs(added)
-                found.append(flow[name] - kept * (0.59 * branch.speed - 6.0 - slip))
+                found.append(flow[name] - share * (0.59 * branch.speed - 6.0 - slip))
                 static, quadratic = 0.05, 5.2e-6 * _friction(degrees, name)
             else:
                 quadratic = _quadratic(branch, name, degrees)
@@ -227,12 +227,12 @@ TREES = {"abc": (2, 1), "three": (3, 1), "series": (3, 2), "mixing-rig": (5, 2)}
 def scattered(plant: str) -> dict[str, Array]:
     """Readings far from any operating point; all square roots exist."""
     random = np.random.default_rng(1)
-    reach = {"n": (1.0, 1.2), "dp": (0.9, 1.0), "P_el": (0.2, 2.0), "mixer": (0.3, 0.8)}
+    ranges = {"n": (1.0, 1.2), "dp": (0.9, 1.0), "P_el": (0.2, 2.0), "mixer": (0.3, 0.8)}
     result = {}
     for name, healthy in noise_free(plant).items():
         module, signal = name.split(".")
         is_mixer = f"{module}.resis" in ruleset(plant).observer_by_id
-        low, high = reach.get("mixer" if is_mixer else signal, (1.0, 1.0))
+        low, high = ranges.get("mixer" if is_mixer else signal, (1.0, 1.0))
         result[name] = healthy[0] * random.uniform(low, high, 200)
     return result
 

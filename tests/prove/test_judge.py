@@ -14,11 +14,11 @@ LOW = replace(LEAK, sort="sensor", module="B", place="sensor", names=("slope",),
 
 
 def effect(
-    name: str, id_: str, place: str, probability: float = 1.0, **more: Any
+    name: str, id_: str, location: str, probability: float = 1.0, **more: Any
 ) -> dict[str, Any]:
     """A finding as `--json` tells it."""
     usual: dict[str, Any] = {"modules": ["B"], "alternatives": (), "parameters": {}, "periods": []}
-    own = {"effect": name, "id": id_, "module": "B", "place": place, "probability": probability}
+    own = {"effect": name, "id": id_, "module": "B", "place": location, "probability": probability}
     return {**usual, **own, **more}
 
 
@@ -42,7 +42,7 @@ RIGHT = effect("slope", "B.dp.low", "dp")
 
 
 @pytest.mark.parametrize(
-    ("effects", "name", "place"),
+    ("effects", "name", "location"),
     [
         ((RIGHT,), 1.0, 1.0),
         # One of two counts half with its place, where it is likely enough to be told in the
@@ -58,10 +58,10 @@ RIGHT = effect("slope", "B.dp.low", "dp")
     ids=["right", "one of two", "unlikely", "open", "told alone", "false beside", "other module"],
 )
 def test_shares_of_names_and_places(
-    effects: tuple[dict[str, Any], ...], name: float, place: float
+    effects: tuple[dict[str, Any], ...], name: float, location: float
 ) -> None:
     found = scored(*effects)
-    assert (name, place) == (found.name_right, found.place_right)
+    assert (name, location) == (found.name_right, found.place_right)
 
 
 def test_names_that_say_the_same_count_together() -> None:

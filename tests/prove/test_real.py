@@ -33,14 +33,14 @@ ROWS = 40
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one small rig: the first rows of what is shipped."""
-    place = tmp_path_factory.mktemp("small") / "rigs" / "small"
-    shutil.copytree(SHIPPED / "rse-boiler", place)
+    folder = tmp_path_factory.mktemp("small") / "rigs" / "small"
+    shutil.copytree(SHIPPED / "rse-boiler", folder)
     for part in ("train", "test"):
         with rig_folder.open_text(place / f"{part}.csv.gz") as file:
             rows = [line for line, _ in zip(file, range(ROWS), strict=False)]
-        (place / f"{part}.csv.gz").unlink()
-        (place / f"{part}.csv").write_text("".join(rows), encoding="utf-8")
-    return place.parent
+        (folder / f"{part}.csv.gz").unlink()
+        (folder / f"{part}.csv").write_text("".join(rows), encoding="utf-8")
+    return folder.parent
 
 
 @pytest.fixture
@@ -73,9 +73,9 @@ def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
     return answer | {"predicted": {"boiler.Q": errors}}
 
 
-def finding(name: str, place: str, probability: float, **others: Any) -> dict[str, Any]:
+def finding(name: str, location: str, probability: float, **others: Any) -> dict[str, Any]:
     """A finding in the machine form of the tool."""
-    module, _, relation = place.partition(".")
+    module, _, relation = location.partition(".")
     plain = {"effect": name, "id": f"{module}.{name}@{relation}", "sort": "physics"}
     plain |= {"module": module, "modules": [module], "place": relation, "parameters": {}}
     plain |= {"probability": probability, "class_probability": probability, "alternatives": []}

@@ -178,9 +178,9 @@ def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
     assert not right_set(OPEN, ["A.leakage!", "A.clogging!"], {})
     assert not right_set(OPEN, ["B.leakage!"], {})
     assert not right_set(OPEN, ["signal:A.bypass~A.n"], {})
-    nameless = replace(OPEN, verdict="unnamed", effects=(replace(LEAK, names=()),))
-    assert right_set(nameless, ["signal:A.bypass~A.n"], {})
-    assert not right_set(nameless, ["signal:B.dp~A.n"], {})
+    unnamed = replace(OPEN, verdict="unnamed", effects=(replace(LEAK, names=()),))
+    assert right_set(unnamed, ["signal:A.bypass~A.n"], {})
+    assert not right_set(unnamed, ["signal:B.dp~A.n"], {})
     assert right_set(replace(OPEN, verdict="none", effects=()), [], {})
 
 

@@ -176,7 +176,7 @@ def test_named_zone(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
 
 
 @pytest.mark.parametrize(
-    ("begin", "told"),
+    ("begin", "expected"),
     [
         ("2025-10-26T02:10:00", "is in the hour that Europe/Berlin shows twice"),
         ("2025-03-30T02:10:00", "is in the hour that Europe/Berlin leaves out; is the zone right?"),

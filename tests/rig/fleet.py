@@ -34,7 +34,7 @@ from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT
 
-JOBS, HELD, EVERY, DEGREE = 2, 1800, 10, 0.2
+JOBS, STEP, EVERY, DEGREE = 2, 1800, 10, 0.2
 
 
 def write_day(models: Compilation, folder: Path, number: int, seconds: int) -> str:
@@ -49,19 +49,19 @@ def write_day(models: Compilation, folder: Path, number: int, seconds: int) -> s
     rules, random = models.ruleset, np.random.default_rng(number)
     faults = [f.id for f in rules.faults]
     truth = true_plan(models, faults, random)
-    equations, held = equations_of(replace(rules, undo=truth)), -(-seconds // HELD)
+    equations, steps = equations_of(replace(rules, undo=truth)), -(-seconds // STEP)
     given = {}
     for own in equations.given_signals:
-        share = random.uniform(0.85, 1.1, held)
+        share = random.uniform(0.85, 1.1, steps)
         given[own.id] = own.offset + (own.reference - own.offset) * share
-    off = {o.id: o.misfit * random.standard_normal(held) for o in rules.observers}
+    off = {o.id: o.misfit * random.standard_normal(steps) for o in rules.observers}
     fault, degrees = "", {}
     if number % EVERY == 0:
         possible = [f.id for f in rules.faults if not f.in_sensor and not f.unit]
         fault = possible[number // EVERY % len(possible)]
-        degrees[fault] = np.where(np.arange(held) >= held // 2, DEGREE, 0.0)
+        degrees[fault] = np.where(np.arange(steps) >= steps // 2, DEGREE, 0.0)
     simulated = simulate_with(equations, given, degrees, off)
-    true = {n: np.repeat(v, HELD)[:seconds] for n, v in simulated.values.items()}
+    true = {n: np.repeat(v, STEP)[:seconds] for n, v in simulated.values.items()}
     values = sense(rules, true, SensorErrors(bounded=True), random)
     start = np.datetime64("2026-01-01", "ms")
     columns: dict[str, Any] = {"time": start + (1000 * np.arange(seconds)).astype("m8[ms]")}
@@ -69,9 +69,9 @@ def write_day(models: Compilation, folder: Path, number: int, seconds: int) -> s
         if name in rules.observed:
             shown = (values[name] - own.offset) / own.factor
             columns[f"{name} [{own.unit}]"] = np.round(shown, 4)
-    place = folder / f"plant=P{number:04d}" / "day=2026-01-01"
-    place.mkdir(parents=True)
-    pyarrow.parquet.write_table(pyarrow.table(columns), place / "day.parquet")
+    partition = folder / f"plant=P{number:04d}" / "day=2026-01-01"
+    partition.mkdir(parents=True)
+    pyarrow.parquet.write_table(pyarrow.table(columns), partition / "day.parquet")
     return fault
 
 
@@ -81,7 +81,7 @@ def cpu() -> float:
     return sum(one.ru_utime + one.ru_stime for one in used)
 
 
-def kept(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
+def collected(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
     store, found = Store(fleet), {}
     for task, row in results:
         store.keep(task, row)
@@ -115,7 +115,7 @@ def measured(folder: Path, plants: int, seconds: int) -> dict[str, Any]:
     fleet = read_fleet(folder / "fleet.yaml", ruleset_of)
     tasks = tasks_of(fleet)
     before, begun = cpu(), time.perf_counter()
-    found = kept(fleet, judged(Engine(jobs=JOBS), tasks, fleet.rulesets))
+    found = collected(fleet, judged(Engine(jobs=JOBS), tasks, fleet.rulesets))
     used, lasted = cpu() - before, time.perf_counter() - begun
     # Rows come as they are done; tasks are in the order of the plants.
     named = [{f["fault"] for f in found[task]["findings"]} for task in tasks]

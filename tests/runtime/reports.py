@@ -61,8 +61,8 @@ def page_of(judged: Judged, name: str) -> str:
 
 def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
     recording = read_recording(path, ruleset)
-    known = read_truth(truth, ruleset, recording) if truth else None
-    return Judged(recording, diagnose(recording, ruleset), trace(recording, ruleset), known)
+    degrees = read_truth(truth, ruleset, recording) if truth else None
+    return Judged(recording, diagnose(recording, ruleset), trace(recording, ruleset), degrees)
 
 
 def shown(tell: Callable[[Terminal, Any], None], what: object, width: int = 120) -> str:

@@ -64,7 +64,7 @@ def test_readings_that_bring_faults_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "told"),
+    ("rows", "spans"),
     [
         (slice(None), [(0.0, 99.0, True)]),
         (slice(0, 20), [(0.0, 19.0, False)]),

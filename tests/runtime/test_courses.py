@@ -107,7 +107,7 @@ def coming_and_going(points: int, dwell: int) -> Diagnosis:
     return diagnose(read(coming(points, dwell, DEGREE), 1), ruleset("abc"))
 
 
-@pytest.mark.parametrize(("points", "hold", "fewest"), [(1, 200, 17), (6, 60, 27)])
+@pytest.mark.parametrize(("points", "dwell", "fewest"), [(1, 200, 17), (6, 60, 27)])
 def test_a_leakage_that_comes_and_goes(points: int, dwell: int, fewest: int) -> None:
     found = coming_and_going(points, dwell)
     (finding,) = found.findings

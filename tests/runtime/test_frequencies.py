@@ -156,9 +156,9 @@ def test_beside_the_plant_the_more_usual_is_named_first_too(
 ) -> None:
     rules = said_of(listed(compiled(RIG)), {LOW: "common", LEAK: "rare"})
     whole = only(leaking, rules)
-    seen = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))
-    assert seen[-1].diagnosis.findings == (whole,)
-    events = [e.episode for update in seen for e in update.events if e.episode.kind == "fault"]
+    updates = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))
+    assert updates[-1].diagnosis.findings == (whole,)
+    events = [e.episode for update in updates for e in update.events if e.episode.kind == "fault"]
     (episode,) = {e.id: e for e in events}.values()
     file = tmp_path / "results.csv"
     by_controllers = results_csv(played(leaking, rules, codes(RIG)))
@@ -238,9 +238,9 @@ def test_what_a_ruleset_lists() -> None:
 
 def test_controllers_undo_listed_faults_alone() -> None:
     rules = compiled("abc")
-    undo = listed_undo(rules)
-    assert not {f"x:{f.id}" for f in rules.unlisted} & set(undo.inputs)
+    inverse = listed_undo(rules)
+    assert not {f"x:{f.id}" for f in rules.unlisted} & set(inverse.inputs)
     given = {s.id: s.reference for s in rules.signals}
     given |= {f"x:{name}": 0.1 * (name == "A.leakage") for name in rules.fault_by_id}
-    whole, part = rules.undo.run(given), undo.run(given)
+    whole, part = rules.undo.run(given), inverse.run(given)
     assert all(whole[name] == pytest.approx(value, rel=1e-12) for name, value in part.items())

@@ -163,11 +163,11 @@ LEAK = example("leakage_A")
 
 def moving_end(sheet: Sheet) -> Sheet:
     """The leakage of 51 s lasts, and from 58 s on every speed ramps."""
-    kept = dataclasses.replace(sheet, rows=(*sheet.rows[:58], *[sheet.rows[57]] * 12))
-    kept = kept.mapped("time", lambda k, _: str(k))
+    table = dataclasses.replace(sheet, rows=(*sheet.rows[:58], *[sheet.rows[57]] * 12))
+    table = table.mapped("time", lambda k, _: str(k))
     for name in ("A.n", "B.n"):
-        kept = kept.mapped(name, lambda k, cell: str(float(cell) - 40.0 * max(k - 57, 0)))
-    return kept
+        table = table.mapped(name, lambda k, cell: str(float(cell) - 40.0 * max(k - 57, 0)))
+    return table
 
 
 @pytest.mark.parametrize(

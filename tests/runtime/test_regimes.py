@@ -14,7 +14,7 @@ from tests.dosing.plant import LIQUID_TEMPERATURE
 from tests.method.readings import built, calibrated, recording, ruleset
 from tests.rig.long_run.plants import SLIP, idle, scaled
 
-HOLD = 60
+DWELL = 60
 """Samples of each half of a recording, s."""
 
 OPEN = 5.0e-6 * BAR / LITRE_PER_HOUR**2
@@ -36,11 +36,11 @@ def ran(
 ) -> Diagnosis:
     """A module, sound in the first half, at a share of its nominal speed in the second."""
     plant, rules = built(rig), calibrated(ruleset(rig))
-    later = np.arange(2 * HOLD) >= HOLD
+    later = np.arange(2 * DWELL) >= DWELL
     speeds = {name: np.full(later.size, part.speed) for name, part in plant.modules.items()}
     speeds[module] = np.where(later, speed, 1.0) * speeds[module]
     plant = idle(plant, module, later & (dry or speed == 0.0), passage)
-    operation = Operation(np.arange(2.0 * HOLD), speeds)
+    operation = Operation(np.arange(2.0 * DWELL), speeds)
     faults = {f"{module}.clogging": closed * later}
     readings = record(Run(plant, operation, faults, backflow=True), INSIDE, seed).readings
     return diagnose(recording(rules, readings), rules)
@@ -69,7 +69,7 @@ def test_a_regime_is_told_and_no_other(
         found = ran(rig, module, seed, **how)  # type: ignore[arg-type]
         assert {r.regime.id for r in found.regimes} == ({f"{module}.{regime}"} if regime else set())
         if regime == "reverse-flow":
-            assert HOLD <= found.regimes[0].since <= HOLD + 5
+            assert DWELL <= found.regimes[0].since <= DWELL + 5
             assert found.regimes[0].active
             assert found.status in ("S", "C")
 
@@ -91,14 +91,14 @@ RIGS = pytest.mark.parametrize("rig", MIXERS)
 def recorded(rig: str, seed: int, *change: float, **degrees: float) -> Recording:
     """At nominal speed. In the second half friction and slip change by factors (of their own, as a
     plant has laminar and turbulent paths), the liquid is colder, K, and there are faults."""
-    later = np.arange(2 * HOLD) >= HOLD
+    later = np.arange(2 * DWELL) >= DWELL
     faults = {name.replace("_", ".", 1): degree * later for name, degree in degrees.items()}
     friction, slip, cooled = (*change, *(1.0, 1.0, 0.0)[len(change) :])
     plant = scaled(built(rig), (".k2",), np.where(later, friction, 1.0))
     plant = scaled(plant, SLIP, np.where(later, slip, 1.0))
     speeds = {name: np.full(later.size, module.speed) for name, module in plant.modules.items()}
     warmth = dict.fromkeys(speeds, LIQUID_TEMPERATURE - np.where(later, cooled, 0.0))
-    operation = Operation(np.arange(2.0 * HOLD), speeds, temperature=warmth)
+    operation = Operation(np.arange(2.0 * DWELL), speeds, temperature=warmth)
     made = record(Run(plant, operation, faults), INSIDE, seed)
     return recording(calibrated(ruleset(rig)), made.readings)
 
@@ -117,7 +117,7 @@ def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> Non
         found = said(rig, seed, *COLD)
         (finding,) = found.findings
         assert ("S", "liquid.viscosity.high") == (found.status, finding.fault.id)
-        assert HOLD <= finding.since <= HOLD + 5
+        assert DWELL <= finding.since <= DWELL + 5
         # A quarter power of the viscosity gives friction +15 % at 75 % more of it.
         assert finding.lower < 1.15**4 - 1.0 < finding.upper
         assert {"liquid.viscosity.low"} == named(said(rig, seed, 0.87, 1.25))
@@ -159,7 +159,7 @@ def test_remarks() -> None:
 
 def test_a_trace_names_the_liquid() -> None:
     words = trace(recorded("abc", 1, *COLD), calibrated(ruleset("abc"))).verdict
-    assert ("ok", "liquid.viscosity.high") == (words[HOLD // 2], words[-2])
+    assert ("ok", "liquid.viscosity.high") == (words[DWELL // 2], words[-2])
 
 
 def test_its_laws_are_those_of_the_effects() -> None:

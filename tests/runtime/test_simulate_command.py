@@ -20,8 +20,8 @@ PREDICTED = ["A.dp [bar]", "A.P_el [W]", "B.dp [bar]", "B.P_el [W]", "C.dp [bar]
 
 
 def table(path: Path) -> list[list[str]]:
-    opened = gzip.open if path.suffix == ".gz" else open
-    with opened(path, "rt", encoding="utf-8", newline="") as file:
+    reader = gzip.open if path.suffix == ".gz" else open
+    with reader(path, "rt", encoding="utf-8", newline="") as file:
         return list(csv.reader(file, delimiter=";" if "semicolon" in path.name else ","))
 
 
@@ -36,8 +36,8 @@ def test_columns_keep_name_order_and_unit(tmp_path: Path) -> None:
     after = table(simulated(HEALTHY, tmp_path / "out.csv"))
     assert (before[0], len(before)) == (after[0], len(after))
     for i, title in enumerate(before[0]):
-        kept = [row[i] for row in before] == [row[i] for row in after]
-        assert kept == (title not in PREDICTED), title
+        same = [row[i] for row in before] == [row[i] for row in after]
+        assert same == (title not in PREDICTED), title
     sevens = [["7" if t in PREDICTED else c for t, c in zip(*pair, strict=True)]
               for pair in ((before[0], row) for row in before[1:])]  # fmt: skip
     with (tmp_path / "other.csv").open("w", encoding="utf-8", newline="") as file:

@@ -38,7 +38,7 @@ from tests.method.readings import built, recording, ruleset
 from tests.rig.follower.plants import Planted, recorded
 from tests.runtime.mismatch.made import changed
 
-HOLD = 30
+DWELL = 30
 LEAK = 0.2
 
 
@@ -57,15 +57,15 @@ def made(seconds: int, seed: int, lag: float, leak_on_first: bool = False) -> Ma
     """
     rig, drawn = RIGS["abc"], np.random.default_rng(seed)
     way = np.linspace(-0.15, 0.15, seconds + 1)[1:]
-    there = np.concatenate([np.full(HOLD, way[0]), way, np.full(HOLD, way[-1]), way[::-1]])
-    part = np.concatenate([there, there, np.full(HOLD, way[0])])
+    there = np.concatenate([np.full(DWELL, way[0]), way, np.full(DWELL, way[-1]), way[::-1]])
+    part = np.concatenate([there, there, np.full(DWELL, way[0])])
     n = len(part)
     speed = {
         name: module.speed * (1.0 + sign * part)
         for sign, (name, module) in zip((1.0, -1.0), rig.modules.items(), strict=True)
     }
     degree = np.zeros(n)
-    degree[HOLD : HOLD + seconds] = LEAK * leak_on_first
+    degree[DWELL : DWELL + seconds] = LEAK * leak_on_first
     faults = {"A.leakage": degree} if leak_on_first else {}
     time = np.arange(n, dtype=float)
     exact = record(Run(rig, Operation(time, speed), faults), NOISE_FREE).readings
@@ -91,8 +91,8 @@ def test_a_fault_during_a_slow_ramp_is_found(seconds: int) -> None:
     named = diagnose(one.recording, compiled("abc")).findings
     assert ["A.leakage"] == [f.fault.id for f in named]
     assert named[0].lower <= LEAK <= named[0].upper
-    assert HOLD - 1 <= named[0].since
-    assert named[0].until <= HOLD + seconds
+    assert DWELL - 1 <= named[0].since
+    assert named[0].until <= DWELL + seconds
     assert judged(one)[one.ramps].mean() > 0.5
 
 
@@ -140,11 +140,11 @@ def test_a_reading_that_still_settles_is_known_less_well() -> None:
     made = record(healthy_run(built("abc"), SAMPLES), INSIDE, 3)
     plain = recording(ruleset("abc"), made.readings)
     power = plain.values["A.P_el"]
-    wandering, held = (
+    drifting, held = (
         changed(plain, {"A.P_el": power + course * np.mean(power)})
         for course in (off * np.exp(-(seconds - 20) / 6.0), off)
     )
-    assert "ok" == diagnose(wandering, ruleset("abc")).status
+    assert "ok" == diagnose(drifting, ruleset("abc")).status
     assert ["A.P_el.high"] == [f.fault.id for f in diagnose(held, ruleset("abc")).findings]
 
 

@@ -231,7 +231,7 @@ def drawn(at: Case, count: int = 40_000) -> dict[str, Any]:
     return values
 
 
-WELL_KNOWN = 0.09
+PRECISE = 0.09
 
 
 @pytest.mark.parametrize(("kind", "point"), CASES)
@@ -259,7 +259,7 @@ def test_propagation_is_exact_and_near_monte_carlo(kind: str, point: str, folder
         assert expected.nominal_value == pytest.approx(found[f"x:linear:{key}"], rel=1e-8, abs=1e-9)
         whole = math.hypot(expected.std_dev, linearisation(at, cell, residual))
         assert whole == pytest.approx(found[f"ux:linear:{key}"], rel=1e-8), key
-        if expected.std_dev < WELL_KNOWN:
+        if expected.std_dev < PRECISE:
             compared += 1
             low, high = np.quantile(rule(random, residual, cell.fault), [0.1587, 0.8413])
             assert (high - low) / 2 == pytest.approx(expected.std_dev, rel=0.05), key

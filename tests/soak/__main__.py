@@ -344,10 +344,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="rulec-soak-") as folder:
         for name in options.parts or PARTS:
             part, usual = PARTS[name]
-            place = Path(options.keep or folder) / name
-            place.mkdir(parents=True, exist_ok=True)
+            work = Path(options.keep or folder) / name
+            work.mkdir(parents=True, exist_ok=True)
             begin = time.perf_counter()
-            form[name] = watching.summed(part(place, options.times or usual))
+            form[name] = watching.summed(part(work, options.times or usual))
             seconds = time.perf_counter() - begin
             print(f"{name}: {json.dumps(form[name])} ({seconds:.0f} s)", file=sys.stderr)
     text = json.dumps(form, indent=1)

@@ -114,7 +114,7 @@ class Logger:
         self.over.set()
 
 
-Known = tuple[str, float]
+Identity = tuple[str, float]
 """A fault and since when."""
 
 
@@ -210,7 +210,7 @@ def _is_of(episode: Episode, fault: Injected) -> bool:
 def against_undisturbed(events: Sequence[Event], quiet: Sequence[Event]) -> dict[str, int]:
     """Episodes by name and beginning: those of the undisturbed watch that are missing, and those
     that are there beyond them."""
-    mine, theirs = ([_known(e) for e in last_events(part)] for part in (events, quiet))
+    mine, theirs = ([_identity(e) for e in last_events(part)] for part in (events, quiet))
     return {
         "episodes": len(theirs),
         "lost": sum(max(theirs.count(k) - mine.count(k), 0) for k in set(theirs)),
@@ -218,7 +218,7 @@ def against_undisturbed(events: Sequence[Event], quiet: Sequence[Event]) -> dict
     }
 
 
-def _known(event: Event) -> Known:
+def _identity(event: Event) -> Identity:
     return event.episode.subject or event.episode.kind, event.episode.since
 
 

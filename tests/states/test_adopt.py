@@ -108,12 +108,12 @@ UNWRITTEN = {
 def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
     """Physics at the first place where it joins the tanks: built in, written, read again."""
     builder, sources = builder_of(TANKS), read_plant(TANKS)
-    known = {c.name: c for c in reversed(builder.candidates) if c.sort == "physics"}
-    refused = {n: r for n, c in known.items() if (r := why_not(c, builder.network))}
+    candidates = {c.name: c for c in reversed(builder.candidates) if c.sort == "physics"}
+    refused = {n: r for n, c in candidates.items() if (r := why_not(c, builder.network))}
     assert set(UNWRITTEN) == set(refused)
     assert all(UNWRITTEN[name] in reason for name, reason in refused.items())
-    for effect in known.keys() - refused.keys():
-        name = known[effect].id
+    for effect in candidates.keys() - refused.keys():
+        name = candidates[effect].id
         data, _ = mismatch(TANKS, [(name, unknowns_of(builder, name))])
         (tmp_path / "mismatch.json").write_text(json.dumps(data), encoding="utf-8")
         repair = repair_of(read_form(tmp_path / "mismatch.json"), tmp_path / "mismatch.json")

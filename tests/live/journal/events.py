@@ -47,8 +47,8 @@ def story() -> list[Event]:
 
 
 def event_in(form: dict[str, Any]) -> Event:
-    known, own = {f.name for f in fields(Episode)}, ("number", "time", "what", "text")
-    episode = {name: part for name, part in form["episode"].items() if name in known}
+    names, own = {f.name for f in fields(Episode)}, ("number", "time", "what", "text")
+    episode = {name: part for name, part in form["episode"].items() if name in names}
     rivals = tuple((r["fault"], r["probability"]) for r in episode.pop("alternatives"))
     condition = Episode(**episode, alternatives=rivals)
     return Event(**{name: form[name] for name in own}, episode=condition)

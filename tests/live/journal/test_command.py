@@ -45,26 +45,26 @@ def test_finding_first(file: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_filters(file: str, capsys: pytest.CaptureFixture[str]) -> None:
-    def told(code: int, *options: str) -> str:
+    def printed(code: int, *options: str) -> str:
         assert main(["journal", file, *options]) == code
         return capsys.readouterr().out
 
     def events(*options: str) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = json.loads(told(0, *options, "--json", "-"))["events"]
+        found: list[dict[str, Any]] = json.loads(printed(0, *options, "--json", "-"))["events"]
         return found
 
-    told(3, "--fail-on", "F,S")
-    told(0, "--fail-on", "F,C,M")  # B.p is healthy again
-    told(0, "--kind", "sensor", "--fail-on", "F,C,S,M")
+    printed(3, "--fail-on", "F,S")
+    printed(0, "--fail-on", "F,C,M")  # B.p is healthy again
+    printed(0, "--kind", "sensor", "--fail-on", "F,C,S,M")
     since = ("--since", "2023-11-14T22:13:22", "--until", "2023-11-14T23:13:23+01:00")
     assert [event_in(record) for record in events(*since)] == story()[1:3]
-    rows = list(csv.DictReader(io.StringIO(told(0, "--active", "--csv", "-"))))
+    rows = list(csv.DictReader(io.StringIO(printed(0, "--active", "--csv", "-"))))
     assert [row["number"] for row in rows] == ["3"]
-    assert len(told(0, "--status", "M", "--csv", "-").splitlines()) == 1
-    said = told(0, "--ack", LEAKAGE.id, "--by", "Ann")
+    assert len(printed(0, "--status", "M", "--csv", "-").splitlines()) == 1
+    said = printed(0, "--ack", LEAKAGE.id, "--by", "Ann")
     assert "A.leakage@1700000000.000 of abc: acknowledged" in said
-    assert "somebody had acknowledged it before" in told(0, "--ack", LEAKAGE.id, "--by", "Ben")
-    said = " ".join(told(0).split())
+    assert "somebody had acknowledged it before" in printed(0, "--ack", LEAKAGE.id, "--by", "Ben")
+    said = " ".join(printed(0).split())
     assert re.search(r"acknowledged by Ann, 20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC", said)
     assert [record["acknowledged_by"] for record in events()] == ["Ann", None, "Ann", None]
 

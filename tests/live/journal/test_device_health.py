@@ -76,7 +76,7 @@ async def changed(client: Client) -> list[str]:
     devices = client.get_node(ua.NodeId(5001, di))
     health = await (await devices.get_children())[1].get_child(f"{di}:DeviceHealth")
     normal = ua.DataValue(ua.Variant(0, ua.VariantType.Int32))
-    told = []
+    outcomes = []
     for work in (
         health.write_value(normal),
         health.write_attribute(ua.AttributeIds.AccessLevel, normal),
@@ -87,10 +87,10 @@ async def changed(client: Client) -> list[str]:
     ):
         try:
             await work
-            told.append("done")
+            outcomes.append("done")
         except ua.UaError as error:
-            told.append(type(error).__name__)
-    return told
+            outcomes.append(type(error).__name__)
+    return outcomes
 
 
 @pytest.mark.parametrize("user", ["", "admin"])

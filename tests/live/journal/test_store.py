@@ -143,8 +143,8 @@ def test_what_is_no_journal(tmp_path: Path) -> None:
         with pytest.raises(JournalRefused, match=words):
             open_journal(where)
     assert text.read_text().startswith("time")
-    with closing(sqlite3.connect(foreign)) as kept:
-        assert kept.execute("PRAGMA journal_mode").fetchone() == ("delete",)
+    with closing(sqlite3.connect(foreign)) as database:
+        assert database.execute("PRAGMA journal_mode").fetchone() == ("delete",)
 
 
 def test_a_file_that_was_taken_away_is_noticed(tmp_path: Path) -> None:

@@ -36,8 +36,8 @@ def diagnosed(name: str, rows: int = 9999, stuck: str = "") -> Diagnosis:
 def now_of(diagnosis: Diagnosis) -> Now:
     """The moment of the last row of what was diagnosed: all that lasts is told, however short."""
     time = 59.0 if diagnosis.samples <= 60 else 79.0
-    sight = Horizon(np.array([time, time]), -np.inf)
-    found = tuple(sorted(episodes_of(diagnosis, sight), key=lambda e: KINDS.index(e.kind)))
+    horizon = Horizon(np.array([time, time]), -np.inf)
+    found = tuple(sorted(episodes_of(diagnosis, horizon), key=lambda e: KINDS.index(e.kind)))
     events = [_event(e, "began", e.since) for e in found]
     events += [_event(e, "ended", e.until) for e in found if not e.active]
     events.sort(key=lambda e: e.time)

@@ -35,11 +35,11 @@ def nobody(_: str, __: str) -> None:
     """Takes note of nothing."""
 
 
-def drawn(now: Now, look: ViewState | None = None, size: tuple[int, int] = (80, 24)) -> list[str]:
+def drawn(now: Now, state: ViewState | None = None, size: tuple[int, int] = (80, 24)) -> list[str]:
     """Lines without colour."""
     out = io.StringIO()
     console = Terminal(file=out, width=size[0], height=size[1])
-    console.print(Screen(now, look or ViewState(), *size, age=3.2), end="")
+    console.print(Screen(now, state or ViewState(), *size, age=3.2), end="")
     return out.getvalue().split("\n")
 
 
@@ -112,18 +112,18 @@ def test_picture_fills_its_size(size: tuple[int, int]) -> None:
 
 def test_every_line_of_the_body_can_be_reached() -> None:
     now, console = failing(), Terminal(file=io.StringIO(), width=80, height=24)
-    look, seen, marked = ViewState(), set(), []
+    state, seen, marked = ViewState(), set(), []
     for _ in range(32):
-        lines = drawn(now, look)
+        lines = drawn(now, state)
         seen.update(lines)
         marked.append(sum(line.startswith("> ") for line in lines))
-        look = after(look, "down", now, Screen(now, look, 80, 24).room(console))
+        state = after(state, "down", now, Screen(now, state, 80, 24).room(console))
     assert {*marked[: len(now.active)]} == {1}
-    assert look.selected == listed(now)[-1].id
+    assert state.selected == listed(now)[-1].id
     assert any("began  B.dp is stuck" in line for line in seen)
     for _ in range(32):
-        look = after(look, "up", now, Screen(now, look, 80, 24).room(console))
-    assert look == ViewState(selected=listed(now)[0].id)
+        state = after(state, "up", now, Screen(now, state, 80, 24).room(console))
+    assert state == ViewState(selected=listed(now)[0].id)
 
 
 def test_views_open_and_close_and_the_selection_stays() -> None:
@@ -133,9 +133,9 @@ def test_views_open_and_close_and_the_selection_stays() -> None:
     assert after(opened, "enter", now, 0).view == after(opened, "back", now, 0).view == "plant"
     assert after(ViewState(), "enter", healthy(), 0).view == "plant"
     now = failing()
-    look = after(ViewState(), "down", now, 0)
+    state = after(ViewState(), "down", now, 0)
     later = replace(now, active=now.active[1:])  # what stood before it has ended
-    assert drawn(later, look)[4].startswith("> ◆ M")
+    assert drawn(later, state)[4].startswith("> ◆ M")
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=repr)
@@ -151,8 +151,8 @@ def test_no_text_steers_the_terminal(text: str) -> None:
     console = Terminal(file=out, width=80, height=24, force_terminal=True, color_system="truecolor")
     for view in VIEWS:
         for one in listed(now)[:3]:
-            look = ViewState(selected=one.id, view=view)
-            console.print(Screen(now, look, 80, 24), end="")
+            state = ViewState(selected=one.id, view=view)
+            console.print(Screen(now, state, 80, 24), end="")
     plain = re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
     odd = {c for c in plain if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}
     assert odd <= {"\n"}

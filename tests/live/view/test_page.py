@@ -158,7 +158,7 @@ def test_token_opens_and_does_not_stay_in_the_address() -> None:
 
 
 @pytest.mark.parametrize(
-    ("listens", "known", "hosts"),
+    ("listens", "ours", "hosts"),
     [
         ("127.0.0.1", True, ["localhost:8080", "127.0.0.1", "LOCALHOST."]),
         ("::1", True, ["[::1]:8080"]),
@@ -170,11 +170,11 @@ def test_token_opens_and_does_not_stay_in_the_address() -> None:
         ("0.0.0.0", False, ["attacker.example"]),
     ],
 )
-def test_names_of_other_machines_are_refused(listens: str, known: bool, hosts: list[str]) -> None:
+def test_names_of_other_machines_are_refused(listens: str, ours: bool, hosts: list[str]) -> None:
     """A name that was rebound to this machine is still another's."""
     gate = Gate(listens, 8080, TOKEN)
     for host in hosts:
-        assert known == gate.knows_host([host]), host
+        assert ours == gate.knows_host([host]), host
         assert not gate.knows_host([host, host])
     assert not gate.knows_host([])
 

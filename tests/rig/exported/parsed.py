@@ -40,13 +40,13 @@ class Block:
 
     def run(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Values of all outputs, by name in lower case."""
-        known = {name.lower(): value for name, value in values.items()} | self.constants
-        assert self.declared["inputs"].keys() <= known.keys()
+        given = {name.lower(): value for name, value in values.items()} | self.constants
+        assert self.declared["inputs"].keys() <= given.keys()
         with np.errstate(all="ignore"):
             for statement in self.statements:
                 (target,) = statement.variables
-                known[str(target.name).lower()] = _value(statement.expression, known)
-        return {name: known[name] for name in self.declared["outputs"]}
+                given[str(target.name).lower()] = _value(statement.expression, given)
+        return {name: given[name] for name in self.declared["outputs"]}
 
 
 def parsed(text: str) -> dict[str, Block]:
@@ -56,23 +56,23 @@ def parsed(text: str) -> dict[str, Block]:
     return {block.name: block for block in map(Block, result.transform().items)}
 
 
-def _value(tree: Any, known: Mapping[str, Value]) -> Value:
+def _value(tree: Any, values: Mapping[str, Value]) -> Value:
     match tree:
         case st.Real() | st.Integer():
             return float(str(tree.value))
         case st.SimpleVariable():
-            return known[str(tree.name).lower()]
+            return values[str(tree.name).lower()]
         case st.ParenthesizedExpression():
-            return _value(tree.expr, known)
+            return _value(tree.expr, values)
         case st.UnaryOperation():
             function = np.logical_not if str(tree.op) == "NOT" else np.negative
-            return function(_value(tree.expr, known))
+            return function(_value(tree.expr, values))
         case st.BinaryOperation():
             name = OPERATORS[str(tree.op)]
             function = LOGIC.get(name) or OPERATIONS[name]
-            return function(_value(tree.left, known), _value(tree.right, known))
+            return function(_value(tree.left, values), _value(tree.right, values))
         case st.FunctionCall():
-            arguments = [_value(p.value, known) for p in tree.parameters]
+            arguments = [_value(p.value, values) for p in tree.parameters]
             name = str(tree.name.name)
             if name == "SEL":
                 condition, otherwise, then = arguments
@@ -164,8 +164,8 @@ def _observed(
             beyond = (reading < signal.valid_from - slack) | (reading > signal.valid_to + slack)
             found[f"beyond:{name}"] = beyond
     ones = dict.fromkeys([*u, "u:parameters", "u:model"], 1.0)
-    known = {"u:parameters": 1.0, "u:model": 1.0}
-    plain, spread = ruleset.plan.run({**si, **ones}), ruleset.plan.run({**si, **known, **u})
+    inputs = {"u:parameters": 1.0, "u:model": 1.0}
+    plain, spread = ruleset.plan.run({**si, **ones}), ruleset.plan.run({**si, **inputs, **u})
     slopes = ruleset.undo.run({**si, **_none(ruleset)})
     observers = {o.id: o for o in ruleset.observers}
     for v in routine.outputs:

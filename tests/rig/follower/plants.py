@@ -81,10 +81,10 @@ class Followed:
 def followed(ruleset: Ruleset, recording: Recording, step: int) -> Followed:
     memory, events = nothing_yet(False), list[Event]()
     for first in range(0, len(recording), step):
-        for updates in follow(ruleset, memory, part_of(recording, first, first + step)):
-            memory = updates.memory
-            events += updates.events
-    return Followed(memory, tuple(events), updates.diagnosis)
+        for update in follow(ruleset, memory, part_of(recording, first, first + step)):
+            memory = update.memory
+            events += update.events
+    return Followed(memory, tuple(events), update.diagnosis)
 
 
 def first_rows(recording: Recording, rows: int) -> Recording:

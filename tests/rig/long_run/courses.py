@@ -141,6 +141,6 @@ def said_of(drawn: Drawn) -> dict[str, Any]:
         "reaches": reaches,
         "truly": truly,
         "named": any(drawn.fault in names_of(f) for f in form["findings"]),
-        "degree_right": now is not None and plants.within(now, true),
+        "degree_right": now is not None and plants.is_within(now, true),
         "forecast_holds": truly is not None and reaches["earliest"] <= truly <= reaches["latest"],
     }

@@ -84,19 +84,19 @@ def draw(number: int) -> Pair:
     problem = PROBLEMS[number % len(PROBLEMS)]
     built = plant(rig)
     # The centrifugal pump E cannot lift what a clogged wide mixer asks for.
-    places = [name for name in (*built.rig.pumps, *built.rig.mixers) if name != "M2"]
-    place = str(random.choice(places))
-    kind = str(random.choice(list(KINDS) if place in built.modules else ["clogging", "widening"]))
+    modules = [name for name in (*built.rig.pumps, *built.rig.mixers) if name != "M2"]
+    module = str(random.choice(modules))
+    kind = str(random.choice(list(KINDS) if module in built.modules else ["clogging", "widening"]))
     near = str(random.choice(list(built.modules)))
-    if place in built.modules and random.uniform() < 0.5:
-        near = place
+    if module in built.modules and random.uniform() < 0.5:
+        near = module
     signal = f"{near}.{random.choice(['n', 'dp', 'dp', 'P_el'])}"
     if problem in ("unit", "swapped"):
         signal = f"{near}.dp"
     return Pair(
         number=number,
         rig=rig,
-        fault=f"{place}.{kind}",
+        fault=f"{module}.{kind}",
         degree=float(random.uniform(*KINDS[kind])),
         problem=problem,
         signal=signal if problem in READINGS else "",

@@ -292,7 +292,7 @@ def width_of(finding: Form) -> float:
     return (upper - lower) / 2.0
 
 
-def within(bounds: tuple[float, float, float], degree: float) -> bool:
+def is_within(bounds: tuple[float, float, float], degree: float) -> bool:
     """Is a degree close to the true one, or do its bounds hold it?"""
     said, lower, upper = bounds
     return abs(said - degree) <= CLOSE * degree or lower <= degree <= upper
@@ -330,7 +330,7 @@ def _faults(right: Right, form: Form) -> Iterator[str]:
         finding = last_of(form, fault)
         if finding is None:
             continue
-        if not within(now_of(finding), degree):
+        if not is_within(now_of(finding), degree):
             said, lower, upper = now_of(finding)
             yield f"{fault} is {degree:.3g}, told {said:.3g} ({lower:.3g} to {upper:.3g})"
         if right.grows and "now" not in finding:

@@ -206,8 +206,8 @@ def libraries(case: Case) -> Iterator[Library]:
             continue
         factor = ruleset.signal_by_id[name].factor
         predictor = predictor_of(system, relation, name)
-        known = np.where(shown, case.train.values[name], np.nan)
-        measured = np.concatenate([known, np.full(n, np.nan)]) / factor
+        recorded = np.where(shown, case.train.values[name], np.nan)
+        measured = np.concatenate([recorded, np.full(n, np.nan)]) / factor
         predicted = predictor.predicted(Configuration()) / factor
         course = replace(case.course, signal=name, measured=measured, recalibrated=predicted)
         size = rms(course.residual[course.learnt])
@@ -348,9 +348,9 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
         asked += 1
         if case.left[name] > limits.FIRES * noise:
             fired &= signature[number]
-    places = [f"{s.module}.{s.place}" for s in locations]
-    open_ = dict.fromkeys(p for p, own in zip(places, fired, strict=True) if own)
-    return (tuple(open_), len(set(places))) if asked else None
+    names = [f"{s.module}.{s.place}" for s in locations]
+    open_ = dict.fromkeys(p for p, own in zip(names, fired, strict=True) if own)
+    return (tuple(open_), len(set(names))) if asked else None
 
 
 def _structure(case: Case, at: tuple[DisturbanceLocation, ...]) -> tuple[Any, dict[int, str]]:

@@ -85,8 +85,8 @@ def mended_by_law(drivers: Columns, course: Course) -> Array:
         return course.recalibrated
     columns = standardised(_most_correlated(drivers, course), learnt)
     terms = np.asarray(_library().fit(columns).transform(columns))
-    known = terms[learnt], course.residual[learnt], folds[learnt]
-    weights = weights_of(*known, limits.SPARSE_THRESHOLDS)
+    parts = terms[learnt], course.residual[learnt], folds[learnt]
+    weights = weights_of(*parts, limits.SPARSE_THRESHOLDS)
     return course.recalibrated + terms @ weights
 
 
@@ -135,12 +135,12 @@ def _most_correlated(drivers: Columns, course: Course) -> dict[str, Array]:
     learnt, residual = course.learnt, course.residual
 
     def alike(values: Array) -> float:
-        known = learnt & np.isfinite(values)
-        if known.sum() < limits.FEWEST_SAMPLES or np.std(values[known]) == 0:
+        finite = learnt & np.isfinite(values)
+        if finite.sum() < limits.FEWEST_SAMPLES or np.std(values[finite]) == 0:
             return 0.0
-        centred = values[known] - values[known].mean()
+        centred = values[finite] - values[finite].mean()
         with np.errstate(all="ignore"):
-            both = [np.corrcoef(v, residual[known])[0, 1] for v in (centred, centred**2)]
+            both = [np.corrcoef(v, residual[finite])[0, 1] for v in (centred, centred**2)]
         return float(np.nanmax(np.abs(np.nan_to_num(both))))
 
     order = sorted(drivers, key=lambda header: -alike(drivers[header]))
@@ -154,13 +154,13 @@ def standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
     """
     found = []
     for values in columns.values():
-        known = values[learnt & np.isfinite(values)]
-        if not len(known):
+        finite = values[learnt & np.isfinite(values)]
+        if not len(finite):
             found.append(np.zeros(len(values)))
             continue
-        scale = float(known.std()) or 1.0
-        inside = np.clip(values, known.min(), known.max())
-        found.append(np.where(np.isfinite(values), (inside - known.mean()) / scale, 0.0))
+        scale = float(finite.std()) or 1.0
+        inside = np.clip(values, finite.min(), finite.max())
+        found.append(np.where(np.isfinite(values), (inside - finite.mean()) / scale, 0.0))
     return np.column_stack(found)
 
 
@@ -284,12 +284,12 @@ def _halves(inputs: Array, learnt: NDArray[np.bool_], number: NDArray[np.intp]) 
 
 def discovered(table: Array, residual: Array, region: NDArray[np.intp]) -> list[Discovery]:
     """Terms that are certified, by a table, shape (n, columns); others have shape (n,)."""
-    known = [r for r in np.unique(region) if (region == r).sum() >= limits.FEWEST]
-    energy = {r: float(np.mean(residual[region == r] ** 2)) for r in known}
-    if len(known) < 2:
+    regions = [r for r in np.unique(region) if (region == r).sum() >= limits.FEWEST]
+    energy = {r: float(np.mean(residual[region == r] ** 2)) for r in regions}
+    if len(regions) < 2:
         return []
-    clean = min(known, key=lambda r: energy[r])
-    flagged = [r for r in known if _flagged(r, clean, region, energy)]
+    clean = min(regions, key=lambda r: energy[r])
+    flagged = [r for r in regions if _flagged(r, clean, region, energy)]
     found = [(r, *_selected(table[region == r], residual[region == r])) for r in flagged]
     if not found:
         return []

@@ -34,7 +34,7 @@ from rulec.simulation.sensing import SensorErrors, sense
 from tests.conftest import ROOT
 from tests.runtime.sheets import sampled
 
-HOLD = 12
+DWELL = 12
 """Samples at an operating point."""
 
 WARMEST, USUAL = 30.0, 293.15
@@ -69,7 +69,7 @@ def alone() -> tuple[Ruleset, ModelBuilder]:
 
 
 def tour(
-    ruleset: Ruleset, samples: int, low: float = 0.6, high: float = 1.25, dwell: int = HOLD
+    ruleset: Ruleset, samples: int, low: float = 0.6, high: float = 1.25, dwell: int = DWELL
 ) -> dict[str, Array]:
     """Inputs (speeds) at settled points spread over a range around the reference point, SI."""
     number = np.arange(samples) // dwell

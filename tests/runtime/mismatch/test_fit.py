@@ -233,7 +233,7 @@ def test_one_law_may_be_off_by_more_than_the_others() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reading", "place", "told"),
+    ("reading", "place", "expected"),
     [("A.P_el", "definition:A.P_law", False), ("A.dp", "signal:A.dp", True)],
 )
 def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(

@@ -34,7 +34,7 @@ from rulec.simulation.equations import equations_of
 from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
-    HOLD,
+    DWELL,
     alone,
     changed,
     compared,
@@ -164,7 +164,7 @@ def test_points_are_split_by_blocks(run: Recording) -> None:
     expected = "{} for estimation, {} for selection, {} held out (every fifth block)"
     assert expected.format(*counts) in data.split
     assert data.split.startswith(f"{len(data)} settled points in 25 blocks of time")
-    speed, plateaus = data.values["A.n"], tour(alone()[0], LENGTH)["A.n"][::HOLD]
+    speed, plateaus = data.values["A.n"], tour(alone()[0], LENGTH)["A.n"][::DWELL]
     nearest = np.abs(speed[:, None] - plateaus).min(axis=1)
     assert nearest.max() < 0.01 * speed.min()
 
@@ -183,7 +183,7 @@ def test_asked_spans_are_held_out_and_nothing_else(run: Recording) -> None:
 
 def test_long_recordings_are_averaged(run: Recording) -> None:
     rules, _ = alone()
-    held = {"A.n": np.repeat(tour(rules, 25 * HOLD)["A.n"][::HOLD], 800)}
+    held = {"A.n": np.repeat(tour(rules, 25 * DWELL)["A.n"][::DWELL], 800)}
     data = prepared(rules, recorded(alone(), held))
     assert len(data) * len(rules.observers) <= 1.5 * POINT_BUDGET
     single = prepared(rules, run).noise["A.dp"]
@@ -191,7 +191,7 @@ def test_long_recordings_are_averaged(run: Recording) -> None:
 
 
 def test_a_table_of_points_has_a_point_per_row(run: Recording) -> None:
-    rows = np.arange(HOLD // 2, LENGTH, HOLD)
+    rows = np.arange(DWELL // 2, LENGTH, DWELL)
     data = prepared(alone()[0], sampled({name: v[rows] for name, v in run.values.items()}))
     assert data.of_rows
     assert len(rows) == len(data)

@@ -368,7 +368,7 @@ def test_a_reading_is_rarely_off_by_more_than_usual() -> None:
     assert {0.0} == {t.odds(1e6) for t in terms if t.changed.kind == "definition"}
 
 
-@pytest.mark.parametrize(("behind", "told"), [(2.0, "A.P_law"), (2.5, "A.P_el")])
+@pytest.mark.parametrize(("behind", "expected"), [(2.0, "A.P_law"), (2.5, "A.P_el")])
 def test_of_places_that_fit_alike_one_that_a_plant_can_hold_is_told(
     behind: float, expected: str
 ) -> None:

@@ -157,7 +157,7 @@ OF_A = ("A.n", "A.dp", "A.P_el")
 
 
 @pytest.mark.parametrize(
-    ("signals", "late", "told"),
+    ("signals", "late", "expected"),
     [
         (("A.P_el",), 12.0, "12 s too late"),
         (("C.dp",), -3.0, "3 s too early"),

@@ -20,7 +20,7 @@ from rulec.mismatch.search.later_refits import by_recording
 from rulec.mismatch.search.operating_states import explain
 from tests.runtime.mismatch.dynamic.problems import made, problem_of
 from tests.runtime.mismatch.made import (
-    HOLD,
+    DWELL,
     SLIP,
     USUAL,
     alone,
@@ -202,7 +202,7 @@ def leaking() -> Recording:
 
 def test_a_run_has_a_clock_and_a_table_has_none() -> None:
     run = leaking()
-    rows = np.arange(HOLD // 2, len(run), HOLD)
+    rows = np.arange(DWELL // 2, len(run), DWELL)
     table = sampled({name: v[rows] for name, v in run.values.items()})
     for recording, timed in ((run, True), (table, False)):
         system = rows_at(alone(), recording).system

@@ -89,7 +89,7 @@ NEARLY = (SENSOR, replace(SURE, probability=0.7))
 
 
 @pytest.mark.parametrize(
-    ("verdict", "findings", "noise", "told", "never"),
+    ("verdict", "findings", "noise", "expected", "never"),
     [
         # Else the law's form may be wrong, or the name is not all.
         ("none", (), 0.3, "only noise remains", "off by"),
