@@ -70,7 +70,7 @@ def visiting_run(
     lead_in: int = 0,
     dwell: int = DWELL,
 ) -> Run:
-    """Visit operating points for `hold` samples each, with all faults present, behind `lead_in`
+    """Visit operating points for `dwell` samples each, with all faults present, behind `lead_in`
     samples without fault at the first point."""
     lengths = [lead_in, *[dwell] * len(points)]
     visited = [points[0], *points]

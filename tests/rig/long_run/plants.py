@@ -104,7 +104,7 @@ def constant(rig: str, time: Array) -> dict[str, Array]:
 
 
 def moving(rig: str, time: Array, dwell: int, random: np.random.Generator) -> dict[str, Array]:
-    """New speeds for all modules every `hold` rows, rev/s, inside what every pump can do."""
+    """New speeds for all modules every `dwell` rows, rev/s, inside what every pump can do."""
     found = {}
     for name, module in plant(rig).modules.items():
         share = random.uniform(LOWEST, HIGHEST, -(-time.size // dwell))
