@@ -131,8 +131,7 @@ def changes(
 ) -> tuple[tuple[Episode, ...], tuple[Event, ...]]:
     """The current episodes, and events for what is new.
 
-    `before` are earlier episodes that are active or within the horizon; `number` is that of the
-    last event.
+    `before` are earlier episodes, active or within the horizon; `number` is that of the last event.
     """
     found = every = _merged(episodes_of(diagnosis, horizon), horizon)
     # Windows move with every row, so what a few rows of a plant that stores show may fluctuate.
