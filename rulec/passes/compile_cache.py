@@ -65,7 +65,7 @@ def _saved(
 ) -> Any:
     """A result of an earlier start, else a new one, which is kept for later ones."""
     now = now or saved_print(plant)
-    found = None if now is None else kept(f"{now}.{kind}")
+    found = None if now is None else cached(f"{now}.{kind}")
     if found is not None:
         try:
             return read(parse_json(found.decode("utf-8")))

@@ -36,7 +36,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("small") / "rigs" / "small"
     shutil.copytree(SHIPPED / "rse-boiler", folder)
     for part in ("train", "test"):
-        with rig_folder.open_text(place / f"{part}.csv.gz") as file:
+        with rig_folder.open_text(folder / f"{part}.csv.gz") as file:
             rows = [line for line, _ in zip(file, range(ROWS), strict=False)]
         (folder / f"{part}.csv.gz").unlink()
         (folder / f"{part}.csv").write_text("".join(rows), encoding="utf-8")

@@ -144,7 +144,7 @@ def assert_as_reviewed(name: str, terminal: str, page: str, form: Any) -> None:
 def test_a_mismatch_is_told_as_reviewed(case: str) -> None:
     found: Mismatch = {**ALL, **CHANGED}[case]
     form = mismatch_form(found, "plants/abc/plant.yaml")
-    terminal = told(tell, found) + (latent_csv(found.latent_input) if found.latent_input else "")
+    terminal = shown(tell, found) + (latent_csv(found.latent_input) if found.latent_input else "")
     assert_as_reviewed(f"mismatch {case}", terminal, mismatch_page(found), form)
 
 

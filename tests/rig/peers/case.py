@@ -332,8 +332,8 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
     if find_spec(PEER) is None or case.stores:
         return None
     ruleset, builder = open_builder(case.base)
-    system, spots = _system(ruleset, builder, case), builder.locations
-    model, observers = _structure(case, spots)
+    system, locations = _system(ruleset, builder, case), builder.locations
+    model, observers = _structure(case, locations)
     sets = model.MSO()
     signature = np.asarray(model.FSM(sets), dtype=bool)
     of = {frozenset(observers[i] for i in s if i in observers): k for k, s in enumerate(sets)}

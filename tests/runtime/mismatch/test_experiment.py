@@ -331,8 +331,8 @@ def test_places_keep_the_limits_of_readings_with_their_doubt() -> None:
         for values in shown
     ]
     places = SetPoints({"A.n": speed}, np.zeros(n, dtype=np.intp), np.zeros(n))
-    for predicted in (told, told[::-1]):
-        found = feasible(plant, places, reach, predicted)
+    for predicted in (limits, limits[::-1]):
+        found = feasible(plant, places, ranges, predicted)
         assert [False, False, True, False, True, False] == found.may_run.tolist()
         assert [("A.n",)] * 2 + [()] + [("A.n",)] * 2 + [()] == list(found.costs)
         assert [(4.0, 100.0), (8.0, 100.0)] == found.times([4, 0])

@@ -243,8 +243,8 @@ def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(
     law and the reading fit alike, it is the law."""
     found = explain(rippled(reading, 0.03, 3.0), lambda said: None)
     assert {f"{place}~A.n"} == found.selected
-    assert told == bool(reported_names(found))
-    assert found.unseen < 0.1 if told else found.unseen > 0.9
+    assert expected == bool(reported_names(found))
+    assert found.unseen < 0.1 if expected else found.unseen > 0.9
 
 
 @pytest.mark.parametrize("fresh", [(), (0, 1)])

@@ -269,9 +269,9 @@ def rows_of(group: str, effect: str, folder: Path) -> Rows:
 
 def with_terms(rows: Rows, location: str) -> Posterior:
     search = begun(rows)
-    spots = {s.id for s in rows.system.builder.locations if f"{s.module}.{s.place}" == place}
+    ids = {s.id for s in rows.system.builder.locations if f"{s.module}.{s.place}" == location}
     every = search.evidence.terms(search.models[frozenset()].point)
-    join_terms(search, frozenset(), [t for t in every if t.location in spots])
+    join_terms(search, frozenset(), [t for t in every if t.location in ids])
     return search.posterior()
 
 
@@ -381,4 +381,4 @@ def test_of_places_that_fit_alike_one_that_a_plant_can_hold_is_told(
     odds = dict(zip(models, (20.0, 20.0 - behind), strict=True))
     every = {frozenset[str](): SimpleNamespace(terms=()), **models}
     found = Posterior(cast("Any", None), cast("Any", every), {frozenset(): 0.0, **odds})
-    assert {f"{told}~A.n"} == found.selected
+    assert {f"{expected}~A.n"} == found.selected

@@ -45,7 +45,7 @@ def noise_of(error: Array, flags: Flags, least: float) -> Noise:
     """
     own = error[flags]
     spread = float(np.sqrt(np.mean(own**2))) if len(own) else least
-    return Noise(max(spread, least, limits.LEAST_ERROR), memory_of(error, flags))
+    return Noise(max(spread, least, limits.LEAST_ERROR), autocorrelation_time(error, flags))
 
 
 def score_covariance(columns: Array, error: Array, flags: Flags) -> Array:

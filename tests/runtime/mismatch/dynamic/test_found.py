@@ -330,10 +330,10 @@ def left_out(curve: CurveFound, found: FittedCurve) -> Array:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
-    place = bench(flapping(thin, seed))
-    plain = plain_end(place, {})
-    spot = next(s for s in place.builder.locations if s.id == "definition:lower.outflow")
-    term = fitted_curve(plain, spot, "lower.h")
+    problem = problem_of(flapping(thin, seed))
+    plain = plain_end(problem, {})
+    location = next(s for s in problem.builder.locations if s.id == "definition:lower.outflow")
+    term = fitted_curve(plain, location, "lower.h")
     curve = curve_of(term)
     assert "lower.y" == curve.driver
     off = curve.value - left_out(curve, term)
