@@ -16,7 +16,7 @@ import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Check
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
@@ -131,6 +131,7 @@ class _Otherwise:
         after, chi = check.explained(found), found.excess * found.limit
         quiet = after.judged & ~after.deviating
         each = quiet | ((after.probability > 0.0) & (after.freedom > 1))
+        each = each[[not self._in_doubt(fault) for fault in check.ruleset.faults]]
         best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
         if best[running].mean() < common.NEARLY_ALL or self._rivalled(chi):
             return None
@@ -148,9 +149,6 @@ class _Otherwise:
         """Whether a fault explains everything, as well as a hypothesis that leaves a chi-square of
         at least `left`, shape (n,); of constant degree, as one that varies between operating points
         is no fault.
-
-        A slope error of a reading whose unit is in doubt is no rival: it would have to equal the
-        ratio of two units.
         """
         if self.judged.mean() < common.NEARLY_ALL:
             return False
@@ -158,8 +156,7 @@ class _Otherwise:
         for i, fault in enumerate(self.check.ruleset.faults):
             fits = explained.probability[i] > 0.0
             off = self.judged & fits & ~before.sound
-            own = fault.in_sensor and not set(fault.scales).isdisjoint(self.misread.signals)
-            if (own and self.misread.condition is UNIT) or not off.any():
+            if self._in_doubt(fault) or not off.any():
                 continue
             degree, u = explained.degree[i, off], float(np.median(explained.u[i, off]))
             steady = degree.std() <= common.SAME_DEGREE * abs(degree.mean()) + u
@@ -168,6 +165,15 @@ class _Otherwise:
             if steady and as_well and covers:
                 return True
         return False
+
+    def _in_doubt(self, fault: FaultSpec) -> bool:
+        """Whether it is an error of a reading whose unit is in doubt.
+
+        As recorded its size would have to be the ratio of two units; in another unit the column is
+        taken to be right.
+        """
+        own = fault.in_sensor and not set(fault.scales).isdisjoint(self.misread.signals)
+        return own and self.misread.condition is UNIT
 
 
 def _candidates(raw: Recording, check: Check, still: Set[str]) -> Iterator[Misread]:

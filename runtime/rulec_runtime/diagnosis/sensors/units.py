@@ -9,6 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
 from rulec_runtime.diagnosis.sensors import limits
+from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.stationary import systematic_u
 
@@ -73,9 +74,12 @@ def of_one_dimension(
 def like_a_reading(signal: SignalSpec, values: Array, noise: float) -> bool:
     """Whether noise and value are plausible for a sensor of its class.
 
-    `values`, shape (n,), SI, are read differently than recorded, and so is their `noise`.
+    `values`, shape (n,), SI, are read differently than recorded, and so is their `noise`. A column
+    that is at zero all the time is in another unit: there any estimates agree.
     """
     if not np.isfinite(values).any():
+        return False
+    if at_zero(signal, values[np.isfinite(values)]).all():
         return False
     usual = float(np.nanmedian(values))
     u = float(np.nanmedian(systematic_u(signal, values) + np.zeros(len(values))))
