@@ -70,3 +70,13 @@ def test_columns_in_right_units_are_not_read_in_others(plant: Path, recording: P
     """At zero, or beside an estimate that says nothing, any two estimates agree."""
     found = told_by("diagnose", plant, recording)
     assert {"fault"} == {finding["kind"] for finding in found["findings"]}
+
+
+def test_either_of_two_meters_may_be_wrong(plant: Path, recording: Path) -> None:
+    """Also where no one degree fits all stretches: the probabilities add up."""
+    found = told_by("diagnose", plant, recording)
+    for finding in found["findings"]:
+        named = [finding, *finding["alternatives"], *finding["remote"]]
+        assert {"pipe.Q1", "pipe.Q2"} == {one["fault"][:7] for one in named}
+        assert 1.0 == pytest.approx(sum(one["probability"] for one in named), abs=0.05)
+    assert found["findings"]

@@ -77,7 +77,7 @@ def causes_of(
     ruleset, isolation = evaluated.part.ruleset, evaluated.isolation
     hypotheses = hypotheses_of(fits, isolation.chance, ruleset.odds, before)
     if not hypotheses:
-        hypotheses = [_average(isolation, members, ruleset.odds)]
+        hypotheses = _averages(isolation, members, ruleset.odds)
     fitting = isolation.probability[:, members].max(axis=1) > 0.0
     # The most probable hypothesis; of indistinguishable ones, the most frequent.
     first = hypotheses[0]
@@ -151,13 +151,23 @@ def _coinciding(ruleset: Ruleset, fault: int) -> frozenset[int]:
     return found
 
 
-def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Fit:
-    """Where no degree fits all stretches: the mean of those of each, with their scatter."""
+def _averages(isolation: Isolation, members: Sequence[int], odds: Array) -> list[Fit]:
+    """Where no degree fits all stretches: the mean of those of each, with their scatter; the most
+    probable first."""
     pair = tuple(int(i) for i in isolation.pair[members[0]])
     mean = isolation.probability[:, members].mean(axis=1)
     weighed = mean * odds
-    faults = pair if pair[0] >= 0 else (int(np.argmax(weighed)),)
     weighed *= mean.sum() / weighed.sum()
+    order = np.argsort(-weighed, kind="stable").tolist()
+    each = [pair] if pair[0] >= 0 else [(i,) for i in order if weighed[i] > 0.0]
+    return [_average(isolation, members, faults, (weighed, mean)) for faults in each]
+
+
+def _average(
+    isolation: Isolation, members: Sequence[int], faults: tuple[int, ...], chances: Sequence[Array]
+) -> Fit:
+    """The mean of one or two faults over some stretches, with their probability and that if all
+    were equally frequent."""
     degrees, spreads = [], []
     for fault in faults:
         each, u = isolation.degree[fault, members], isolation.u[fault, members]
@@ -165,5 +175,5 @@ def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Fit:
         # Lasting errors do not average out over a run, so the uncertainty is that of one stretch.
         scatter = np.sqrt(np.average((each - degrees[-1]) ** 2))
         spreads.append(float(np.hypot(np.min(u), scatter)))
-    both = (float(p[list(faults)].min()) for p in (weighed, mean))
+    both = (float(p[list(faults)].min()) for p in chances)
     return Fit(faults, ONSET, tuple(degrees), tuple(spreads), np.nan, np.nan, *both)
