@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rulec.cli import main
+from tests.conftest import Capsys
 from tests.written import told_by, write_columns, write_plant
 
 TYPE = """\
@@ -80,3 +82,12 @@ def test_either_of_two_meters_may_be_wrong(plant: Path, recording: Path) -> None
         assert {"pipe.Q1", "pipe.Q2"} == {one["fault"][:7] for one in named}
         assert 1.0 == pytest.approx(sum(one["probability"] for one in named), abs=0.05)
     assert found["findings"]
+
+
+def test_a_law_without_a_value_is_not_calibrated(
+    plant: Path, recording: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    assert 1 == main(["calibrate", str(plant), str(recording), "-o", str(tmp_path / "c.yaml")])
+    assert (
+        "pipe.resis: with the values that fit best the law has no value" in capsys.readouterr().err
+    )

@@ -173,6 +173,7 @@ def _fit_observer(
         key=lambda way: way[1],
     )
     found = law.near(best, bulk, own_variance, law.points(best, bulk)[2], begun.noise)
+    _must_have_values(module, observer, found)
     _, precision = priors.near(best)
     covariance = np.asarray(np.linalg.inv(found.precision + precision), dtype=float)
     factor = priors.spreads(best, covariance)
@@ -258,6 +259,18 @@ def _must_be_determined(
             f"{module.name}.{observer}: the recording does not determine "
             f"{', '.join(weak or unknown or free)}; vary the operating point more, state how "
             "exact the sheet is ('u'), or set 'fit: false'"
+        )
+
+
+def _must_have_values(module: Module, observer: str, found: Near) -> None:
+    """Refuse values with which the law has no value, or no slope, at some points."""
+    lost = int(np.sum(~np.isfinite(sum(found.errors, np.zeros(len(found.off))))))
+    if lost:
+        raise CalibrationRefused(
+            f"{module.name}.{observer}: with the values that fit best the law has no value at "
+            f"{lost} of {plural(len(found.off), 'settled point', 'settled points')}, such as a "
+            "root of less than 0: it cannot follow this recording; look for a reading that "
+            "hardly moves while the flow does, or correct the law"
         )
 
 
