@@ -11,6 +11,7 @@ from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import trace_csv
 from rulec_runtime.report.page import report
+from rulec_runtime.report.wording import agreement
 
 from tests.runtime.tanks import made, plant
 
@@ -145,6 +146,14 @@ def test_a_bad_model_is_measured_by_itself_and_does_not_alarm() -> None:
 def blocked() -> Diagnosis:
     recording = made("cascaded-tanks", 0, ("lower.blockage", 0.2, 0.5), SHORT)
     return diagnose(recording, plant("cascaded-tanks"))
+
+
+def test_a_reading_that_contradicts_its_finding_is_told() -> None:
+    found = blocked()
+    finding = found.findings[0]
+    opposite = replace(finding.evidence[0], verdict="+", expected="-")
+    told = agreement(found.ruleset, finding, opposite)
+    assert "✗ not as predicted" == told
 
 
 def test_trace_and_page_tell_the_finding_by_a_ruleset_of_a_file(tmp_path: Path) -> None:

@@ -232,8 +232,8 @@ def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> str:
         return "~ weaker than expected"
     # What a fault does to two estimates need not be quite the same.
     touched, fault = {*finding.fault.affects}, finding.fault
-    terms = next(r.terms for r in ruleset.residuals if r.id == evidence.residual)
-    if cell is None and fault.tolerance and all(t.observer in touched for t in terms):
+    terms = [t.observer for r in ruleset.residuals if r.id == evidence.residual for t in r.terms]
+    if cell is None and fault.tolerance and terms and touched.issuperset(terms):
         return "~ within tolerance"
     return "✗ not as predicted"
 
