@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Dynamics, StateSpec
 from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
 from rulec.knowledge.module_type import ENDS, OUTFLOW, FaultUse, ModuleType, Parameter
 from rulec.knowledge.plant import Module
-from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.language.diagnostics import Diagnostic, Origin, Refused
 from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.units import NONE, Unit
 from rulec.passes.amend import Amended, Change, amend
@@ -57,7 +57,7 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
     """
     plant = network.plant
     modules = plant.modules.values()
-    amended = {m.name: with_faults(m, faults[m.name]) for m in modules}
+    amended = {m.name: _with_errors(m, with_faults(m, faults[m.name])) for m in modules}
     try:
         plan = lower_states(Lowering(network, amended, {}, network.ends))
     except Rejected as error:
@@ -164,6 +164,18 @@ def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
     return result
 
 
+def _with_errors(module: Module, amended: Amended) -> Amended:
+    """The type of a module with an error of each given reading, inside its faults: a faulty sensor
+    scales its errors as well."""
+    unit = Unit("1", 1.0, NONE)
+    e = Parameter(name="e", value=0.0, unit=unit, title="error", origin=Origin("", 0))
+    for name in (n for n in module.type.signals if n not in module.type.readings):
+        ids = {"e": f"error.{module.name}.{name}"}
+        change = Change(places=(("signal", name),), law=_LESS, parameters={"e": e}, ids=ids)
+        amended = amend(amended, change)
+    return amended
+
+
 def _acting(
     module: Module, fault: FaultType, variant: Variant, target: str
 ) -> tuple[Places, Expression]:
@@ -195,5 +207,7 @@ def forward_law(variant: Variant) -> Expression:
     """The faulty value, over ``law`` (the healthy value) and the degree ``x``."""
     return parse(sympy.sstr(law_of(variant, _LAW, _DEGREE)))
 
+
+_LESS = parse("law - e")
 
 _LAW, _DEGREE = (sympy.Symbol(name, real=True) for name in ("law", "x"))

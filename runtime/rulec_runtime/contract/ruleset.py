@@ -292,7 +292,8 @@ class Dynamics:
     """Balances of a plant that stores.
 
     The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
-    ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``. It gives
+    ``x.<fault>`` for each of `faults` (degrees; 0 without the fault), ``error.<reading>`` for each
+    of `inputs` (what the sensor adds to the true value; 0 if not given) and ``time``. It gives
     ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, dead times
     ``after:<state>``, and ``shown:<signal>`` for each of `outputs`. `uncertainties` are those of
     `values`, SI, without their correlations.
