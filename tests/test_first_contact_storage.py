@@ -73,3 +73,10 @@ def test_a_meter_of_a_pump_that_stands_does_not_explain_a_leak(plant: Path, tmp_
     found = told_by("diagnose", plant, recorded(tmp_path / "leak.csv", 0.5))
     assert not [f for f in found["findings"] if f["degree"] > 0.5]
     assert found["findings"] or found["unknown"]
+
+
+def test_what_is_unknown_is_told_with_its_size(plant: Path, tmp_path: Path) -> None:
+    """No fault of this tank is a leak that does not depend on what is drawn."""
+    found = told_by("diagnose", plant, recorded(tmp_path / "leak.csv", 3.0))
+    (unknown,) = {period["text"] for period in found["unknown"]}
+    assert "m below what the balances predict" in unknown

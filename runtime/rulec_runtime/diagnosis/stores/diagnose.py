@@ -71,7 +71,17 @@ def _beside_another(runs: Sequence[Run], own: Run) -> bool:
 
 
 def _unknown(found: Weighed, run: Run) -> str:
-    """The reading that the balances miss most."""
+    """The reading that the balances miss most, and by how much where they begin to."""
+    beyond = [e for e in evidence_of(found, run, None) if e.verdict in ("+", "-")]
+    if beyond:
+        most = max(beyond, key=lambda e: abs(e.value) / e.u)
+        signal = found.model.ruleset.signal_by_id[most.residual]
+        size = f"{abs(most.value) / signal.factor:.2g} {signal.unit}"
+        where = "above" if most.value > 0.0 else "below"
+        return (
+            f"nothing known fits: {signal.id} is soon {size} {where} what the balances predict, "
+            "and no known fault moves it like that"
+        )
     outputs = found.model.dynamics.outputs
     off = np.zeros(len(outputs))
     for plain in (found.judged[i].plain for i in run.members):

@@ -15,8 +15,8 @@ from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed
 from rulec_runtime.simulation.balances import RanAway
 
 
-def evidence_of(found: Weighed, run: Run, cause: Cause) -> tuple[Evidence, ...]:
-    """One entry per reading that balances predict."""
+def evidence_of(found: Weighed, run: Run, cause: Cause | None) -> tuple[Evidence, ...]:
+    """One entry per reading that balances predict; without a cause none is expected to deviate."""
     model, members = found.model, run.members
     target = found.judged[members[min(2, len(members) - 1)]]
     before = found.judged[members[0] - 1] if members[0] else target
@@ -24,9 +24,11 @@ def evidence_of(found: Weighed, run: Run, cause: Cause) -> tuple[Evidence, ...]:
     reference = before if calm and before.window.piece == target.window.piece else target
     assert reference.plain is not None
     window = found.windows.joined(reference.window, target.window)
+    faults, degree = ((cause.fault,), cause.degree) if cause else ((), 0.0)
+    known = len(reference.plain.unknowns)
     try:
-        unknowns = np.append(reference.plain.unknowns, 0.0)
-        shown, slopes, _ = model.simulate(window, unknowns, (cause.fault,))
+        unknowns = np.append(reference.plain.unknowns, np.zeros(len(faults)))
+        shown, slopes, _ = model.simulate(window, unknowns, faults)
     except RanAway:
         return ()
     rows, off = window.time >= target.window.time[0], window.measured - shown
@@ -42,9 +44,9 @@ def evidence_of(found: Weighed, run: Run, cause: Cause) -> tuple[Evidence, ...]:
             entries.append(Evidence(name, 0.0, 0.0, 0.0, 0.0, "invalid", "0"))
             continue
         value, mean = float(np.mean(off[here, i])), slopes[here, i].mean(axis=0)
-        lasting = float(np.sqrt(max(mean[:-1] @ covariance @ mean[:-1], 0.0)))
+        lasting = float(np.sqrt(max(mean[:known] @ covariance @ mean[:known], 0.0)))
         u = float(np.hypot(lasting, model.spread[i] / np.sqrt(here.sum())))
-        signs = sign_of(value, u), sign_of(float(mean[-1] * cause.degree), u)
+        signs = sign_of(value, u), sign_of(float(mean[known:].sum() * degree), u)
         entries.append(Evidence(name, value, u, lasting, threshold_of(u), *signs))
     return tuple(entries)
 
