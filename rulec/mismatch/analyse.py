@@ -115,7 +115,7 @@ def analyse(
     verdict, headline, then = with_misread(
         verdict,
         headline_of(verdict, findings, locations, doubt, fits, beyond)
-        + remainder_of(verdict, fits),
+        + remainder_of(verdict, fits, doubt.unbelievable),
         next_step(
             verdict,
             findings,

@@ -175,16 +175,19 @@ def _inside(text: str) -> str:
     return text if "." in text.split()[0] else f"{text[0].lower()}{text[1:]}"
 
 
-def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
-    """How far off the repaired model still is, if that is far; else empty.
+def remainder_of(verdict: str, fits: Sequence[Fit], strain: Sequence[Strain] = ()) -> str:
+    """How far off the repaired model still is, and its values that are not credible; else empty.
 
-    A named explanation may be right but incomplete, which must be known before the repair is
+    A named explanation may be incomplete or wrong, which must be known before the repair is
     adopted.
     """
-    most, signal = _farthest(fits)
-    if verdict in ("none", "unnamed", "unsure", "cannot judge") or most < limits.FAR_OFF:
+    if verdict in ("none", "unnamed", "unsure", "cannot judge"):
         return ""
-    return f" However, {signal} is still off by {most:.0f} times its noise."
+    most, signal = _farthest(fits)
+    but = [f"{signal} is still off by {most:.0f} times its noise"] * (most >= limits.FAR_OFF)
+    if strain:
+        but.append(f"not credible: {'; '.join(map(str, strain))}")
+    return f" However, {'; '.join(but)}." if but else ""
 
 
 def _unsure(doubt: Doubt, standing: Sequence[CandidateSet]) -> str:
