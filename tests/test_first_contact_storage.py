@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rulec.cli import main
+from tests.conftest import Capsys
 from tests.written import told_by, write_columns, write_plant
 
 METER = """\
@@ -80,3 +82,13 @@ def test_what_is_unknown_is_told_with_its_size(plant: Path, tmp_path: Path) -> N
     found = told_by("diagnose", plant, recorded(tmp_path / "leak.csv", 3.0))
     (unknown,) = {period["text"] for period in found["unknown"]}
     assert "m below what the balances predict" in unknown
+
+
+def test_a_zero_that_the_free_start_takes_up_is_not_called_detectable(
+    plant: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    """Each window begins at any level, so a level that is 0.3 m off all along leaves no trace."""
+    assert 0 == main(["check", str(plant), str(recorded(tmp_path / "sound.csv", 0.0))])
+    told = capsys.readouterr().out
+    assert "detectable faults: 8 of 10" in told
+    assert "undetectable: tank.L.offset.high, tank.L.offset.low" in told

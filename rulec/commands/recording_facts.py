@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.detectable_faults import visible_of
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.output.plural import plural
@@ -93,7 +94,10 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
     balances = False  # whether they can be integrated, and something can be compared with them
     if (dynamics := ruleset.dynamics) is not None and usable.issuperset(dynamics.inputs):
         balances = not usable.isdisjoint(dynamics.outputs)
-        visible |= set(dynamics.faults if balances else ())
+        lost = {signal.id for signal in ruleset.signals} - usable
+        for part in visible_of(ruleset).parts if balances else ():
+            traces = np.diag(part.information(lost)).tolist()
+            visible |= {f for f, trace in zip(part.highest, traces, strict=True) if trace > 0.0}
     moved = {observer for name in compared for observer in terms[name]}
     reached = [e for e in sought["effects"] if balances or moved.intersection(e["observers"])]
     found = [e for e in reached if usable.issuperset(e["needs"])]
@@ -191,9 +195,6 @@ def tell(out: Console, name: str, facts: Facts) -> None:
     rows = plural(facts["rows"], "row", "rows")
     out.print(styled("{}: {} over {}", name, rows, duration(facts["seconds"])))
     out.print(shown(_columns(facts["readings"])))
-    # If a column is missing, the reader of the recording already names the strangers.
-    if facts["strangers"] and all(one["title"] or not one["used"] for one in facts["readings"]):
-        out.print(styled("columns that belong to no signal: {}", _some(facts["strangers"])))
     for note in facts["notes"]:
         out.print(styled("[dim]note: {}[/]", note))
     if facts["settled"] is None:

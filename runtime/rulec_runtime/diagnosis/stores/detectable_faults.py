@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
-from rulec_runtime.diagnosis.stores.window_fit import inverse, model_of
+from rulec_runtime.diagnosis.stores.window_fit import model_of
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import RanAway
@@ -54,10 +54,16 @@ def _information(
         return np.diag(np.full(count, np.inf))
     table = slopes[:, there].reshape(-1, slopes.shape[2])
     own, effect = np.split(table, [table.shape[1] - count], axis=1)
-    certain, shared, whole = own.T @ own, own.T @ effect, effect.T @ effect
-    certain[states:, states:] += np.eye(len(certain) - states)
-    left: Array = whole - shared.T @ inverse(certain) @ shared
-    shown = np.diag(left) > limits.UNDETECTABLE_EFFECT * np.diag(whole)
+    # By least squares with the prior as rows: differences of squares would hide a fault beside a
+    # parameter that its sheet alone limits.
+    prior = np.eye(own.shape[1])[states:]
+    own, effect = np.vstack([own, prior]), np.vstack([effect, np.zeros((len(prior), count))])
+    norm = np.linalg.norm(own, axis=0)
+    own = own / np.where(norm > 0.0, norm, 1.0)
+    rest = effect - own @ np.linalg.lstsq(own, effect)[0]
+    left: Array = rest.T @ rest
+    size = np.linalg.norm(effect, axis=0)
+    shown = np.sqrt(np.diag(left)) > limits.UNDETECTABLE_EFFECT * size
     return np.where(np.outer(shown, shown), left, 0.0)
 
 
