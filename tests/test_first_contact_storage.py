@@ -92,3 +92,12 @@ def test_a_zero_that_the_free_start_takes_up_is_not_called_detectable(
     told = capsys.readouterr().out
     assert "detectable faults: 8 of 10" in told
     assert "undetectable: tank.L.offset.high, tank.L.offset.low" in told
+
+
+def test_calibrate_sends_a_tank_to_the_command_that_fits_it(
+    plant: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    """Both meters are there, and no law beside them."""
+    recording = recorded(tmp_path / "sound.csv", 0.0)
+    assert 1 == main(["calibrate", str(plant), str(recording), "-o", str(tmp_path / "c.yaml")])
+    assert "`rulec mismatch` fits the balances of tank" in capsys.readouterr().err

@@ -11,6 +11,7 @@ from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import settle, systematic_u
+from rulec_runtime.report.text import listed
 from rulec_runtime.report.wording import treatment_of
 
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, fit_module
@@ -110,7 +111,7 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
     """Fit every module that ran and whose true flow a fault-free recording determines.
 
     `name` is that of the recording in messages. Raises `CalibrationRefused` if nothing settled, if
-    no module has a true flow, or if one cannot be fitted.
+    no module has a law and a true flow, or if one cannot be fitted.
     """
     settled = settled_points(models, recording, name)
     modules = models.plant.modules.values()
@@ -125,9 +126,11 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
             readings = Readings(local[module.name], flow)
             fits.append(fit_module(module, models.types[module.type.key], readings))
     if not fits:
+        stores = listed([m.name for m in modules if m.type.states])
+        balances = f"; `rulec mismatch` fits the balances of {stores}" if stores else ""
         raise CalibrationRefused(
-            "no module has a true flow to fit to: the recording needs a flow meter column that is "
-            "not zero throughout, or a module type an observer with 'reference: true'"
+            "no module has both a law to fit and a true flow, from a flow meter that is not zero "
+            f"throughout or an observer with 'reference: true'{balances}"
         )
     return Calibrated(
         models=models,
