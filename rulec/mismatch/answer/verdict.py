@@ -181,12 +181,13 @@ def remainder_of(verdict: str, fits: Sequence[Fit], strain: Sequence[Strain] = (
     A named explanation may be incomplete or wrong, which must be known before the repair is
     adopted.
     """
-    if verdict in ("none", "unnamed", "unsure", "cannot judge"):
+    if verdict in ("none", "unsure", "cannot judge"):
         return ""
     most, signal = _farthest(fits)
-    but = [f"{signal} is still off by {most:.0f} times its noise"] * (most >= limits.FAR_OFF)
+    far = most >= limits.FAR_OFF and verdict != "unnamed"
+    but = [f"{signal} is still off by {most:.0f} times its noise"] * far
     if strain:
-        but.append(f"not credible: {'; '.join(map(str, strain))}")
+        but.append(f"far from the sheet: {'; '.join(map(str, strain))}")
     return f" However, {'; '.join(but)}." if but else ""
 
 

@@ -123,10 +123,11 @@ def test_what_is_left_is_told_of_what_has_a_name() -> None:
 
 def test_a_value_that_nobody_believes_is_told_with_what_has_a_name() -> None:
     """A tank without a cross-section fits swapped columns."""
-    said = "not credible: V.Kv 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u."
+    said = "far from the sheet: V.Kv 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u."
     off = " However, A.Q is still off by 4 times its noise; "
     told = [remainder_of("named", [fit_of(noise=noise)], [STRAINED]) for noise in (0.1, 0.2)]
     assert [off + said, f" However, {said}"] == told
+    assert f" However, {said}" == remainder_of("unnamed", [fit_of(noise=0.1)], [STRAINED])
 
 
 def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
