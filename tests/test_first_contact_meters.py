@@ -8,7 +8,7 @@ import pytest
 
 from rulec.cli import main
 from tests.conftest import Capsys
-from tests.written import told_by, write_columns, write_plant
+from tests.written import json_of, write_columns, write_plant
 
 TYPE = """\
 module: pipeline
@@ -70,13 +70,13 @@ def recording(tmp_path: Path) -> Path:
 
 def test_columns_in_right_units_are_not_read_in_others(plant: Path, recording: Path) -> None:
     """At zero, or beside an estimate that says nothing, any two estimates agree."""
-    found = told_by("diagnose", plant, recording)
+    found = json_of("diagnose", plant, recording)
     assert {"fault"} == {finding["kind"] for finding in found["findings"]}
 
 
 def test_either_of_two_meters_may_be_wrong(plant: Path, recording: Path) -> None:
     """Also where no one degree fits all stretches: the probabilities add up."""
-    found = told_by("diagnose", plant, recording)
+    found = json_of("diagnose", plant, recording)
     for finding in found["findings"]:
         named = [finding, *finding["alternatives"], *finding["remote"]]
         assert {"pipe.Q1", "pipe.Q2"} == {one["fault"][:7] for one in named}

@@ -7,7 +7,7 @@ import pytest
 
 from rulec.cli import main
 from tests.conftest import Capsys
-from tests.written import told_by, write_columns, write_plant
+from tests.written import json_of, write_columns, write_plant
 
 METER = """\
 module: meter
@@ -72,14 +72,14 @@ def recorded(file: Path, leak: float, seed: int = 6) -> Path:
 
 def test_a_meter_of_a_pump_that_stands_does_not_explain_a_leak(plant: Path, tmp_path: Path) -> None:
     """An error of its zero, scaled by a slope of nearly 100 %, would be any flow."""
-    found = told_by("diagnose", plant, recorded(tmp_path / "leak.csv", 0.5))
+    found = json_of("diagnose", plant, recorded(tmp_path / "leak.csv", 0.5))
     assert not [f for f in found["findings"] if f["degree"] > 0.5]
     assert found["findings"] or found["unknown"]
 
 
 def test_what_is_unknown_is_told_with_its_size(plant: Path, tmp_path: Path) -> None:
     """No fault of this tank is a leak that does not depend on what is drawn."""
-    found = told_by("diagnose", plant, recorded(tmp_path / "leak.csv", 3.0))
+    found = json_of("diagnose", plant, recorded(tmp_path / "leak.csv", 3.0))
     (unknown,) = {period["text"] for period in found["unknown"]}
     assert "m below what the balances predict" in unknown
 
