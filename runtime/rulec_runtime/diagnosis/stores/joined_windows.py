@@ -66,7 +66,7 @@ def _explained(judged: Sequence[Judged], run: range, faults: Mapping[str, FaultS
     counts = Counter(name for i in inside for name in judged[i].fitting)
     most = {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
     found = [
-        Run(part, _cause(judged, part, names, faults) if names else None, len(part) < needed)
+        Run(part, _cause(judged, part, names, faults), len(part) < needed)
         for part, names in ([(run, most)] if most else _parts(judged, run))
     ]
     if len(run) >= needed and all(one.brief for one in found):
@@ -99,14 +99,19 @@ def _inside(run: range) -> range:
 
 def _cause(
     judged: Sequence[Judged], run: range, among: set[str], faults: Mapping[str, FaultSpec]
-) -> Cause:
+) -> Cause | None:
     """The most probable of some faults; each sample counts once, though it is in two windows.
 
     Windows distinguish faults if they are inner ones that any of them fits, or outer ones that all
-    of them fit. In the others a fault begins or ends, or another one occurs.
+    of them fit. In the others a fault begins or ends, or another one occurs. A fault whose degree
+    may as well be zero, as it differs from window to window, explains nothing.
     """
-    names, fitting = [n for n in faults if n in among], {i: among & judged[i].fitting for i in run}
+    fitting = {i: among & judged[i].fitting for i in run}
     inside = [i for i in run if fitting[i] and (i in _inside(run) or fitting[i] == among)]
+    degrees = {n: _degree([judged[i] for i in inside], n) for n in faults if n in among}
+    names = [name for name, (lower, _, upper) in degrees.items() if not lower <= 0.0 <= upper]
+    if not names:
+        return None
     left = [
         [
             one.tests[name].chi if name in one.tests else one.chi
@@ -121,10 +126,16 @@ def _cause(
     weighed = [Other(*one) for one in zip(names, posterior, unprejudiced, strict=True)]
     best = int(np.argmax(posterior))
     rivals, remote = rivals_of(weighed[best], weighed[:best] + weighed[best + 1 :])
-    tests = [judged[i].tests[names[best]] for i in inside if names[best] in judged[i].tests]
+    lower, degree, upper = degrees[names[best]]
+    return Cause(names[best], degree, lower, upper, posterior[best], rivals, remote)
+
+
+def _degree(windows: Sequence[Judged], name: str) -> tuple[float, float, float]:
+    """Lower bound, mean and upper bound of the degree of a fault over some windows."""
+    tests = [one.tests[name] for one in windows if name in one.tests]
     tests = [test for test in tests if test.fits] or tests
     degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
     degree = float(np.average(degrees, weights=1.0 / np.maximum(u, limits.LEAST_U_STORES) ** 2))
     # Lasting errors are the same in all windows: averaging does not reduce them.
     half = common.COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
-    return Cause(names[best], degree, degree - half, degree + half, posterior[best], rivals, remote)
+    return degree - half, degree, degree + half
