@@ -128,12 +128,15 @@ def step_in_words(
             return f"no set point may be changed, so nothing separates {which}"
         most = f"at most {max(proposal.apart, default=0.0):.1f} sigma"
         return f"no change of set points within the permitted range separates {which} ({most})"
-    parts = []
+    parts, unclear = [], {}
     for other, here, there in zip(others, proposal.here, proposal.apart, strict=True):
-        enough = "" if there >= SEPARATED else f"; it takes {SEPARATED:g} to be sure"
-        parts.append(
-            f"{fault} and {other} then differ by {there:.1f} sigma (now {here:.1f}{enough})"
-        )
+        if there >= SEPARATED:
+            parts.append(f"{fault} and {other} then differ by {there:.1f} sigma (now {here:.1f})")
+        else:
+            unclear[other] = there
+    if unclear:
+        most = f"at most {max(unclear.values()):.1f} sigma; it takes {SEPARATED:g} to be sure"
+        parts.append(f"{fault} then hardly differs from {', '.join(unclear)} ({most})")
     step = set_points(ruleset, present, proposal)
     return f"{step}: {', '.join(parts)}{costs_in_words(proposal)}"
 

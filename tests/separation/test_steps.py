@@ -15,7 +15,14 @@ from rulec_runtime.output.terminal import plain
 from rulec.cli import main
 from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
-from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
+from rulec.separation.propose import (
+    Looked,
+    Measure,
+    Point,
+    Proposal,
+    propose,
+    step_in_words,
+)
 from rulec.separation.table import Separated, show_separated
 from tests.conftest import ROOT, Capsys, compiled
 from tests.written import json_of, write_columns
@@ -93,6 +100,19 @@ def test_step_keeps_a_file_of_limits_and_says_what_it_costs(tmp_path: Path, caps
     output = " ".join(re.sub("[│├└─]", " ", capsys.readouterr().out).split())
     assert "to tell them apart: lower B.n from" in output
     assert "this costs product (C)" in output
+
+
+def test_what_a_step_leaves_together_is_told_in_one_clause() -> None:
+    ruleset = compiled("abc")
+    allowed, present = allowed_of(ruleset, None), {"A.n": 900.0}
+    step = Proposal(changes={"A.n": 700.0}, here=(0.5, 0.0, 0.0), apart=(6.2, 0.2, 1.5), hold=60)
+    others = ["A.leakage", "A.dp.low", "A.P_el.low"]
+    assert step_in_words(ruleset, allowed, present, "A.dp.high", others, step) == (
+        "lower A.n from 900 to 700 rpm, and hold it for 60 s: "
+        "A.dp.high and A.leakage then differ by 6.2 sigma (now 0.5), "
+        "A.dp.high then hardly differs from A.dp.low, A.P_el.low "
+        "(at most 1.5 sigma; it takes 4 to be sure)"
+    )
 
 
 def test_matrix_tells_the_step_of_each_pair(capsys: pytest.CaptureFixture[str]) -> None:

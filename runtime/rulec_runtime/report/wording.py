@@ -178,16 +178,16 @@ def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
     rarer = [f for f in others if f.odds < fault.odds]
     if rarer:
         both = "both fit" if len(others) == 1 else "all of them fit"
-        words = ", ".join(map(_how_often, (fault, *rarer)))
+        words = "; ".join(map(_how_often, (fault, *rarer)))
         yield f"{both} the readings; {fault.id} comes first because it occurs more often ({words})"
     for other in others:
         if other.odds > fault.odds:
-            words = f"{_how_often(other)}, {_how_often(fault)}"
+            words = f"{_how_often(other)}; {_how_often(fault)}"
             yield f"{other.id} occurs more often, but the readings favour {fault.id} ({words})"
 
 
 def _how_often(fault: FaultSpec) -> str:
-    return f"{fault.id}: {'not listed by its module' if fault.unlisted else fault.frequency}"
+    return f"{fault.id}: {fault.frequency}{', not listed by its module' * fault.unlisted}"
 
 
 def titled(fault: FaultSpec) -> str:
