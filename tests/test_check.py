@@ -2,10 +2,12 @@
 
 import functools
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -14,6 +16,7 @@ from rulec.commands.check_files import collect
 from rulec.commands.recording_facts import Facts, facts_of, sought_of
 from rulec.effects.model_builder import open_builder
 from tests.conftest import ROOT, Capsys, Patch
+from tests.written import write_columns
 
 ABC, TANKS = ROOT / "plants" / "abc", ROOT / "plants" / "cascaded-tanks"
 HEALTHY = ABC / "examples" / "healthy.csv"
@@ -86,6 +89,26 @@ def test_command_tells_files_and_recording(
     output = json.loads(capsys.readouterr().out)
     assert output["found"] == []
     assert output["recordings"][str(file)]["lacks"][0]["signal"] == "A.P_el"
+
+
+def test_what_a_reading_does_again_and_again_is_told_once(tmp_path: Path) -> None:
+    """Two times above its range: the first is told, the other is counted."""
+    values = pd.read_csv(HEALTHY)
+    values.loc[[*range(10, 20), *range(40, 50)], "A.dp [bar]"] = 90.0
+    values.to_csv(tmp_path / "r.csv", index=False)
+    (text,) = odd(facts(tmp_path / "r.csv"))["A.dp"]
+    assert re.fullmatch(r"A\.dp reads 90 bar, above its range .*; 1 time more", text)
+
+
+def test_doubts_are_told_beside_a_recording(tmp_path: Path, capsys: Capsys) -> None:
+    """What `check PLANT` doubts, `check PLANT RECORDING` doubts as well."""
+    folder = shutil.copytree(ROOT / "tests" / "errors" / "KB146-meter-read-twice", tmp_path / "p")
+    columns = {"time [s]": np.arange(60), "FI-104": np.full(60, 5.0)}
+    file = write_columns(tmp_path / "r.csv", columns)
+    main(["check", str(folder), str(file)])
+    out = capsys.readouterr().out
+    assert "'FI-104' is P.Q and also V.Q" in out
+    assert "1 warning in 1 file" in out
 
 
 def test_doubts_and_mistakes_in_sarif(tmp_path: Path, capsys: Capsys, monkeypatch: Patch) -> None:

@@ -102,14 +102,15 @@ def _collected(paths: Sequence[Path]) -> list[Diagnostic]:
 
 
 def _facts(plant: Path, recordings: Sequence[Path]) -> tuple[list[Diagnostic], Mapping[str, Facts]]:
-    """What recordings are good for; instead, the mistakes of a plant that does not compile."""
+    """What recordings are good for, with doubts about the plant; or only the mistakes in it."""
     from rulec.commands.recording_facts import facts_of, sought_in
 
     try:
         sought, ruleset = sought_in(plant), ruleset_of_plant(plant)
     except Refused as refused:
         return _collected([plant]) or list(refused.diagnostics), {}
-    return [], {str(path): facts_of(path, ruleset, sought) for path in recordings}
+    facts = {str(path): facts_of(path, ruleset, sought) for path in recordings}
+    return _collected([plant]), facts
 
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

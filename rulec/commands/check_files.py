@@ -4,9 +4,15 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
+from rulec.algebra.continuity import FlowGraph, flows_by_continuity
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
-from rulec.knowledge.doubts import doubts_of_plant, doubts_of_redundancy, doubts_of_types
+from rulec.knowledge.doubts import (
+    doubts_of_columns,
+    doubts_of_plant,
+    doubts_of_redundancy,
+    doubts_of_types,
+)
 from rulec.knowledge.read import read_all, read_files, read_plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
@@ -54,6 +60,7 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
     if network.stores:
         dynamics_of(network, {name: [] for name in plant.modules})
     doubts = [*doubts_of_plant(document, plant)]
+    doubts += doubts_of_columns(document, plant, partial(_same_flow, network.graph))
     used = {o.split(".")[0] for r in derive_residuals(network) for _, o in r.terms}
     used |= observed_through_states(network) if network.stores else set()
     # Modules with faults whose estimates occur in no residual and move nothing that is stored.
@@ -63,3 +70,9 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
         types = check_knowledge(read_all(Path(document.path))).modules.values()
         doubts += doubts_of_redundancy(document, plant, [m.name for m in unused], types)
     return doubts
+
+
+def _same_flow(graph: FlowGraph, module: str) -> Iterable[str]:
+    """Modules whose flow is that of `module` by continuity."""
+    known = flows_by_continuity(graph, [module]).items()
+    return [name for name, flow in known if flow.terms == {module: 1}]

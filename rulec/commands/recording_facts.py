@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from rich.console import Console
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.detectable_faults import visible_of
+from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.output.plural import plural
@@ -108,7 +109,7 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
     readings = []
     for signal in ruleset.signals:
         values = recording.values.get(signal.id, np.array([]))
-        odd = [f.text for f in health.findings if f.signal == signal.id]
+        odd = [*_each_once(f for f in health.findings if f.signal == signal.id)]
         reading = _reading(signal, values, titles.get(signal.id, ""), odd)
         readings.append({**reading, "used": signal.id in ruleset.read})
     unfit = health.recording.unfit or {}
@@ -129,6 +130,16 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
         "lacks": [*_lacks(ruleset, usable, unfit, sought)],
         "unread": sought["unread"],
     }
+
+
+def _each_once(findings: Iterable[SensorFinding]) -> Iterator[str]:
+    """The first finding of each kind, and how often it came again."""
+    kinds: dict[str, list[str]] = {}
+    for one in findings:
+        kinds.setdefault(one.condition.name, []).append(one.text)
+    for first, *more in kinds.values():
+        again = f"; {plural(len(more), 'time', 'times')} more" if more else ""
+        yield first + again
 
 
 def _lacks(

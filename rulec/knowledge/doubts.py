@@ -4,7 +4,7 @@ Doubts are not mistakes: a plant that has some still compiles. `rulec check` rep
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import combinations, product
 
 from rulec.knowledge.knowledge import Knowledge
@@ -79,6 +79,40 @@ def doubts_of_redundancy(
         yield Diagnostic(document.key("modules", name), "KB144", message, hint, doubt=True)
 
 
+def doubts_of_columns(
+    document: Document, plant: Plant, same_flow: Callable[[str], Iterable[str]]
+) -> Iterator[Diagnostic]:
+    """Columns that several modules of one flow read, where one would do.
+
+    `same_flow` lists the modules whose flow is that of another by continuity. A module reads a
+    meter for nothing else if only reference observers use it.
+    """
+    readers: dict[str, list[tuple[str, str]]] = {}
+    for column in plant.columns:
+        module, _, signal = column.signal.partition(".")
+        readers.setdefault(column.column, []).append((module, signal))
+    for title, several in readers.items():
+        spare = [one for one in several if _only_reference(plant.modules[one[0]].type, one[1])]
+        first = next((one for one in several if one not in spare), several[0])
+        others = [one for one in spare if one != first and one[0] in same_flow(first[0])]
+        if others:
+            kept, given = ".".join(first), " and ".join(map(".".join, others))
+            message = (
+                f"'{title}' is {kept} and also {given}; rulec then finds no error of this meter"
+            )
+            hint = f"leave {given} out of the map: the flow follows from {first[0]}"
+            yield Diagnostic(document.key("columns"), "KB146", message, hint, doubt=True)
+
+
+def _only_reference(kind: ModuleType, signal: str) -> bool:
+    """Whether reference observers use a signal, and nothing else does."""
+    using = [o for o in kind.observers.values() if signal in kind.names_through(o.expression)]
+    elsewhere = (
+        kind.reached("states", "readings") | kind.readings.keys() | {*kind.provides.values()}
+    )
+    return bool(using) and all(o.is_reference for o in using) and signal not in elsewhere
+
+
 def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagnostic]:
     """A typical reading, in the unit of the signal, outside the range of its sensor."""
     part = document.data
@@ -89,7 +123,7 @@ def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagno
         return
     ends = " to ".join(f"{signal.unit.from_si(end):g}" for end in (low, high))
     message = f"the typical reading {part:g} lies outside of the range of '{signal.name}'"
-    hint = f"the range is {ends} {signal.unit.text}"
+    hint = f"the range is {ends} {signal.unit.text}; for another sensor write a type of its own"
     yield Diagnostic(document.place(*path), "KB142", message, hint, doubt=True)
 
 

@@ -36,7 +36,7 @@ RANGE = Condition(
     "F",
     "Reading that its sensor cannot show",
     "check cable, supply and scaling of the sensor (NE 43: a broken wire reads below the live "
-    "zero, a short circuit above the end of the range)",
+    "zero, a short circuit above the end of the range), and the range in its module type",
 )
 UNIT = Condition(
     "unit",
