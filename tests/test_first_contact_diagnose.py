@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
@@ -19,6 +20,8 @@ from tests.written import json_of, write_columns, write_plant
 
 HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
 """Head of the pump; usually known to 1.5 %."""
+HEADS = {"pump.missing-head", "pump.dp.low"}
+"""Two names for the same at each operating point."""
 
 
 def plant(folder: Path, head: float = 1.0, doubt: float = 0.015) -> Path:
@@ -122,3 +125,25 @@ def test_a_sheet_that_knows_little_judges_nothing(tmp_path: Path) -> None:
         assert "pump.head: its parameters are not known well enough; calibrate" in part["because"]
         assert "pump.missing-head" in part["because"]
     assert 0.0 == found["not_judged"][0]["since"]
+
+
+def test_a_display_in_coarse_steps_raises_no_fault_and_hides_none(tmp_path: Path) -> None:
+    """A gauge in steps of 0.05 bar, 10 u of its class, at 30 operating points."""
+    random = np.random.default_rng(1)
+    speed, flow = (
+        np.repeat(random.uniform(low, high, 30), 20) for low, high in ((1900, 2800), (300, 800))
+    )
+    inputs = {"t [s]": np.arange(600), "pump.n [rpm]": speed, "pump.Q [l/h]": flow}
+    given = write_columns(tmp_path / "inputs.csv", inputs)
+    ruleset, real = rules(tmp_path), plant(tmp_path / "real")
+    for wrong, named in ([], set()), (["--fault", "pump.missing-head=0.2@300:600"], HEADS):
+        file = tmp_path / "recording.csv"
+        assert (
+            main(["simulate", str(real), str(given), "-o", str(file), "--noise", "1", *wrong]) == 0
+        )
+        shown = pd.read_csv(file)
+        shown["pump.dp [bar]"] = (20.0 * shown["pump.dp [bar]"]).round() / 20.0
+        shown.to_csv(file, index=False)
+        found, _ = said(tmp_path, ruleset, file)
+        assert {f["fault"] for f in found["findings"]} <= named
+        assert bool(found["findings"]) == bool(named)

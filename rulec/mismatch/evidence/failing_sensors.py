@@ -13,24 +13,12 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import STUCK, SensorFinding
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.points import outside_range
-from rulec_runtime.recordings.columns import glitches_in
+from rulec_runtime.recordings.columns import coarse_step, glitches_in
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.result import Finding, Location, Period
-
-
-def coarse_step(values: Array, u: float) -> float:
-    """The step of a display, if that is far beyond its uncertainty `u`; else 0."""
-    finite = values[np.isfinite(values)]
-    levels = np.unique(finite)
-    if not limits.COARSE_LEVELS <= len(levels) <= len(finite) / limits.COARSE_SHOWN:
-        return 0.0
-    steps = np.diff(levels)
-    step = float(np.min(steps))
-    even = np.abs(steps / step - np.round(steps / step)) < limits.COARSE_UNEVEN
-    return step if step > limits.COARSE_BEYOND * u and even.all() else 0.0
 
 
 def median_u(signal: SignalSpec, values: Array) -> float:

@@ -203,20 +203,6 @@ HUBER = 2.5
 """Scales beyond which residuals count less, in the second of two linear problems. Origin:
 assumed."""
 
-# Displays with coarse steps.
-
-COARSE_LEVELS = 4
-"""Fewest levels of a coarse display. Origin: assumed."""
-
-COARSE_SHOWN = 8
-"""Fewest readings per level of a coarse display, on average. Origin: assumed."""
-
-COARSE_BEYOND = 5.0
-"""Least step of a coarse display, in standard uncertainties of its class. Origin: assumed."""
-
-COARSE_UNEVEN = 0.1
-"""Largest deviation of a level from an even grid, in steps. Origin: assumed."""
-
 # Operating states.
 
 ALIKE_SHARE = 0.03

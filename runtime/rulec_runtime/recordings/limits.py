@@ -199,6 +199,18 @@ SAME_LEVEL = 1e-9
 LEAST_NOISE = 1e-300
 """Keeps divisions by the noise of a reading that has none. Origin: numerical."""
 
+COARSE_LEVELS = 4
+"""Fewest levels of a coarse display. Origin: assumed."""
+
+COARSE_SHOWN = 8
+"""Fewest readings per level of a coarse display, on average. Origin: assumed."""
+
+COARSE_BEYOND = 5.0
+"""Least step of a coarse display, in standard uncertainties of its class. Origin: assumed."""
+
+COARSE_UNEVEN = 0.1
+"""Largest deviation of a level from an even grid, in steps. Origin: assumed."""
+
 # Sensor health: a reading by itself ------------------------------------------------------------
 
 STILL_RUN = 10

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.recordings.columns import filled, glitches_in, resolution, thinned
+from rulec_runtime.recordings.columns import coarse_step, filled, glitches_in, resolution, thinned
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import Flags, white_noise
 from rulec_runtime.recordings.standing_still import standing_still
@@ -22,7 +22,7 @@ from rulec.knowledge.parameter_belief import Belief
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.failing_sensors import coarse_step, median_u
+from rulec.mismatch.evidence.failing_sensors import median_u
 from rulec.mismatch.evidence.model import (
     ESTIMATION,
     HELD_OUT,

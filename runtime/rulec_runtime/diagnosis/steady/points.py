@@ -13,7 +13,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.columns import means_between
+from rulec_runtime.recordings.columns import coarse_step, means_between, median_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
@@ -189,8 +189,19 @@ def _points(
         bad[name] = np.isnan(column)
         systematic[name] = systematic_u(signal, column) + np.zeros(len(column))
         with np.errstate(invalid="ignore", divide="ignore"):
-            u[name] = np.hypot(systematic[name], noise[name] / np.sqrt(number))
+            own = np.hypot(noise[name] / np.sqrt(number), _rounding(signal, recording))
+            u[name] = np.hypot(systematic[name], own)
     return Points(values, u, systematic, bad, _reasons(recording, ruleset), time)
+
+
+def _rounding(signal: SignalSpec, recording: Recording) -> float:
+    """Standard uncertainty by a display with coarse steps, SI; an input may be set in steps.
+
+    It does not fall with the number of samples, which all show the same step. Source: GUM F.2.2.1.
+    """
+    values = recording.values[signal.id]
+    usual = float(systematic_u(signal, median_of(np.abs(values))))
+    return 0.0 if signal.is_input else coarse_step(values, usual) / np.sqrt(12.0)
 
 
 def means_of_stretches(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.columns import glitches_in, runs_of_same
+from rulec_runtime.recordings.columns import coarse_step, glitches_in, runs_of_same
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import autocorrelation_time
 from rulec_runtime.recordings.standing_still import standing_still
@@ -15,7 +15,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.failing_sensors import coarse_step, failing
+from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.fit import Fitter, plain_end, polished, refit
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.noise import (
