@@ -210,3 +210,19 @@ def test_a_module_that_stood_keeps_its_values(tmp_path: Path, capsys: Capsys) ->
     found = json_of("calibrate", tmp_path, file, "--force", "-o", tmp_path / "f.yaml")
     assert "left unchanged: C\n" in capsys.readouterr().out
     assert {"A", "B"} == set(found["modules"])
+
+
+def test_a_law_without_its_readings_keeps_its_sheet(tmp_path: Path, capsys: Capsys) -> None:
+    """No power meter of A, no gauge of C: the other laws are fitted, and these are named."""
+
+    def fewer(readings: Any) -> dict[str, Any]:
+        return {n: v for n, v in readings.items() if not n.startswith(("A.P_el", "C.dp"))}
+
+    found = _calibrate(_noise_free(tmp_path, fewer), tmp_path)
+    assert set(found) == {"A", "B"}
+    assert not {"P0", "P1", "eta"} & set(found["A"]["parameters"])
+    assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-3)
+    assert found["B"]["parameters"]["eta"]["value"] == pytest.approx(0.70, rel=1e-3)
+    out = " ".join(capsys.readouterr().out.split())
+    assert "A.power keeps its data sheet: no reading of A.P_el" in out
+    assert "no readings of a law, left unchanged: C" in out

@@ -125,12 +125,14 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
         if np.nansum(np.abs(flow.values)) > 0.0:  # else it never ran, and keeps its values
             readings = Readings(local[module.name], flow)
             fits.append(fit_module(module, models.types[module.type.key], readings))
+    fits = [fit for fit in fits if fit.observers]
     if not fits:
         stores = listed([m.name for m in modules if m.type.states])
         balances = f"; `rulec mismatch` fits the balances of {stores}" if stores else ""
         raise CalibrationRefused(
-            "no module has both a law to fit and a true flow, from a flow meter that is not zero "
-            f"throughout or an observer with 'reference: true'{balances}"
+            "no module has a law with all its readings and a true flow to fit it to, from a flow "
+            "meter that is not zero throughout or an observer with 'reference: true'"
+            f"{balances}"
         )
     return Calibrated(
         models=models,
@@ -207,9 +209,14 @@ def _root_of_squares(parts: Sequence[Array], n: int) -> Array:
 
 
 def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
-    """Notes on operating states that no law was fitted to, on parameters without a stated
-    uncertainty that are of another order of magnitude than stated, and on readings that were not
-    varied."""
+    """Notes on laws without readings, on operating states that no law was fitted to, on parameters
+    without a stated uncertainty that are of another order of magnitude than stated, and on readings
+    that were not varied."""
+    for observer, absent in fit.unread.items():
+        sums = (n.removeprefix(GATHERED) for n in absent if n.startswith(GATHERED))
+        own = (f"{fit.module}.{n}" for n in absent if not n.startswith(GATHERED))
+        lacking = ", ".join((*own, *(f"downstream({name})" for name in sums)))
+        yield f"{fit.module}.{observer} keeps its data sheet: no reading of {lacking}"
     for one in fit.states_set_aside:
         unit = module.type.signals[one.signal].unit
         low, high = (f"{unit.from_si(end):.4g}" for end in (one.low, one.high))

@@ -33,7 +33,7 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
         out.print(str(strain), markup=False, soft_wrap=True)
     if found.left_out:
         left = ", ".join(found.left_out)
-        out.print(f"no true flow in this recording, left unchanged: {left}")
+        out.print(f"no true flow, or no readings of a law, left unchanged: {left}")
     for note in found.notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
     made = f"from {found.points} {'operating points' if found.table else 'settled stretches'}"

@@ -72,7 +72,8 @@ class StateSetAside:
 class ModuleFit:
     """Fitted parameters of a module (SI) with joint covariance, and the ranges of the readings.
 
-    The recording determines the `untold` ones hardly better than the data sheet.
+    The recording determines the `untold` ones hardly better than the data sheet. `unread` are the
+    observers that were not fitted, each with its readings of which there is none.
     """
 
     module: str
@@ -83,10 +84,11 @@ class ModuleFit:
     observers: tuple[ObserverFit, ...]
     valid: Mapping[str, CalibratedRange]
     states_set_aside: tuple[StateSetAside, ...]
+    unread: Mapping[str, tuple[str, ...]]
 
 
 def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFit:
-    """Fit all observers of a module that have free parameters.
+    """Fit all observers of a module that have free parameters, and readings.
 
     Raises `CalibrationRefused` where the points cannot determine a parameter.
     """
@@ -97,8 +99,13 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     of_references = (e for o, e in model.observers.items() if module.type.observers[o].is_reference)
     fixed = {s.name for e in of_references for s in e.free_symbols}
     flags = np.zeros(len(readings.true.values), dtype=bool)
+    unread: dict[str, tuple[str, ...]] = {}
     for observer in model.observers:
         if module.type.observers[observer].is_reference:
+            continue
+        own = {n: readings.own.values.get(n, np.nan) for n in readings_of(model, observer)}
+        if absent := tuple(n for n, v in own.items() if not np.isfinite(v).any()):
+            unread[observer] = absent
             continue
         used = {s.name for s in model.observers[observer].free_symbols}
         free = [
@@ -120,6 +127,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         observers=tuple(part.summary for part in parts),
         valid=_range(model, readings, flags),
         states_set_aside=tuple(p.state_set_aside for p in parts if p.state_set_aside),
+        unread=unread,
     )
 
 
