@@ -4,6 +4,7 @@ import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from rich.console import Console
 
 import rulec
 from rulec.calibration.fit import CalibrationRefused
+from rulec.calibration.law import own_misfit
+from rulec.calibration.sheet_priors import SheetPriors
 from rulec.cli import main
 from tests.conftest import ROOT, Capsys
 from tests.dosing import NOISE_FREE, RIGS, calibration_run, record, write_csv
@@ -226,3 +229,17 @@ def test_a_law_without_its_readings_keeps_its_sheet(tmp_path: Path, capsys: Caps
     out = " ".join(capsys.readouterr().out.split())
     assert "A.power keeps its data sheet: no reading of A.P_el" in out
     assert "no readings of a law, left unchanged: C" in out
+
+
+@pytest.mark.parametrize(("off", "far"), [(0.2, {}), (-1.0, {0: 10.0})])
+def test_an_error_of_a_gauge_that_nobody_believes_explains_no_misfit(
+    off: float, far: dict[int, float]
+) -> None:
+    """Points that lie evenly beside the law, as if a gauge were 2 u off its class, or 10 u."""
+    scatter = 0.01 * np.random.default_rng(1).standard_normal(100)
+    near: Any = SimpleNamespace(
+        off=off + scatter, jacobian=np.zeros((100, 0)), errors=[np.full(100, 0.1)]
+    )
+    misfit, found = own_misfit(near, np.zeros(0), SheetPriors.of([]), 0.0)
+    assert misfit == pytest.approx(1.0 if far else 0.01, rel=0.2)
+    assert found == pytest.approx(far, rel=0.1)

@@ -217,6 +217,15 @@ def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
         own = (f"{fit.module}.{n}" for n in absent if not n.startswith(GATHERED))
         lacking = ", ".join((*own, *(f"downstream({name})" for name in sums)))
         yield f"{fit.module}.{observer} keeps its data sheet: no reading of {lacking}"
+    for law in fit.observers:
+        for name, z in law.far.items():
+            sensor = f"{fit.module}.{name}" if name in module.type.signals else name
+            yield (
+                f"{fit.module}.{law.observer}: its points lie beside the law as if {sensor} were "
+                f"off by {abs(z):.2g} u of its class. Look for a wrong zero, a column in a wrong "
+                "unit, or values of the sheet that are stated too exactly; until then the misfit "
+                "is that of this error, and hides faults"
+            )
     for one in fit.states_set_aside:
         unit = module.type.signals[one.signal].unit
         low, high = (f"{unit.from_si(end):.4g}" for end in (one.low, one.high))

@@ -46,13 +46,18 @@ class CalibratedRange:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverFit:
-    """The fit of one observer; misfit in m3/s."""
+    """The fit of one observer; misfit in m3/s.
+
+    `far` are readings whose errors alone would put the points onto the law, in standard
+    uncertainties that are not believed.
+    """
 
     observer: str
     misfit: float
     r2: float
     points: int
     set_aside: int
+    far: Mapping[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +193,7 @@ def _fit_observer(
     sensitivity = -covariance @ found.weighing.T @ found.inward
     noisy = found.noise * covariance @ found.weighing.T @ found.inward
     statistical = noisy @ noisy.T + covariance @ precision @ covariance
+    misfit, far = own_misfit(found, best, priors, readings.noise(found.slopes, bulk))
     true = readings.true.values[bulk]
     total = float(np.sum((true - true.mean()) ** 2))
     return _Part(
@@ -199,10 +205,11 @@ def _fit_observer(
         untold=tuple(n for n, u in zip(free, priors.left(covariance), strict=True) if u > UNTOLD),
         summary=ObserverFit(
             observer=observer,
-            misfit=own_misfit(found, best, priors, readings.noise(found.slopes, bulk)),
+            misfit=misfit,
             r2=max(1.0 - float(np.sum(found.off**2)) / total, 0.0) if size == varied else 0.0,
             points=len(bulk),
             set_aside=len(rows) - len(bulk),
+            far={name: far[i] for i, name in enumerate(readings.sensors) if i in far},
         ),
         state_set_aside=_state_set_aside(model, observer, readings, rows, bulk),
     )

@@ -26,7 +26,7 @@ from rulec.calibration.limits import (
 )
 from rulec.calibration.sheet_priors import SheetPriors
 from rulec.calibration.true_flow import Local, TrueFlow
-from rulec.limits import FAR_POINT
+from rulec.limits import FAR_POINT, UNBELIEVABLE
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,11 @@ class Readings:
 
     own: Local
     true: TrueFlow
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Sensors used by the calibration, in the order of `errors`."""
+        return tuple(dict.fromkeys([*self.own.systematic, *self.true.errors]))
 
     def errors(self, slopes: Mapping[str, Array], rows: np.ndarray) -> list[Array]:
         """How far points move off the law, m3/s, if one sensor is one standard deviation off: an
@@ -183,14 +188,18 @@ def joined(near: Callable[[Array], Near], at: Array, priors: SheetPriors) -> tup
     return at, near(at).cost + float(np.sum(priors.far(at) ** 2))
 
 
-def own_misfit(near: Near, at: Array, priors: SheetPriors, noise: float) -> float:
+def own_misfit(
+    near: Near, at: Array, priors: SheetPriors, noise: float
+) -> tuple[float, Mapping[int, float]]:
     """Scatter, m3/s, that neither the parameters nor the errors of the calibrating sensors explain,
     nor the `noise` of the readings, (m3/s)^2, which a diagnosis knows from its own recording.
 
     A bench meter that reads 5 W high moves all points alike. If the data sheet fixes the parameter
     that could follow, the points lie off the law by the meter's error, which does not say how well
     the law holds. Parameters and errors of the sensors are therefore fitted together, within their
-    uncertainties.
+    uncertainties. If a sensor would then have an error that is not believed, it explains nothing:
+    the scatter is that about the law as it is. Also returns such errors, in standard uncertainties,
+    by the place of the sensor in `near.errors`.
 
     Source: Bayesian linear regression with conjugate priors; degrees of freedom by a trace (Hastie,
     Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
@@ -200,6 +209,7 @@ def own_misfit(near: Near, at: Array, priors: SheetPriors, noise: float) -> floa
     precision = np.concatenate([np.diag(precise), np.ones(len(near.errors))])
     centre = np.concatenate([mean - at, np.zeros(len(near.errors))])
     squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
+    whole, change = misfit, np.zeros(slopes.shape[1])
     for _ in range(JOINING_STEPS if misfit else 0):
         before, variance = misfit, misfit**2
         posterior = np.linalg.pinv(squares / variance + np.diag(precision), hermitian=True)
@@ -208,7 +218,8 @@ def own_misfit(near: Near, at: Array, priors: SheetPriors, noise: float) -> floa
         misfit = float(np.linalg.norm(near.off + slopes @ change) / np.sqrt(max(freedom, 1.0)))
         if np.isclose(before, misfit, rtol=MISFIT_SETTLED, atol=0.0):
             break
-    return float(np.sqrt(max(misfit**2 - noise, 0.0)))
+    far = {i: z for i, z in enumerate(change[len(at) :].tolist()) if abs(z) > UNBELIEVABLE}
+    return float(np.sqrt(max((whole if far else misfit) ** 2 - noise, 0.0))), far
 
 
 def _spread(off: Array, count: int) -> float:
