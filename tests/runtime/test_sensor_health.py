@@ -11,8 +11,10 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.sensors import headers
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
+from rulec_runtime.diagnosis.sensors.units import Mixup
 from rulec_runtime.recordings.clock_set_back import in_order
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording
@@ -281,3 +283,22 @@ def test_a_leakage_beside_a_dead_pressure_of_its_module(points: int, kind: str) 
     if kind == "stuck":
         (blind,) = found.not_judged
         assert "in part: A.dp: stuck at one value; cannot detect A.dp.high, A.dp.low" == blind.text
+
+
+def test_no_other_unit_takes_a_reading_out_of_its_calibrated_range() -> None:
+    """Read as l/min, a flow in m3/h would be 0.06 of what was calibrated; the other way round the
+    reading comes back to it."""
+    plain = compiled("abc")
+    signal = plain.signal_by_id["A.Q"]
+    usual = np.full(30, 300.0 * signal.factor)
+    known = replace(signal, valid_from=0.5 * usual[0], valid_to=2.0 * usual[0])
+    calibrated = replace(plain, signals=tuple(known if s.id == "A.Q" else s for s in plain.signals))
+
+    def other(ruleset: Ruleset, recorded: float, factor: float) -> bool:
+        found = {"A.Q": Mixup("m3/h", "l/min", factor, 0.0)}
+        values = {"A.Q": recorded * usual}
+        return headers._in_unit(ruleset, values, {"A.Q": 0.0}, found) is not None
+
+    assert other(plain, 1.0, 0.06)
+    assert not other(calibrated, 1.0, 0.06)
+    assert other(calibrated, 0.06, 1.0 / 0.06)

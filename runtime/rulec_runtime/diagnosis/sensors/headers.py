@@ -16,14 +16,14 @@ import numpy as np
 
 from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.agreement import Check
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.units import Mixup, like_a_reading, mixups, of_one_dimension
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
-from rulec_runtime.recordings.columns import means_between
+from rulec_runtime.recordings.columns import means_between, median_of
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
@@ -214,18 +214,30 @@ def _candidates(raw: Recording, check: Check, still: Set[str]) -> Iterator[Misre
             )
 
 
+def _from_calibrated(signal: SignalSpec, values: Array) -> float:
+    """How far the usual reading is outside of the calibrated range, SI; 0 without one."""
+    if signal.valid_from is None or signal.valid_to is None:
+        return 0.0
+    usual = median_of(values)
+    return max(signal.valid_from - usual, usual - signal.valid_to, 0.0)
+
+
 def _in_unit(
     ruleset: Ruleset,
     recorded: Mapping[str, Array],
     noisy: Mapping[str, float],
     found: Mapping[str, Mixup],
 ) -> Misread | None:
-    """Columns in one other unit; None if one of them would not look like a reading in it."""
+    """Columns in one other unit; None if one of them would not look like a reading in it, or would
+    be farther from the readings of the calibration."""
     values, noise, texts, mendings = {}, {}, [], []
     for name, mixup in found.items():
         values[name] = recorded[name] * mixup.factor + mixup.offset
         noise[name] = noisy[name] * mixup.factor
-        if not like_a_reading(ruleset.signal_by_id[name], values[name], noise[name]):
+        signal = ruleset.signal_by_id[name]
+        if not like_a_reading(signal, values[name], noise[name]):
+            return None
+        if _from_calibrated(signal, values[name]) > _from_calibrated(signal, recorded[name]):
             return None
         by = f"by a factor of {mixup.factor:.4g}" if not mixup.offset else "by their zero"
         texts.append(
