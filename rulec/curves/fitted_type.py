@@ -43,6 +43,10 @@ def module_of(document: Document, fitted: FittedCurve, name: str, source: str) -
     for reading, middle in _middle(fitted).items():
         signal, entry = kind.signals[reading], data["signals"][reading]
         entry["reference"] = plain_number(signal.unit.from_si(middle), 4)
+        if signal.minimum and signal.reference:
+            # The same share of a usual reading as in the type.
+            least = signal.minimum * middle / signal.reference
+            entry["minimum"] = plain_number(signal.unit.from_si(least), 3)
     for reading, values in fitted.points.readings.items():
         if "range" in data["signals"].get(reading, {}):
             _widen(data["signals"][reading], kind.signals[reading].unit.from_si(np.nanmax(values)))

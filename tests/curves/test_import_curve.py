@@ -75,6 +75,9 @@ def test_points_of_a_real_sheet(tmp_path: Path) -> None:
     compile_plant(write_plant(tmp_path, {"A": "own"}))
     data = yaml.safe_load(file.read_text(encoding="utf-8"))
     value = {name: p["value"] for name, p in data["parameters"].items()}
+    for name, least in {"Q": 50 / 700, "dp": 0.05 / 0.88, "n": 300 / 2650}.items():
+        own = data["signals"][name]
+        assert own["minimum"] == pytest.approx(least * own["reference"], rel=0.01)
     flow, head, _, _, power, _, speed = np.array(rows()[1:], dtype=float).T
     nu, q = speed / value["n0"], 1e3 * flow
     dp = nu**2 * value["h0"] - nu * value["h1"] * q - value["h2"] * q**2
