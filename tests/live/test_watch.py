@@ -1,5 +1,6 @@
 """`watch` as a process: killed at any moment, it tells everything, and nothing twice."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -10,7 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.conftest import ROOT, SOURCES
+import pytest
+from rulec_runtime.cli import main
+
+from tests.conftest import ROOT, SOURCES, Capsys, compiled
 
 LEAKAGE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 LINES = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -60,6 +64,33 @@ def test_standard_input(rules: Path) -> None:
     command, text = watching(rules, "--source", "-"), "".join(LINES)
     output = subprocess.check_output(command, input=text, env=environment(), text=True, timeout=60)
     assert "began A.leakage 0.600" in output
+
+
+@pytest.mark.parametrize(
+    ("place", "stamp", "said", "when"),
+    [
+        ("Europe/Berlin", "2026-10-25 02:59:{:02d}", ", times in Europe/Berlin", "02:59:11"),
+        ("Europe/Berlin", "2026-07-01 12:00:{:02d}Z", ", times in Europe/Berlin", "14:00:11"),
+        ("", "2026-07-01 12:00:{:02d}+02:00", "7 of 7 signals; times in UTC", "10:00:11"),
+        ("", "2026-07-01 12:00:{:02d}", "7 of 7 signals\n", "12:00:11"),
+    ],
+)
+def test_times_are_those_of_the_clocks_of_the_plant(
+    place: str, stamp: str, said: str, when: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    """As in the diagnosis of the same file; where no zone is known and the stamps have one, UTC."""
+    rows = [line.split(",", 1)[1] for line in LINES[1:26]]
+    log = tmp_path / "log.csv"
+    log.write_text(LINES[0].replace("time [s]", "time"), encoding="utf-8")
+    with log.open("a", encoding="utf-8") as out:
+        out.writelines(f"{stamp.format(i)},{row}" for i, row in enumerate(rows))
+    ruleset = dataclasses.replace(compiled("abc"), time_zone=place)
+    (tmp_path / "zoned.json").write_text(ruleset.to_json(), encoding="utf-8")
+    options = ("--source", str(log), "--until-end")
+    assert main(["watch", str(tmp_path / "zoned.json"), *options]) == 0
+    told = capsys.readouterr().out
+    assert said in told
+    assert f"since {stamp[:10]} {when}; do:" in told
 
 
 def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:

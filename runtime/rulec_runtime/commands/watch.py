@@ -42,7 +42,7 @@ def _watch(setup: Setup, ruleset: Ruleset, until_end: bool) -> Memory:
             came = source.take(limits.WAIT)
             if not memory.count:
                 # A source knows only from its first rows on whether its times are dates.
-                recent = nothing_yet(source.dated).recent
+                recent = nothing_yet(source.dated, ruleset.time_zone).recent
                 memory = replace(memory, recent=recent)
             events: list[Event] = []
             begun = time.monotonic()

@@ -69,7 +69,10 @@ def set_up(
     if files is not None:
         sinks.insert(0, files.sink)
     out = console(options)
-    first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
+    zone = ruleset.time_zone or ("UTC" if map_path else "")
+    times = f", times in {zone}" if zone else ""
+    what = f"watching {options.source} of plant {ruleset.plant}{times}; Ctrl-C ends"
+    first = styled("[dim]{}[/]", what)
     out.print(first, soft_wrap=True)
     present = Present(ruleset, options.source, memory)
     acknowledge: Acknowledge = present.acknowledge

@@ -276,7 +276,7 @@ def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
         name = now.subject if now.kind in ("sensor", "regime") else ""
         if what in ("ended", "withdrawn"):
             again = {"sensor": "healthy again", "blind": "judged again"}.get(now.kind, "over")
-            return f"{name} {again}: {now.text}".strip()
+            return f"{name} {again}; it was: {now.text}".strip()
         return now.text
     fault = ruleset.fault_by_id[now.subject]
     degree, low, high = (degree_in_figures(fault, x) for x in (now.degree, now.lower, now.upper))

@@ -68,7 +68,8 @@ QUIET = ("ended", "withdrawn")
 
 
 def line_of(event: Event, calendar: Calendar | None) -> Text:
-    """Time, symbol and letter of NE 107, what is new; what to do, if an episode begins."""
+    """Time, symbol and letter of NE 107, what is new; what to do, if an episode begins; how long it
+    lasted, if it ends."""
     one = event.episode
     status = "ok" if event.what in QUIET else one.status
     letter = "" if status == "ok" else f" {status}"
@@ -78,7 +79,21 @@ def line_of(event: Event, calendar: Calendar | None) -> Text:
     )
     if event.what == "began" and one.action:
         line.append_text(styled("\n    since {}; do: {}", moment(calendar, one.since), one.action))
+    if event.what == "ended":
+        until = moment(calendar, one.until, one.since)
+        line.append_text(styled("\n    from {} to {}", moment(calendar, one.since), until))
     return line
+
+
+def with_times(event: Event, calendar: Calendar | None) -> str:
+    """The text of an event, with when its episode began or was, if its own time does not say so."""
+    one, text = event.episode, event.text
+    since, until = (moment(calendar, time, event.time) for time in (one.since, one.until))
+    if event.what == "ended":
+        return f"{text}; from {since} to {until}"
+    if event.what == "began" and one.since < event.time:
+        return f"{text}; since {since}"
+    return text
 
 
 def form_of(event: Event, plant: str, calendar: Calendar | None) -> dict[str, Any]:

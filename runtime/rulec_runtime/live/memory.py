@@ -34,8 +34,9 @@ class Memory:
     number: int = 0
 
 
-def nothing_yet(dated: bool) -> Memory:
-    """Memory before the first row; `dated` if times are seconds since 1970 in UTC."""
+def nothing_yet(dated: bool, place: str = "") -> Memory:
+    """Memory before the first row; `dated` if times are seconds since 1970 in UTC, shown by the
+    clocks of `place`, a time zone."""
     return Memory(
         recent=Recording(
             time=np.zeros(0),
@@ -43,7 +44,7 @@ def nothing_yet(dated: bool) -> Memory:
             segment=np.zeros(0, dtype=int),
             missing=(),
             notes=(),
-            calendar=Calendar(0.0, ((-np.inf, 0.0),)) if dated else None,
+            calendar=Calendar(0.0, ((-np.inf, 0.0),), place) if dated else None,
         )
     )
 

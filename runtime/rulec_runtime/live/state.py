@@ -89,7 +89,7 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
 def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, Any]) -> Memory:
     values = _under(arrays, "recent/values/")
     recent = dataclasses.replace(
-        nothing_yet(text["dated"]).recent,
+        nothing_yet(text["dated"], ruleset.time_zone).recent,
         time=arrays["recent/time"],
         segment=arrays["recent/segment"],
         values=values,

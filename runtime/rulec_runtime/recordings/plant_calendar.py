@@ -1,8 +1,10 @@
 """Times of a recording by the clock of the plant if it has dates, else in seconds; their words."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
@@ -17,15 +19,21 @@ class Calendar:
 
     `start` is the date of time 0 in seconds since 1970. `offsets` are pairs of a time of the
     recording, s, in order, and the offset of local time from UTC, s, from then on; empty if the
-    file names no zone: its stamps are then shown unchanged.
+    file names no zone: its stamps are then shown unchanged. `place` names the zone of a plant whose
+    later offsets are not known yet, such as Europe/Berlin; it replaces `offsets`, except on a
+    machine that does not know it.
     """
 
     start: float
     offsets: tuple[tuple[float, float], ...] = ()
+    place: str = ""
 
     def at(self, time: float) -> datetime:
         """The date of a time of the recording, in its zone."""
         utc = datetime.fromtimestamp(self.start, UTC) + timedelta(seconds=time)
+        if self.place:
+            with suppress(ZoneInfoNotFoundError):
+                return utc.astimezone(ZoneInfo(self.place))
         offset = None
         for since, seconds in self.offsets:
             if offset is None or time >= since:

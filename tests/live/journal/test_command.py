@@ -40,7 +40,8 @@ def test_finding_first(file: str, capsys: pytest.CaptureFixture[str]) -> None:
             "     do: check the wear ring",
             "     also possible: A.clogging (10 %)",
         ]
-        assert "  22:13:24  ✓ ok  ended    B.p healthy again" in lines
+        assert "  22:13:24  ✓ ok  ended    B.p healthy again; from 22:13:20 to 22:13:40" in lines
+        assert "  22:13:22  ▼ C   began    B.p stands still; since 22:13:20" in lines
         assert max(map(len, lines)) <= 80
 
 

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import random
+import re
 import time
 from pathlib import Path
 
@@ -196,6 +197,20 @@ def test_clocks_of_files(tmp_path: Path, abc: Ruleset) -> None:
     assert "clock" in taken.kinds()
 
 
+def test_what_is_left_out_of_the_first_block_has_its_time(tmp_path: Path, abc: Ruleset) -> None:
+    """Not that of the beginning of the calendar."""
+    stamps = ("2026-03-01 11:00:00", "2026-03-01 11:00:01", "2026-03-01 10:00:02", "Bad")
+    table = "time,A.dp [bar],A.n [rpm]\n" + "".join(f"{stamp},1,900\n" for stamp in stamps)
+    zoned = dataclasses.replace(abc, time_zone="Europe/Berlin")
+    _, taken = growing(tmp_path, zoned, table + "2026-03-01 11:00:02,1\n")
+    taken.take()
+    assert taken.kinds() == ["connected", "clock", "clock", "refused"]
+    assert {notice.time for notice in taken.notices[1:]} == {taken.times[-1]}
+    assert taken.told[2][1] == (
+        "x.csv: 1 row is not later than 2026-03-01 11:00:01 and is left out"
+    )
+
+
 def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Ruleset) -> None:
     """A clock without dates goes on behind it; one with dates has no stamp of next year."""
     path, taken = growing(tmp_path, abc, lines([0, 1, 1e9]))
@@ -250,6 +265,10 @@ def test_silence_is_told_once(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) 
         append(path, day.format(f"11:00:0{second}"))
         taken.take(0.1)
     taken.until(lambda t: t.kinds().count("stale") == 2)
+    said = (
+        r"x.csv: rows came, but for \d s none later than 2026-03-01 12:00:01; was the clock of .*\?"
+    )
+    assert re.fullmatch(said, next(text for kind, text in taken.told[::-1] if kind == "stale"))
     path.unlink()
     taken.until(lambda t: "lost" in t.kinds())
     kinds = [kind for kind in taken.kinds() if kind != "clock"]

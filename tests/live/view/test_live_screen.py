@@ -144,8 +144,11 @@ def test_no_text_steers_the_terminal(text: str) -> None:
     now, out = hostile(text), io.StringIO()
     with LiveScreen(nobody, Terminal(file=out, width=80)) as live:
         live.show(now)
-    advised = sum(event.what == "began" and event.episode.action != "" for event in now.past)
-    assert len(now.past) + advised == out.getvalue().count("\n")
+    below = sum(
+        event.what == "ended" or (event.what == "began" and event.episode.action != "")
+        for event in now.past
+    )
+    assert len(now.past) + below == out.getvalue().count("\n")
     assert "\x1b" not in out.getvalue()
     now, out = hostile(text[:400]), io.StringIO()
     console = Terminal(file=out, width=80, height=24, force_terminal=True, color_system="truecolor")
@@ -231,9 +234,11 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
         "2026-09-21 16:13:31  ◆ M  began A.leakage 0.200",
         line.format("2026-09-21 16:13:31"),
         "2026-09-21 16:13:39  ✓  ended A.leakage 0.200",
+        "    from 2026-09-21 16:13:31 to 16:13:39",
         "2026-09-21 16:13:51  ◆ M  began A.leakage 0.399",
         line.format("2026-09-21 16:13:51"),
         "2026-09-21 16:13:59  ✓  ended A.leakage 0.399",
+        "    from 2026-09-21 16:13:51 to 16:13:59",
         "2026-09-21 16:14:11  ◆ M  began A.leakage 0.600",
         line.format("2026-09-21 16:14:11"),
     ]
@@ -242,7 +247,7 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
     with LiveScreen(nobody, terminal(out), reported=2) as live:
         live.show(replace(now, past=now.past[:2]))
     assert "1 event in between stands in the journal" in out.getvalue()
-    assert 4 == len(out.getvalue().splitlines())
+    assert 5 == len(out.getvalue().splitlines())
     assert "\x1b" not in out.getvalue()
 
 

@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
-from rulec_runtime.live.episode import QUIET
+from rulec_runtime.live.episode import QUIET, with_times
+from rulec_runtime.live.journal.event_records import UTC as BY_UTC
 from rulec_runtime.live.journal.event_records import Entry, form_for, iso, record_of
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.output.terminal import one_line, shown, styled
@@ -45,8 +46,8 @@ def _events(out: Console, past: Sequence[Entry], several: bool) -> None:
         if date != day:
             day = date
             table.add_row(styled("[dim]{}[/]", date))
-        event = entry.event
-        table.add_row(clock, _letter(entry), event.what, _named(entry, several, event.text))
+        text = with_times(entry.event, BY_UTC if entry.dated else None)
+        table.add_row(clock, _letter(entry), entry.event.what, _named(entry, several, text))
     out.print(table)
 
 

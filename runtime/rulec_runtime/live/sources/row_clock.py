@@ -2,7 +2,6 @@
 
 import time as clocks
 from contextlib import suppress
-from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from rulec_runtime.live.rows import Notice
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import Remarks
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.plant_calendar import Calendar, moment
 
 
 class RowClock:
@@ -23,22 +23,29 @@ class RowClock:
 
     `last` is the time of the last row handed out, s; `step` the last step from row to row, s;
     `shift` the offset added to times without dates, s; `dated` whether times are dates, None if
-    unknown; `begins` whether a new file begins, with which a clock without dates may restart.
+    unknown; `begins` whether a new file begins, with which a clock without dates may restart;
+    `late` the number of rows since that are not later. Dates are shown by the clocks of `place`, a
+    time zone.
     """
 
-    def __init__(self, name: str, remarks: Remarks) -> None:
+    def __init__(self, name: str, remarks: Remarks, place: str = "") -> None:
         self.last = -float("inf")
         self.step = 1.0
         self.shift = 0.0
         self.dated: bool | None = None
         self.begins = False
-        self._name, self._remarks = name, remarks
-        self._late = 0
+        self.late = 0
+        self._name, self._remarks, self._place = name, remarks, place
 
     @property
     def now(self) -> float:
-        """Time of a notice, as of rows; 0 before the first row."""
-        return self.last if self.begun else 0.0
+        """Time of a notice, as of rows; before the first row that of this computer, or 0."""
+        return self.last if self.begun else clocks.time() if self.dated else 0.0
+
+    @property
+    def shown(self) -> str:
+        """Time of the last row, for people."""
+        return self._shown(self.last)
 
     @property
     def begun(self) -> bool:
@@ -55,20 +62,14 @@ class RowClock:
         if self.dated:
             usable &= time < clocks.time() + limits.FUTURE
         found: list[Notice] = []
-        if not usable.all():
-            found += self._tell(int((~usable).sum()), ("has", "have"), "no usable time", "unusable")
-        if (self.begins or self._late >= limits.SET_BACK) and usable.any():
+        if (self.begins or self.late >= limits.SET_BACK) and usable.any():
             found += self._begin_anew(float(time[usable][0]))
         time = time + self.shift
         checked = np.where(usable, time, -np.inf)
         before = np.maximum.accumulate(np.concatenate([[self.last], checked]))
         newer = usable & (checked > before[:-1])
-        late = int((usable & ~newer).sum())
-        if late:
-            text = f"not later than {self._shown(before[-1])}"
-            found += self._tell(late, ("is", "are"), text, "late")
         last = int(np.flatnonzero(newer)[-1]) if newer.any() else -1
-        self._late = int(usable[last + 1 :].sum()) + (0 if newer.any() else self._late)
+        self.late = int(usable[last + 1 :].sum()) + (0 if newer.any() else self.late)
         if newer.any():
             times = time[newer]
             steps = np.diff(times)
@@ -77,12 +78,17 @@ class RowClock:
             elif self.begun:
                 self.step = float(times[0] - self.last)
             self.last = float(times[-1])
+        if not usable.all():
+            found += self._tell(int((~usable).sum()), ("has", "have"), "no usable time", "unusable")
+        if late := int((usable & ~newer).sum()):
+            text = f"not later than {self._shown(before[-1])}"
+            found += self._tell(late, ("is", "are"), text, "late")
         return time, newer, found
 
     def _begin_anew(self, first: float) -> list[Notice]:
         """If all new times are before `last`, the clock was set back, or `last` was wrong: continue
         from there."""
-        self.begins, self._late = False, 0
+        self.begins, self.late = False, 0
         if self.dated or first + self.shift > self.last:
             return []
         self.shift = self.last + self.step - first
@@ -90,10 +96,9 @@ class RowClock:
         return self._remarks.tell("clock", "anew", self.last, text)
 
     def _shown(self, time: float) -> str:
-        if self.dated:
-            with suppress(ValueError, OverflowError, OSError):  # beyond the calendar
-                return f"{datetime.fromtimestamp(float(time), UTC):%Y-%m-%d %H:%M:%S} UTC"
-        return f"{time:.10g} s"
+        with suppress(ValueError, OverflowError, OSError):  # beyond the calendar
+            return moment(Calendar(0.0, place=self._place) if self.dated else None, float(time))
+        return moment(None, float(time))
 
     def _tell(self, rows: int, verb: tuple[str, str], what: str, key: str) -> list[Notice]:
         one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")

@@ -58,6 +58,7 @@ class TableStream:
         self._written: dict[int, Convention] = {}
         self._qualities_seen: set[str] = set()
         self._zone: ZoneClock | None = None
+        self._in_utc = False
 
     def begin(self, head: TableHead) -> None:
         """Read the head. Raises `RecordingRefused` for a table of another plant."""
@@ -115,12 +116,12 @@ class TableStream:
         if self.head is None:
             return []
         rows, odd = _rows_in(self.head, lines)
-        found: list[Rows | Notice] = []
+        found = self._rows(self.head, rows) if rows else []
         if odd:
             what = plural(odd, "row has", "rows have")
             text = f"{self._name}: {what} another number of cells than the header; left out"
             found += self._refused("cells", text)
-        return found + self._rows(self.head, rows) if rows else found
+        return found
 
     def _shows_times(self, head: TableHead) -> bool:
         """Whether the rows so far show what times count: one number may be days or seconds."""
@@ -173,6 +174,7 @@ class TableStream:
         if not isinstance(times, Dates):
             return times * self._factor
         dates, zones, name = times.seconds, times.zones, self._ruleset.time_zone
+        self._in_utc = not name and bool(np.isfinite(zones).any())
         if not name or not (np.isfinite(dates) & np.isnan(zones)).any():
             return dates
         if self._zone is None:
@@ -223,6 +225,7 @@ class TableStream:
         missing = [s.id for s in self._ruleset.signals if s.id in read and s.id not in here]
         text = f"{self._name}: {len(here)} of {plural(len(read), 'signal', 'signals')}"
         text += f"; without {', '.join(missing)}" if missing else ""
+        text += "; times in UTC" if self._in_utc else ""
         text = "; ".join([text, *(note.removeprefix(f"{self._name}: ") for note in self._notes)])
         return [notice("connected", time, text)]
 
@@ -247,7 +250,7 @@ class TextSource:
     def __init__(self, path: Path, ruleset: Ruleset) -> None:
         self._path, self._ruleset = path, ruleset
         self._remarks = Remarks()
-        self._clock = RowClock(path.name, self._remarks)
+        self._clock = RowClock(path.name, self._remarks, ruleset.time_zone)
         self._silence = Silence(limits.STALE)
         self._cutter, self._table = LineCutter(), self._new_table()
         self.ended = False
@@ -280,7 +283,13 @@ class TextSource:
     def _stale(self) -> list[Rows | Notice]:
         if not self._silence.begins():
             return []
-        return [self._notice("stale", f": no row for {self._silence.lasts:.0f} s")]
+        text = f": no row for {self._silence.lasts:.0f} s"
+        if self._clock.late:
+            text = (
+                f": rows came, but for {self._silence.lasts:.0f} s none later than "
+                f"{self._clock.shown}; was the clock of the logger set back?"
+            )
+        return [self._notice("stale", text)]
 
 
 class StandardInput(TextSource):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rulec_runtime.diagnosis.diagnose import worst
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.live.episode import QUIET, Episode, Event
+from rulec_runtime.live.episode import QUIET, Episode, Event, with_times
 from rulec_runtime.live.moment import Now
 from rulec_runtime.live.view.limits import BAR_ENDS
 from rulec_runtime.recordings.plant_calendar import duration, moment
@@ -120,7 +120,9 @@ def lead(now: Now) -> str:
         title = titled(faults[episode.subject])
     more = len(now.active) - 1
     also = f", and {counted(more, 'other')}" if more else ""
-    return title[:1].upper() + title[1:] + also
+    # The name of a source stays as it is.
+    first = title[:1] if episode.kind == "source" else title[:1].upper()
+    return first + title[1:] + also
 
 
 def link(now: Now) -> tuple[str, str]:
@@ -164,7 +166,8 @@ def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
     """Time, symbol and letter, kind of change, and text of an event."""
     letter = "ok" if event.what in QUIET else event.episode.status
     badge = f"{STATUS[letter][0]} {letter}"
-    return moment(now.calendar, event.time), badge, event.what, event.text
+    when = moment(now.calendar, event.time)
+    return when, badge, event.what, with_times(event, now.calendar)
 
 
 def display_state(now: Now) -> tuple[object, ...]:
