@@ -83,10 +83,19 @@ def swapped(recording: Recording, ruleset: Ruleset, one: str, other: str) -> Rec
     return changed(recording, {one: recording.values[other], other: recording.values[one]})
 
 
+def at_the_end(recording: Recording, ruleset: Ruleset, name: str, current: float) -> Recording:
+    """From half of it on the current in mA of a transmitter that has reached its end."""
+    signal = ruleset.signal_by_id[name]
+    reading = signal.lowest + (current - 4.0) / 16.0 * (signal.highest - signal.lowest)
+    return constant(recording, ruleset, name, reading, 0.5)
+
+
 CASES: dict[str, tuple[Callable[..., Recording], tuple[Any, ...], tuple[str, ...], str]] = {
     "dead": (constant, ("A.dp", 0.0), ("A.dp.dead",), "F"),
     "dead after a while": (constant, ("A.dp", 0.0, 0.5), ("A.dp.dead",), "F"),
     "broken wire": (below_zero, ("A.dp",), ("A.dp.range",), "F"),
+    "saturated": (at_the_end, ("A.dp", 20.0), ("A.dp.saturated",), "C"),
+    "saturated, NE 43": (at_the_end, ("A.dp", 20.5), ("A.dp.saturated",), "C"),
     "stuck": (constant, ("A.dp", None, 0.5), ("A.dp.stuck",), "F"),
     "power stuck from the first sample": (constant, ("A.P_el", None), ("A.P_el.stuck",), "F"),
     "given, frozen": (constant, ("A.n", None, 0.4), ("A.n.stuck",), "F"),

@@ -38,6 +38,13 @@ RANGE = Condition(
     "check cable, supply and scaling of the sensor (NE 43: a broken wire reads below the live "
     "zero, a short circuit above the end of the range), and the range in its module type",
 )
+SATURATED = Condition(
+    "saturated",
+    "C",
+    "Reading at the end of its range",
+    "compare the range of the transmitter with what the plant can reach; if that is less, check "
+    "its scaling",
+)
 UNIT = Condition(
     "unit",
     "C",

@@ -18,6 +18,7 @@ from rulec_runtime.diagnosis.sensors.agreement import check_of
 from rulec_runtime.diagnosis.sensors.conditions import (
     CLOCK,
     RANGE,
+    SATURATED,
     Found,
     SensorFinding,
     found_in,
@@ -26,6 +27,7 @@ from rulec_runtime.diagnosis.sensors.conditions import (
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
+from rulec_runtime.recordings import limits as recorded
 from rulec_runtime.recordings.columns import median_of, runs_where
 from rulec_runtime.recordings.header_correction import Mending
 from rulec_runtime.recordings.header_correction import mended as read_by
@@ -35,7 +37,12 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 
-WHY = {"dead": "dead at zero", "stuck": "stuck at one value", "range": "outside the sensor's range"}
+WHY = {
+    "dead": "dead at zero",
+    "stuck": "stuck at one value",
+    "range": "outside the sensor's range",
+    "saturated": "at the end of the sensor's range",
+}
 """By name of a condition: why a reading is not used, in a few words."""
 
 
@@ -64,18 +71,21 @@ def examine(
     """
     if recording.unfit is not None:
         return Health((), recording)
-    found = [*_out_of_range(recording, ruleset)]
+    found, below_end = [*_out_of_range(recording, ruleset)], recording
+    if by_model and ruleset.dynamics is None:  # windows leave out the ends of a range themselves
+        saturated = [*_saturated(recording, ruleset)]
+        found, below_end = found + saturated, without(recording, saturated)
     clean = without(recording, found)
     stuck = [*_stuck_readings(clean, ruleset)]
     found, clean = found + stuck, without(clean, stuck)
     still = mended | {finding.signal for finding, _ in stuck}
-    misread = _misread_of(recording, clean, ruleset, still) if by_model and headers else None
+    misread = _misread_of(below_end, clean, ruleset, still) if by_model and headers else None
     if by_model and not misread:
         check = None if ruleset.dynamics else check_of(clean, ruleset)
         dead = [] if check is None else [*dead_readings(clean, ruleset, check)]
         found, clean = found + dead, without(clean, dead)
         if dead and headers:
-            misread = _misread_of(recording, clean, ruleset, still)
+            misread = _misread_of(below_end, clean, ruleset, still)
     if misread:
         # Once mended, a column may be in its range, and may reveal errors of others.
         return _as_mended(recording, ruleset, misread, mended)
@@ -139,6 +149,31 @@ def _out_of_range(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
                 f"({' to '.join(ends)} {signal.unit}), so it is not a valid reading"
             )
             yield found_in(recording, slice(a, b), RANGE, signal.id, text)
+
+
+def _saturated(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
+    """Readings that stand at the upper end of their range, or above it where the sensor still
+    measures: the true value may be larger. An input may be set to its highest value.
+
+    Source: NAMUR NE 43: above 20 mA a transmitter follows to 20.5 mA at most, and stays there.
+    """
+    for signal in ruleset.signals:
+        values, (low, high) = recording.values.get(signal.id), signal.ends
+        if values is None or signal.is_input or not np.isfinite(high - low):
+            continue
+        span = high - low
+        with np.errstate(invalid="ignore"):
+            at_end = np.abs(values - high) <= recorded.SAME_LEVEL * span
+            above = values > high + common.BEYOND_RANGE * span
+            at_end |= above & (values < high + limits.FAILED_ABOVE * span)
+        for a, b in runs_where(at_end, common.PERSISTENCE):
+            usual = median_of(values[a:b])
+            shown, *ends = (f"{signal.shown(v):.4g}" for v in (usual, low, high))
+            text = (
+                f"{signal.id} stands at {shown} {signal.unit}, at the end of its range "
+                f"({' to '.join(ends)} {signal.unit}): the true value may be larger"
+            )
+            yield found_in(recording, slice(a, b), SATURATED, signal.id, text)
 
 
 def _stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
