@@ -69,6 +69,7 @@ DATES = {
     "day of the week": shown("%a %d %b %Y %H:%M:%S"),
     "with a zone": shown("%d.%m.%Y %H:%M:%S UTC"),
     "compact": shown("%Y%m%dT%H%M%S"),
+    "digits alone": shown("%Y%m%d%H%M%S"),
     "Unix, s": since(UNIX, 1),
     "Unix, ms": since(UNIX, 1e-3),
     "Unix, us": since(UNIX, 1e-6),

@@ -68,6 +68,9 @@ _TIME = re.compile(
 )
 
 
+_COMPACT = re.compile(r"(?P<day>\d{8})(?P<time>\d{6})(?P<part>\.\d{1,9})?")
+
+
 def orders_of(cells: Iterable[str]) -> tuple[str, tuple[Order, ...]]:
     """The first of some cells whose form does not fix the order of day, month and year, and the
     orders in which all of them can be read. The form fixes it if they name months, begin with a
@@ -123,6 +126,8 @@ def date_of(cell: str, order: Order = "") -> tuple[float, float]:
     text = cell.strip()
     if len(text) > limits.LONGEST_DATE:
         return (math.nan, math.nan)
+    if compact := _COMPACT.fullmatch(text):
+        text = f"{compact['day']}T{compact['time']}{compact['part'] or ''}"
     try:
         return _seconds(datetime.fromisoformat(text))
     except (ValueError, OverflowError):  # no date, or beyond the calendar in UTC

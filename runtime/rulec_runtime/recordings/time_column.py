@@ -146,19 +146,31 @@ class TimeReader:
             return cells
         if not self.dated or self.counting is not None:
             numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
-            if self.dated is None and _most(numbers, cells):
+            if self.dated is None and _are_digits_of_dates(numbers):
+                self.dated = True
+            elif self.dated is None and _most(numbers, cells):
                 self.counting = counting_of(
                     self._path, numbers, self._title, self._factor(), self._form, self._notes
                 )
                 self.dated = self.counting is not None
-            if self.dated is not None:
-                return numbers if self.counting is None else dated(numbers, self.counting)
+            if self.counting is not None:
+                return dated(numbers, self.counting)
+            if self.dated is False:
+                return numbers
         texts = texts_of(cells)
         if self.dated is None:
             self.order = order_in(self._path, lambda: texts, self._form, self._notes)
         dates = Dates(*dates_of(texts, self.order))
         self.dated = self.dated or bool(np.isfinite(dates.seconds).any()) or None
         return dates
+
+
+def _are_digits_of_dates(numbers: Array) -> bool:
+    """Whether numbers are dates and times of this century in digits alone, 20250331140500: as
+    seconds from a zero of their own they would be 600 000 years."""
+    known = numbers[np.isfinite(numbers)]
+    first, last = (1e10 * year for year in (limits.FIRST_YEAR, limits.LAST_YEAR))
+    return len(known) > 0 and bool((known >= first).all() and (known < last).all())
 
 
 def _most(numbers: Array, cells: Cells) -> bool:

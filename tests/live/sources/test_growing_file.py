@@ -51,7 +51,13 @@ FORMS_READ: dict[str, str | bytes] = {
     "UTF-16 big": f"\ufeff{SHEET.text()}".encode("utf-16-be"),
     **{
         name: stamped(DATES[name])
-        for name in ("with a zone", "American, AM and PM", "Unix, ms", "spreadsheet")
+        for name in (
+            "with a zone",
+            "American, AM and PM",
+            "digits alone",
+            "Unix, ms",
+            "spreadsheet",
+        )
     },
     **{name: FORMS[name] for name in ("thousands, German", "thousands, Swiss", "quality columns")},
     "a bad quality": beside("{} Quality", "Good").replace("1.82216,Good", "1.82216,Bad"),
