@@ -89,7 +89,10 @@ WHOLE = {
 NOTHING = {
     "two samples": Case(Sheet(SHEET.header, SHEET.rows[:2]), "", f"has 2 samples; {FEW}"),
     "one sample": Case(Sheet(SHEET.header, SHEET.rows[:1]), "", f"has 1 sample; {FEW}"),
-    "one time": Case(SHEET.filled("time", "5"), "time.jump", f"has 1 sample; {FEW}"),
+    "one time": Case(SHEET.filled("time", "5"), "time.repeated", f"has 1 sample; {FEW}"),
+    "no seconds": Case(
+        SHEET.mapped("time", lambda k, _: str(60 * (k // 40))), "time.repeated", f"2 samples; {FEW}"
+    ),
     "no readings": Case(Sheet(SHEET.header, NO_READINGS), "", "A.dp: no reading"),
     "one column": Case(ALONE, "", "A.n, C.dp, B.n, B.dp not recorded"),
     "standstill": Case(STANDSTILL, "", "is below"),

@@ -18,11 +18,13 @@ from rulec_runtime.recordings.columns import runs_of_same
 
 @dataclass(frozen=True)
 class ClockSet:
-    """At a time of the recording, s, the clock was set back by `seconds`, or stood for `rows`."""
+    """At a time of the recording, s, the clock was set back by `seconds`; or from then on, each of
+    `times` stands at many rows, `rows` in all."""
 
     time: float
     seconds: float
     rows: int = 0
+    times: int = 0
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ def in_order(time: Array) -> Ordered:
     """Put rows in order; each has a time."""
     back = np.flatnonzero(time[1:] < time[:-1]) + 1
     same, _ = runs_of_same(time, limits.CLOCK_STOOD)
-    stood = tuple(ClockSet(float(time[a]), 0.0, b - a) for a, b in same)
+    rows, times = sum(b - a for a, b in same), len(same)
+    stood = (ClockSet(float(time[same[0][0]]), 0.0, rows, times),) if same else ()
     if not len(back):
         return Ordered(None, time, stood)
     runs = list(pairwise([0, *back.tolist(), len(time)]))

@@ -56,6 +56,8 @@ def treatment_of(found: SensorFinding) -> str:
         return f"judged with this corrected: {found.mended}"
     if found.signal:
         return "its readings there are left out; the rest is judged without them"
+    if found.condition.name == "repeated":
+        return "of rows with the same time the first counts"
     return "rows keep their order; later times are shifted"
 
 

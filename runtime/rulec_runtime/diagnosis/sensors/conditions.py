@@ -64,6 +64,13 @@ CLOCK = Condition(
     "Clock that was set",
     "check the clock of the logger, and let it write dates with their zone",
 )
+REPEATED = Condition(
+    "repeated",
+    "C",
+    "Times that repeat",
+    "let the logger write seconds, or fractions of them; a spreadsheet that saved the file may "
+    "have dropped them; if they are there, check its clock",
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,7 @@ from rulec_runtime.diagnosis.sensors.agreement import check_of
 from rulec_runtime.diagnosis.sensors.conditions import (
     CLOCK,
     RANGE,
+    REPEATED,
     SATURATED,
     Found,
     SensorFinding,
@@ -27,6 +28,7 @@ from rulec_runtime.diagnosis.sensors.conditions import (
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import limits as recorded
 from rulec_runtime.recordings.columns import median_of, runs_where
 from rulec_runtime.recordings.header_correction import Mending
@@ -213,10 +215,12 @@ def without(recording: Recording, found: Iterable[Found]) -> Recording:
 
 def _clock(recording: Recording) -> Iterable[SensorFinding]:
     for one in recording.clock:
+        what = CLOCK
         text = f"the clock was set back by {duration(one.seconds)}: times were written twice"
         if one.rows:
-            text = f"the clock stood still for {one.rows} rows: they have one and the same time"
-        yield SensorFinding(condition=CLOCK, signal="", since=one.time, until=one.time, text=text)
+            what, shared = REPEATED, plural(one.times, "time", "times")
+            text = f"{one.rows} rows have only {shared}: the clock stood, or seconds are missing"
+        yield SensorFinding(condition=what, signal="", since=one.time, until=one.time, text=text)
 
 
 def _frozen_of(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
