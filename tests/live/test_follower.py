@@ -277,3 +277,16 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     assert [(e.what, e.episode.since) for e in events] == [("changed", 100.0)]
     assert "earlier" in events[0].text
     assert changes(rules, current, over, HORIZON, 3)[1] == ()
+
+
+def test_a_standstill_is_one_episode_whatever_its_noise_says() -> None:
+    """Why nothing is judged changes from sample to sample; that nothing is judged does not."""
+    recording, random = long_recording(0), np.random.default_rng(0)
+    values = {name: column.copy() for name, column in recording.values.items()}
+    for name, size in {"A.n": 0.0, "B.n": 0.0, "A.dp": 200.0, "B.dp": 200.0, "C.dp": 100.0}.items():
+        values[name][200:500] = size * random.standard_normal(300)
+    updates = followed(compiled("abc"), replace(recording, values=values), range(50, 700, 50))
+    began, ended = events_of(updates, "blind")
+    assert (began.what, ended.what) == ("began", "ended")
+    spans = ended.episode.since, ended.episode.until
+    assert spans == pytest.approx((recording.time[200], recording.time[499]), abs=5.0)

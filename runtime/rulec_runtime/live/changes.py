@@ -25,6 +25,9 @@ from rulec_runtime.report.growth import grown
 from rulec_runtime.report.json_form import growth_form
 from rulec_runtime.report.wording import actions
 
+AT_LENGTH: tuple[Kind, ...] = ("blind", "unknown")
+"""Kinds of episodes that must last to be reported."""
+
 
 @dataclass(frozen=True)
 class Horizon:
@@ -68,12 +71,11 @@ def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
         one = _episode("regime", regime.id, span, regime.status, regime.text, action=regime.action)
         yield replace(one, module=regime.module)
     for blind in diagnosis.blind:
-        if blind.until - blind.since >= horizon.usual:
-            # The readings identify it, whichever faults currently need them.
-            readings, span = " ".join(blind.readings), (blind.since, blind.until, blind.active)
-            text = f"{unseen(diagnosis.ruleset, blind)}: {blind.because}"
-            action = brought_back(blind)
-            yield _episode("blind", readings, span, "C", text, action=action, name="blind")
+        # The readings identify it, whichever faults currently need them.
+        readings, span = " ".join(blind.readings), (blind.since, blind.until, blind.active)
+        text = f"{unseen(diagnosis.ruleset, blind)}: {blind.because}"
+        action = brought_back(blind)
+        yield _episode("blind", readings, span, "C", text, action=action, name="blind")
     others: tuple[tuple[Kind, str, Iterable[Period]], ...] = (
         ("unknown", "S", diagnosis.unknown),
         ("blind", "C", (period for period in not_judged(diagnosis) if not period.partly)),
@@ -81,13 +83,9 @@ def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
     for kind, status, periods in others:
         for period in periods:
             active = period.until >= horizon.settled
-            until = horizon.until if active else period.until
-            if until - period.since >= horizon.usual:
-                span, subject = (
-                    (period.since, until, active),
-                    period.text if kind == "blind" else "",
-                )
-                yield _episode(kind, subject, span, status, period.text, name=kind)
+            span = (period.since, horizon.until if active else period.until, active)
+            # Nothing is judged meanwhile; why may change from sample to sample.
+            yield _episode(kind, "", span, status, period.text, name=kind)
 
 
 def _episode(
@@ -133,7 +131,8 @@ def changes(
 
     `before` are earlier episodes, active or within the horizon; `number` is that of the last event.
     """
-    found = every = _merged(episodes_of(diagnosis, horizon), horizon)
+    merged = _merged(episodes_of(diagnosis, horizon), horizon)
+    found = every = [one for one in merged if one.kind not in AT_LENGTH or _lasts(one, horizon)]
     # Windows move with every row, so what a few rows of a plant that stores show may fluctuate.
     wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(horizon.time))
     events, current = list[Event](), list[Episode]()
@@ -191,6 +190,10 @@ def _merged(episodes: Iterable[Episode], horizon: Horizon) -> list[Episode]:
         else:
             found.append(one)
     return found
+
+
+def _lasts(one: Episode, horizon: Horizon) -> bool:
+    return one.until - one.since >= horizon.usual
 
 
 def _of_one_subject(one: Episode, other: Episode) -> bool:

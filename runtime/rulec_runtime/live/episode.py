@@ -77,8 +77,10 @@ def line_of(event: Event, calendar: Calendar | None) -> Text:
     line = styled(
         "{}  {}{}  {} [bold]{}[/]", when, STATUS[status][0], letter, event.what, event.text
     )
-    if event.what == "began" and one.action:
-        line.append_text(styled("\n    since {}; do: {}", moment(calendar, one.since), one.action))
+    if event.what == "began" and (one.action or one.since < event.time):
+        line.append_text(styled("\n    since {}", moment(calendar, one.since)))
+        if one.action:
+            line.append_text(styled("; do: {}", one.action))
     if event.what == "ended":
         until = moment(calendar, one.until, one.since)
         line.append_text(styled("\n    from {} to {}", moment(calendar, one.since), until))
