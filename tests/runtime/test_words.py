@@ -221,6 +221,17 @@ def test_hostile_texts_stay_text() -> None:
     assert "<script src='//x'>\"&\ufffd\ufffd</script>" == page.findtext(".//h1")
 
 
+def test_an_improbable_finding_is_not_told_as_the_only_one_that_fits() -> None:
+    """Without another cause the rest of its probability is time in which it does not fit."""
+    found = DIAGNOSES["growing"]()
+    for probability, said in ((1.0, "no other known fault fits"), (0.19, "fits all of this time")):
+        findings = tuple(replace(f, probability=probability) for f in found.findings)
+        now = replace(found, findings=findings)
+        page = "".join(map(part_html, html_findings.told(now)))
+        assert said in told(explain, now)
+        assert ("no other one fits" in page) == (probability == 1.0)
+
+
 def test_an_error_without_a_rule_leaves_no_empty_line() -> None:
     found = DIAGNOSES["growing"]()
     assert "rules and sources" in shown(explain, found)

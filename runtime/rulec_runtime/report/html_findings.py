@@ -21,6 +21,7 @@ from rulec_runtime.report.summary import summary
 from rulec_runtime.report.text import Html, bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.wording import (
     LISTED,
+    NOT_ALL,
     actions,
     advice,
     causes,
@@ -95,8 +96,10 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> Iterator[tuple[str, str]]:
     if diagnosis.mode == "paper":
         probability = "not said: paper mode names the fault with the largest degree and weighs no "
         probability += "other"
-    elif not (finding.alternatives or finding.remote):
+    elif finding.is_alone:
         probability += "; no other one fits"
+    elif not (finding.alternatives or finding.remote):
+        probability += f"; {NOT_ALL}"
     ends = bounds(finding.lower, finding.upper, fault.unit)
     yield "Degree", degree_of(degree(finding.degree, fault.unit), f"({ends}), {fault.meaning}")
     yield "Growth", grown(finding)

@@ -21,6 +21,7 @@ from rulec_runtime.report.text import percent
 from rulec_runtime.report.wording import (
     COLOURS,
     LISTED,
+    NOT_ALL,
     SHOWN,
     STATUS,
     actions,
@@ -164,10 +165,10 @@ def _alternatives(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
             branch.add(text)
     elif diagnosis.mode == "paper":
         tree.add("paper mode names the fault with the largest degree and weighs no other")
-    elif finding.remote:
-        tree.add(probability)
-    else:
+    elif finding.is_alone:
         tree.add(f"no other known fault fits; {probability}")
+    else:
+        tree.add(probability if finding.remote else f"{probability}; {NOT_ALL}")
     if finding.remote:
         tree.add(f"fits less well: {causes(finding.remote)}")
 

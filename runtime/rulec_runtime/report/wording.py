@@ -40,6 +40,9 @@ def status_in_words(symbol: str, letter: str, meaning: str) -> str:
 LARGE = 5e-3
 """Typical flow, m3/s, above which l/h would have too many digits."""
 
+NOT_ALL = "no known fault fits all of this time"
+"""Of a finding that is improbable although nothing fits better."""
+
 SHOWN = 5
 """Most faults described in full."""
 

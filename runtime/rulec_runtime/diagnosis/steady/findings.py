@@ -108,6 +108,13 @@ class Finding:
         return self.behind is not OVER
 
     @property
+    def is_alone(self) -> bool:
+        """Whether no other cause that may be mentioned fits: they would have the rest of the
+        probability. Without others the rest is time in which this one does not fit."""
+        others = self.alternatives or self.remote
+        return not others and self.probability >= 1.0 - limits.MENTION
+
+    @property
     def is_contradicted(self) -> bool:
         """Whether a residual moved against its prediction, with no other fault beside it."""
         return not self.together and any(
