@@ -92,7 +92,7 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
         signal = _signal_of(title, ruleset)
         if signal is None or signal.id in columns:
             continue
-        stated = parts_of(title)[1] or unit or _in_brackets(title)
+        stated = parts_of(title)[1] or unit
         is_unit = stated and parse_unit(stated, ruleset.units) is not None
         columns[signal.id] = title, stated if is_unit else signal.unit
         bare |= set() if stated else {signal.id}
@@ -132,12 +132,6 @@ def _signal_of(title: str, ruleset: Ruleset) -> SignalSpec | None:
     most = max((len(_words(s.id)) for s in occurring), default=0)
     longest = [s for s in occurring if len(_words(s.id)) == most]
     return longest[0] if len(longest) == 1 else None
-
-
-def _in_brackets(title: str) -> str:
-    """A unit in round brackets at the end of a title; empty if there is none."""
-    text = title.strip()
-    return text[text.rfind("(") + 1 : -1].strip() if text.endswith(")") and "(" in text else ""
 
 
 def _words(text: str) -> list[str]:

@@ -183,6 +183,10 @@ def influx(measurement: str, field: str, tags: str = "", pivot: bool = False) ->
 
 
 FORMS = {
+    "units in round brackets": SHEET.mapped("time", lambda k, _: f"{1000 * k}")
+    .text()
+    .replace("[s]", "[ms]")
+    .translate({ord("["): " (", ord("]"): ")"}),
     "thousands, German": grouped(".", ","),
     "thousands, Swiss": grouped("'", "."),
     "thousands, French": grouped("\u202f", ","),

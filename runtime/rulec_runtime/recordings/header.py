@@ -64,7 +64,10 @@ def assign(
         beside = units[index].strip() if units else ""
         named = title != "" and title == ruleset.time_column
         if named or (header.time < 0 and is_time(title)):
-            header.time, header.time_title, header.time_unit = index, title, unit.strip() or beside
+            unit = unit.strip()
+            if title.endswith(")") and parse_unit(unit, ruleset.units) is None:
+                unit = ""  # as in 'Time (UTC)'
+            header.time, header.time_title, header.time_unit = index, title, unit or beside
             continue
         if title in foreign or name in foreign:
             meant = foreign.get(title) or foreign[name]

@@ -16,6 +16,7 @@ from rulec_runtime.recordings.csv_table import (
 )
 
 _NAMESPACE = re.compile(r"\s*nsu?=[^;]*$")
+_ROUND = re.compile(r"\s*(?P<name>[^][()]*[^][()\s])\s*\((?P<unit>[^][()]*)\)\s*")
 _IDENTIFIER = re.compile(r"[isgb]=")
 _MARKS = re.compile(r"[.,](?=\d)")
 _DATE = re.compile(
@@ -26,9 +27,11 @@ _DATE = re.compile(
 def parts_of(title: str) -> tuple[str, str]:
     """Name and unit of a column; a title in any other form is all name.
 
-    >>> parts_of("A.dp [bar]"), parts_of("A.dp"), parts_of("a[b]c")
-    (('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
+    >>> parts_of("A.dp [bar]"), parts_of("A.dp (bar)"), parts_of("A.dp"), parts_of("a[b]c")
+    (('A.dp', 'bar'), ('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
     """
+    if round_ := _ROUND.fullmatch(title):
+        return round_["name"], round_["unit"]
     name, bracket, rest = title.partition("[")
     name = name.strip()
     if not bracket and "]" not in title:
@@ -64,8 +67,7 @@ def is_time(title: str, times: Collection[str] = NAMES) -> bool:
     name = parts_of(title.strip())[0]
     if title.strip() in times or name in times:
         return True
-    bare = name.partition(" (")[0]
-    return bare != TEMPERATURE and (name.lower() in times or bare.lower() in times)
+    return name != TEMPERATURE and name.lower() in times
 
 
 def are_titles(cells: Sequence[str], times: Collection[str]) -> bool:
