@@ -8,14 +8,23 @@ LARGE = 10.0
 
 def degree_in_words(fault: FaultSpec, value: float) -> str:
     """For a sentence: ``20 %``, or ``2 K``."""
-    return f"{value:.3g} {fault.unit}" if fault.unit else f"{100 * value:.3g} %"
+    return f"{_three(value)} {fault.unit}" if fault.unit else f"{_three(100 * value)} %"
+
+
+def _three(value: float) -> str:
+    """Three significant digits, never as a power of ten.
+
+    >>> _three(12.345), _three(1786.0), _three(2.0)
+    ('12.3', '1790', '2')
+    """
+    return f"{float(f'{value:.3g}'):.15g}"
 
 
 def degree_in_figures(fault: FaultSpec, low: float, high: float | None = None) -> str:
     """For a table: ``0.200``, or ``1.98-2.02 K``."""
     ends = [low] if high is None else [low, high]
     if fault.unit:
-        return f"{'-'.join(f'{end:.3g}' for end in ends)} {fault.unit}"
+        return f"{'-'.join(map(_three, ends))} {fault.unit}"
     return "-".join(f"{end:.3f}" for end in ends)
 
 
