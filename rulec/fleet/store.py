@@ -125,9 +125,12 @@ def tables(store: Store, tasks: Sequence[Task], advance: Callable[[int], None]) 
 
 
 def _short(row: Row) -> Row:
-    """Health of a plant-day, with its worst finding in words."""
+    """Health of a plant-day, with its worst finding in words: of the first fault of the worst
+    status, the largest."""
     faults = [f for f in row[FINDINGS] if f["text"]]
-    worst = min(faults, key=lambda f: ("FCSM".find(f["status"]), f["since"]), default=None)
+    first = min(faults, key=lambda f: ("FCSM".find(f["status"]), f["since"]), default=None)
+    same = (f for f in faults if first and f["fault"] == first["fault"])
+    worst = max(same, key=lambda f: f["degree"] or 0.0, default=None)
     short = {k: v for k, v in row.items() if k not in (FINDINGS, TRACE, POINTS, "notes")}
     count = len(row[FINDINGS])
     return short | {"found": count, "text": worst["text"] if worst else row["reason"]}
