@@ -164,10 +164,15 @@ def text_sheet(
     """A table of rows of text; each call of `rows` gives those below the titles.
 
     A row of units below the titles gives the units. `times` are names of time columns, whose cells
-    need not stay in memory as text.
+    need not stay in memory as text. A logger that starts again may repeat its titles.
     """
-    units = units_below(titles, next(rows(), []))
-    table = TextTable(path, tuple(titles), rows, separator, units is not None, times)
+    named = [*titles]
+
+    def below() -> Iterator[list[str]]:
+        return (row for row in rows() if row != named)
+
+    units = units_below(titles, next(below(), []))
+    table = TextTable(path, tuple(titles), below, separator, units is not None, times)
     return Sheet(
         name=name,
         titles=tuple(titles),

@@ -217,6 +217,15 @@ def test_what_is_left_out_of_the_first_block_has_its_time(tmp_path: Path, abc: R
     )
 
 
+def test_titles_that_a_logger_repeats_are_no_readings(tmp_path: Path, abc: Ruleset) -> None:
+    """It was started again, and writes on into the same file."""
+    path, taken = growing(tmp_path, abc, lines([0, 1]))
+    append(path, lines([2, 3]))
+    assert taken.take().times == [0, 1, 2, 3]
+    assert taken.kinds() == ["connected"]
+    assert not any("word" in note for note in read_recording(path, abc).notes)
+
+
 def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Ruleset) -> None:
     """A clock without dates goes on behind it; one with dates has no stamp of next year."""
     path, taken = growing(tmp_path, abc, lines([0, 1, 1e9]))

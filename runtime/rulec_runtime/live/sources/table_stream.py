@@ -238,8 +238,10 @@ class TableStream:
 
 
 def _rows_in(head: TableHead, lines: Sequence[str]) -> tuple[list[list[str]], int]:
-    """Rows with all cells of the titles, and the number of others."""
-    rows = [row for line in lines if any(row := cells_of(line, head.separator))]
+    """Rows with all cells of the titles, and the number of others; a logger that starts again may
+    repeat its titles."""
+    named = [*head.titles]
+    rows = [row for line in lines if any(row := cells_of(line, head.separator)) and row != named]
     whole = [row for row in rows if is_whole(row, len(head.titles))]
     return whole, len(rows) - len(whole)
 
