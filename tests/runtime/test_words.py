@@ -227,8 +227,8 @@ def test_an_improbable_finding_is_not_told_as_the_only_one_that_fits() -> None:
     for probability, said in ((1.0, "no other known fault fits"), (0.19, "fits all of this time")):
         findings = tuple(replace(f, probability=probability) for f in found.findings)
         now = replace(found, findings=findings)
-        page = "".join(map(part_html, html_findings.told(now)))
-        assert said in told(explain, now)
+        page = "".join(map(part_html, html_findings.findings_parts(now)))
+        assert said in shown(explain, now)
         assert ("no other one fits" in page) == (probability == 1.0)
 
 

@@ -212,7 +212,7 @@ def test_what_is_left_out_of_the_first_block_has_its_time(tmp_path: Path, abc: R
     taken.take()
     assert taken.kinds() == ["connected", "clock", "clock", "refused"]
     assert {notice.time for notice in taken.notices[1:]} == {taken.times[-1]}
-    assert taken.told[2][1] == (
+    assert taken.reports[2][1] == (
         "x.csv: 1 row is not later than 2026-03-01 11:00:01 and is left out"
     )
 
@@ -283,7 +283,7 @@ def test_silence_is_told_once(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) 
     said = (
         r"x.csv: rows came, but for \d s none later than 2026-03-01 12:00:01; was the clock of .*\?"
     )
-    assert re.fullmatch(said, next(text for kind, text in taken.told[::-1] if kind == "stale"))
+    assert re.fullmatch(said, next(text for kind, text in taken.reports[::-1] if kind == "stale"))
     path.unlink()
     taken.until(lambda t: "lost" in t.kinds())
     kinds = [kind for kind in taken.kinds() if kind != "clock"]
