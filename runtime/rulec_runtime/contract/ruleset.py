@@ -21,7 +21,7 @@ from rulec_runtime.output.json_file import DIGEST, digest_of
 
 Size = TypeVar("Size", float, Array)
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 
 MISFIT = "~"
 """Suffix of an observer's id: its own misfit as an input of gradients."""
