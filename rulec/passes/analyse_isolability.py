@@ -9,7 +9,7 @@ degree of the other.
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,8 +109,10 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
     """A group with the degrees that isolate its faults, and advice if these are not small."""
     degrees = adviser.degrees(names)
     far = not degrees or max(degrees) <= SMALL_DEGREE
-    advice = None if far else adviser.advise(names)
-    parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
+    alike = adviser.of_one_reading(names)
+    judged = tuple(group[0] for group in alike)
+    advice = None if far else adviser.advise(judged)
+    parts = list(_telling(adviser, shown, *names)) if kind == "nested" else []
     sensors: tuple[AdvisedSensor, ...] = ()
     if any(np.isfinite(degrees)) and not (far and parts):
         each = " and ".join(_above(adviser, n, x) for n, x in zip(names, degrees, strict=True))
@@ -118,9 +120,13 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
     if advice is not None:
         added, degree = advice
         sensors = tuple(AdvisedSensor(s.module, s.signal, s.cost) for s in added)
-        more = " and ".join(s.title for s in added)
-        does = "with" if parts else "distinguishable with"
-        parts.append(f"{does} {more} above {adviser.sizes(names, degree)}")
+        if added:
+            more = " and ".join(s.title for s in added)
+            does = "with" if parts else "distinguishable with"
+            parts.append(f"{does} {more} above {adviser.sizes(judged, degree)}")
+        for group in alike:
+            if len(group) > 1:
+                parts.append(f"{', '.join(group)} only by several operating points")
     elif not far:
         parts.append("no further reading there would help; compare several operating points")
     units = (adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
@@ -140,9 +146,10 @@ def _by_detectability(signatures: Signatures) -> Shown:
     return {fault: sorted(cells) for fault, cells in table.items()}
 
 
-def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> str:
-    """The residual that only the outer fault moves, and the smallest degree that it detects."""
+def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> Iterator[str]:
+    """The residual that only the outer fault moves, and the smallest degree that it detects, if the
+    fault can have it."""
     common = {residual for _, residual in shown[inner]}
     degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
-    size = f"above {degree:.2g}{adviser.unit(outer)}"
-    return f"distinguishable by {residual} {size if adviser.has(outer, degree) else 'at no degree'}"
+    if adviser.has(outer, degree):
+        yield f"distinguishable by {residual} above {degree:.2g}{adviser.unit(outer)}"

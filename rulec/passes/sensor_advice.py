@@ -47,6 +47,11 @@ class Adviser:
         self._faults: dict[str, list[str]] = {}
         self._module_of: dict[str, str] = {}
         self._variants = {h.id: h.fault.variant for h in assembly.hypotheses}
+        self._wrong = {
+            h.id: f"{h.module}.{h.fault.target}"
+            for h in assembly.hypotheses
+            if h.fault.fault.acts_on == "signal"
+        }
         self._reached: dict[str, set[str]] = {}
         for h in assembly.hypotheses:
             self._faults.setdefault(h.module, []).append(h.id)
@@ -114,10 +119,18 @@ class Adviser:
         modules = dict.fromkeys(self._module_of[f] for f in hood.faults)
         return [self._faults[m] for m in modules if self._around[m] == key]
 
+    def of_one_reading(self, faults: Sequence[str]) -> list[list[str]]:
+        """Groups of errors of one reading: only several operating points can isolate them."""
+        groups: dict[str, list[str]] = {}
+        for fault in faults:
+            groups.setdefault(self._wrong.get(fault, fault), []).append(fault)
+        return list(groups.values())
+
     def advise(self, faults: Sequence[str]) -> tuple[tuple[Sensor, ...], float] | None:
-        """The cheapest one or two sensors that isolate a group, and the degree that they need."""
+        """The cheapest sensors, two at most, that isolate the faults of a group, and the degree
+        that they need; no sensor if the plant already does so."""
         hood = self._hood(faults)
-        if hood is None:
+        if hood is None or len(faults) == 1:
             return None
         modules = dict.fromkeys(self._module_of[f] for f in faults)
         own = (candidates(self._modules[m], self._knowledge, self._linear) for m in modules)
@@ -240,8 +253,9 @@ def degrees_at(distance: Array) -> tuple[float, ...]:
 def cheapest(
     hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor], highest: Sequence[float]
 ) -> tuple[tuple[Sensor, ...], float] | None:
-    """The cheapest one or two sensors that isolate all faults at degrees up to the `highest`, and
-    the smallest degree that they need."""
+    """The cheapest sensors, two at most, that isolate all faults at degrees up to the `highest`,
+    and the smallest degree that they need; no sensor where the plant already does so and none
+    leads to a small degree."""
     gram = hood.gram(faults)
     effects, covariance = hood.added(faults, sensors)
     covariance = covariance + LEAST_SPREAD * np.eye(len(sensors))
@@ -258,16 +272,23 @@ def cheapest(
     def cost(chosen: tuple[int, ...]) -> float:
         return sum(sensors[i].cost for i in chosen)
 
+    def needed(chosen: tuple[int, ...], soon: bool) -> float:
+        """The degree that isolates all faults with some of the sensors added; inf if it is beyond
+        the range of one, or not small. With `soon` it may be large if it is soon after detection.
+        """
+        distance = among(chosen)
+        each = degrees_at(distance)
+        enough = max(each) <= SMALL_DEGREE or (soon and _is_isolated(distance))
+        return max(each) if enough and np.all(np.less_equal(each, highest)) else np.inf
+
+    without = needed((), soon=True)
     numbers = range(len(sensors))
     choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
     for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
-        far = ((among(c), c) for c in same)
-        found = ((degrees_at(d), c) for d, c in far if _is_isolated(d))
-        isolating = [(max(x), c) for x, c in found if np.all(np.less_equal(x, highest))]
-        if isolating:
-            degree, chosen = min(isolating)
+        degree, chosen = min((needed(c, soon=without == np.inf), c) for c in same)
+        if degree < np.inf:
             return tuple(sensors[i] for i in chosen), degree
-    return None
+    return None if without == np.inf else ((), without)
 
 
 def _is_isolated(distance: Array) -> bool:

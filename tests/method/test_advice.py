@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import AmbiguousGroup, Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
@@ -160,6 +161,49 @@ def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
     assert [second] == two["sensors"]
     coinciding = [a for a in matrix["ambiguities"] if a["kind"] == "coincide"]
     assert [[None] * 3, [None] * 2] == [a["told_from"] for a in coinciding]
+
+
+def test_errors_of_one_reading_count_as_one(tmp_path: Path) -> None:
+    """A second pressure tells clogging from both errors of the first, which look alike at one
+    operating point."""
+    text = (ROOT / "kb" / "modules" / "static-mixer.yaml").read_text(encoding="utf-8")
+    text = text.replace("module: static-mixer", "module: mixer-b")
+    (tmp_path / "kb").mkdir()
+    (tmp_path / "kb" / "mixer-b.yaml").write_text(
+        text.replace("slope(dp)]", "slope(dp), offset(dp)]"), encoding="utf-8"
+    )
+    (tmp_path / "kb" / "lone-pump.yaml").write_text(LONE_PUMP, encoding="utf-8")
+    types = {"A": "lone-pump, reference: {dp: 1}", "C": "mixer-b"}
+    rules = compile_plant(write_plant(tmp_path, types, "A -> C"))
+    found = group(rules, "C.clogging", "C.dp.slope.high", "C.dp.offset.high")
+    assert ["C.dp"] == [f"{s.module}.{s.signal}" for s in found.sensors]
+    rest = "; C.dp.slope.high, C.dp.offset.high only by several operating points"
+    assert re.fullmatch(
+        rf"distinguishable with a second reading of C.dp above [0-9.]+{rest}", found.advice
+    )
+
+
+def test_no_sensor_is_advised_that_brings_nothing() -> None:
+    """Losses of head of two pumps are told apart at the degrees at which they show. A second
+    speed adds nothing to that; a flow meter does."""
+    advised = group(ruleset("cooling-loop"), "P1.missing-head", "P2.missing-head")
+    assert ["P1.volume flow"] == [f"{s.module}.{s.signal}" for s in advised.sensors]
+    fouling = group(ruleset("cooling-loop"), "HX.exchanger-fouling", "HX.T_2.high")
+    assert () == fouling.sensors
+    assert "no further reading" not in fouling.advice
+
+
+def test_no_residual_tells_what_a_fault_cannot_reach() -> None:
+    """The power of the dosing pump would show an error of its pressure only beyond its range."""
+    found = group(ruleset("dosing-skid"), "P.check-valve-leakage", "P.dp.low")
+    assert found.advice.startswith("reliably distinguishable above ")
+
+
+def test_cell_of_the_matrix_ends_with_the_range_of_its_fault() -> None:
+    """No reading is low by more than all of itself."""
+    faults = {f.id: f for f in ruleset("abc").faults}
+    assert ["0.25", ">1"] == [smallest_degree(faults["A.dp.low"], x) for x in (0.25, 5.6)]
+    assert ["5.6", ">10"] == [smallest_degree(faults["A.clogging"], x) for x in (5.6, 56.0)]
 
 
 def test_wide_junction_is_judged_module_by_module(tmp_path: Path) -> None:

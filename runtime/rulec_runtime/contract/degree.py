@@ -31,10 +31,8 @@ def degree_in_figures(fault: FaultSpec, low: float, high: float | None = None) -
 def smallest_degree(fault: FaultSpec, value: float) -> str:
     """For a cell of the matrix: ``0.12``, ``>10``, or ``0.43 K``.
 
-    No reading can be off by more than the range of its sensor.
+    A degree beyond the range of the fault is written as ``>0.9``: nothing it can do shows there.
     """
-    if fault.unit:
-        if value > fault.highest:
-            return f">{fault.highest:.3g} {fault.unit}"
-        return f"{value:.2g} {fault.unit}"
-    return f"{value:.2g}" if value < LARGE else f">{LARGE:g}"
+    unit = f" {fault.unit}" if fault.unit else ""
+    most = fault.highest if unit else min(fault.highest, LARGE)
+    return f"{value:.2g}{unit}" if value <= most else f">{most:.3g}{unit}"
