@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from rich.console import Console
 from rulec_runtime.commands.destinations import console, progress_of, write_to
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
@@ -37,10 +38,9 @@ class CompileResult(Result):
     def counts(self) -> str:
         """The numbers of modules, residuals, faults and rules, in words."""
         rules = self.ruleset
-        return (
-            f"{len(rules.modules)} modules, {len(rules.residuals)} residuals, "
-            f"{len(rules.faults)} faults, {len(rules.cells)} rules"
-        )
+        parts = {"module": rules.modules, "residual": rules.residuals, "fault": rules.faults}
+        parts["rule"] = rules.cells
+        return ", ".join(plural(len(part), name, f"{name}s") for name, part in parts.items())
 
     def to_dict(self) -> dict[str, Any]:
         """The ruleset as its file holds it."""

@@ -3,6 +3,7 @@
 Doubts are not mistakes: a plant that has some still compiles. `rulec check` reports them.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import combinations, product
@@ -14,7 +15,6 @@ from rulec.knowledge.plant import Plant
 from rulec.knowledge.values_at import values_at
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.read_yaml import Document, Path_
-from rulec.language.units import VOLUME_FLOW
 from rulec.limits import ASSUMED_ACCURACY
 
 Values = Mapping[str, float]
@@ -29,6 +29,9 @@ def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iter
             yield from _outside(document, ("signals", name, "reference"), kind.signals[name])
         for name, message, hint in _far_estimates(kind, kind.parameters, reference):
             place = document.key("parameters", name) if name else document.key("observers")
+            yield Diagnostic(place, "KB140", message, hint, doubt=True)
+        for name, message, hint in _no_flows(kind, kind.parameters, reference):
+            place = document.key("observers", name)
             yield Diagnostic(place, "KB140", message, hint, doubt=True)
         for path in (path for path, accuracy in kind.laws().items() if accuracy is None):
             assumed = f"{100 * ASSUMED_ACCURACY:g} %"
@@ -56,6 +59,8 @@ def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
             path = ("modules", name, "parameters", parameter)
             place = document.key(*path) if path in document.keys else document.key(*path[:2])
             yield Diagnostic(place, "KB140", message, hint, doubt=True)
+        for _, message, hint in _no_flows(module.type, module.stated, module.reference):
+            yield Diagnostic(document.key("modules", name), "KB140", message, hint, doubt=True)
     touched = {name for connection in plant.connections for name in connection}
     for name in plant.modules if touched else ():
         if name not in touched:
@@ -114,17 +119,22 @@ def _only_reference(kind: ModuleType, signal: str) -> bool:
 
 
 def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagnostic]:
-    """A typical reading, in the unit of the signal, outside the range of its sensor."""
+    """A typical reading, in the unit of the signal, outside the range of its sensor, or below the
+    smallest at which the equations hold."""
     part = document.data
     for step in path:
         part = part[step]
-    value, low, high = signal.unit.to_si(part), signal.lowest, signal.highest
-    if low is None or high is None or low <= value <= high:
-        return
-    ends = " to ".join(f"{signal.unit.from_si(end):g}" for end in (low, high))
-    message = f"the typical reading {part:g} lies outside of the range of '{signal.name}'"
-    hint = f"the range is {ends} {signal.unit.text}; for another sensor write a type of its own"
-    yield Diagnostic(document.place(*path), "KB142", message, hint, doubt=True)
+    value, low, high, least = signal.unit.to_si(part), signal.lowest, signal.highest, signal.minimum
+    shown, message = signal.unit.from_si, ""
+    if low is not None and high is not None and not low <= value <= high:
+        message = f"the typical reading {part:g} lies outside of the range of '{signal.name}'"
+        hint = f"the range is {shown(low):g} to {shown(high):g} {signal.unit.text}"
+        hint += "; for another sensor write a type of its own"
+    elif least is not None and value < least:
+        message = f"the typical reading {part:g} lies below the minimum of '{signal.name}'"
+        hint = f"below {shown(least):g} {signal.unit.text} nothing is judged"
+    if message:
+        yield Diagnostic(document.place(*path), "KB142", message, hint, doubt=True)
 
 
 def _far_estimates(
@@ -152,6 +162,24 @@ def _far_estimates(
             yield name, message, hint
             return
     yield "", message, "check the units of parameters, and the references of signals"
+
+
+def _no_flows(
+    kind: ModuleType, parameters: Mapping[str, Parameter], reference: Values
+) -> Iterator[tuple[str, str, str]]:
+    """Estimates that give no flow, or one backwards, at the typical readings, where all are stated.
+
+    Yields the observer, the message, and the remedy.
+    """
+    flows = _flows(kind, {name: p.value for name, p in parameters.items()}, reference)
+    for name, flow in flows.items():
+        used = kind.names_through(kind.observers[name].expression) & kind.signals.keys()
+        if used <= reference.keys() and not flow >= 0:
+            fails = math.isnan(flow)
+            what = "cannot be calculated" if fails else f"gives {3600 * flow:.3g} m3/h, backwards"
+            why = "a root, logarithm or division fails there; " if fails else ""
+            hint = f"{why}check signs, the units of parameters, and the references of signals"
+            yield name, f"at the typical readings '{name}' {what}", hint
 
 
 def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, float] | None:
@@ -187,7 +215,8 @@ def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...
     counts: Counter[str] = Counter()
     flows: set[str] = set()
     for other in types:
-        flows |= {s.quantity for s in other.signals.values() if s.unit.dimension == VOLUME_FLOW}
+        meters = {observer.expression.text for observer in other.observers.values()}
+        flows |= {s.quantity for name, s in other.signals.items() if name in meters}
         each = [_quantities(other, [observer]) for observer in other.observers.values()]
         more = _quantities(other, other.observers.values()) - own
         if len(more) == 1 and any(quantities and quantities <= own for quantities in each):

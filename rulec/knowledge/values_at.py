@@ -1,5 +1,6 @@
 """Values of the equations of a module type at one point."""
 
+import math
 from collections.abc import Mapping
 
 from rulec.knowledge.module_type import ModuleType
@@ -11,7 +12,7 @@ def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
 
     `given` holds readings, states and, as `density` and `viscosity`, properties of the fluid;
     parameters that it does not hold are those of the type. Equations with an unknown name are left
-    out.
+    out; one that fails there, as by a root of a negative number, gives NaN.
     """
     defined = {p.name: p.value for p in kind.parameters.values()} | dict(given)
     for definition in kind.definitions.values():
@@ -29,4 +30,4 @@ def _value(expression: Expression, defined: Mapping[str, float]) -> float | None
     try:
         return constant(expression, defined)
     except Rejected:  # not every equation has a value everywhere
-        return None
+        return math.nan

@@ -1,9 +1,11 @@
 """Reads the parts of one document, and reports mistakes at their places."""
 
+import contextlib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rulec_runtime.contract.unit_text import plain_text
 from rulec_runtime.output.nearest import did_you_mean, nearest
 
 from rulec.language.diagnostics import Diagnostic, Origin, Place
@@ -95,10 +97,10 @@ class Reader:
             return self.units.parse(text)
         except ValueError as error:
             name = str(error)
-        near = nearest(name, self.units.units)
+        near, plain = nearest(name, self.units.units), plain_text(text)
         hint = f"did you mean '{near}'?" if near else _SPELLINGS
-        if "^" in name:
-            hint = "write a power as in 'l/h/bar**2'"
+        with contextlib.suppress(ValueError):
+            hint = f"write '{self.units.parse(plain).text}'"
         message = f"there is no unit '{name[:40]}'"
         if name == text:
             self.report(path, "KB050", message, hint)

@@ -119,7 +119,9 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
         case "minItems" | "maxItems" as bound:
             entries = f"{limit} entr{'ies' if limit > 1 else 'y'}"
             message = f"{part} must have {_BOUNDS[bound]} {entries}, not {len(value)}"
-            yield Diagnostic(where, "KB027", message)
+            numbers = all(isinstance(entry, (int, float)) for entry in value)
+            hint = "a comma ends a number: write a decimal point" if numbers else ""
+            yield Diagnostic(where, "KB027", message, hint if bound == "maxItems" else "")
         case "minProperties" | "minLength":
             hint = "fill it in" if error.validator == "minLength" else "fill it in, or leave it out"
             yield Diagnostic(where, "KB027", f"{part} is empty", hint)

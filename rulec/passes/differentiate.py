@@ -27,6 +27,7 @@ from rulec.knowledge.knowledge import (
 from rulec.knowledge.liquid import Liquid
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
 from rulec.knowledge.plant import Plant
+from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.expression import Expression
 from rulec.language.symbolic import invert, to_sympy
 from rulec.passes.liquid import ByTarget, liquid_id, moved_by
@@ -171,6 +172,14 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
     observers = _observers(kind, symbols)
+    for name, value in (*observers.items(), *written_out(kind, symbols).items()):
+        if value.has(sympy.zoo, sympy.nan, sympy.oo, sympy.I):
+            # Each part has a value alone, as in 1/(V - V): only together they have none.
+            known = kind.observers.get(name)
+            place = Place(kind.file, known.origin.line if known else 1)
+            message = f"'{name}' of '{kind.name}' has no value, whatever the readings"
+            hint = "it divides by zero, or takes the root or logarithm of what is never positive"
+            raise Refused([Diagnostic(place, "KB041", message, hint)])
     over = partial(observers_over, kind, symbols=symbols, observers=observers)
     faults = tuple(_faults(kind, knowledge, over))
     further = tuple(unlisted_uses(kind, knowledge)) if any_error else ()

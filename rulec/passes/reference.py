@@ -39,6 +39,7 @@ def solve_reference(
     plan, slopes = _plan(assembly, free)
     scale = np.array([abs(readings[s]) or 1.0 for s in free])
     values = plan.run(_inputs(readings))
+    stated = {o: float(values[f"q:{o}"][0]) for o in assembly.observers}
     for _ in range(REFERENCE_STEPS):
         q = {o: float(values[f"q:{o}"][0]) for o in assembly.observers}
         if not np.isfinite([*q.values()]).all():
@@ -56,8 +57,26 @@ def solve_reference(
                 break
         readings = tried
     message = "no fault-free operating point was found near the reference readings"
-    hint = "give each module 'reference: {...}' with readings that fit together"
+    hint = f"{_misfit(residuals, stated)}; check units, and the 'reference' of each signal"
     raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
+
+
+def _misfit(residuals: tuple[Residual, ...], stated: Mapping[str, float]) -> str:
+    """What fits least at the readings as given, in words."""
+    undefined = [o for o, flow in stated.items() if not np.isfinite(flow)]
+    if undefined:
+        return f"there {' and '.join(undefined)} cannot be calculated: a root or a division fails"
+
+    worst, apart = "the flows balance", 1.0
+    for residual in residuals:
+        sides = [[o for sign, o in residual.terms if sign == side] for side in (1, -1)]
+        flows = [sum(stated[o] for o in names) for names in sides]
+        less, more = sorted(map(abs, flows))
+        ratio = more / less if flows[0] * flows[1] > 0 else np.inf
+        if ratio > apart:
+            told = [f"{' + '.join(n)} {3600 * f:.3g}" for n, f in zip(sides, flows, strict=True)]
+            worst, apart = f"{' and '.join(told)} m3/h should be equal", ratio
+    return f"there {worst}"
 
 
 def _agree(residuals: tuple[Residual, ...], q: Mapping[str, float]) -> bool:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
+from rulec_runtime.contract.unit_text import plain_text
 from rulec_runtime.output.nearest import nearest
 from rulec_runtime.recordings import limits
 
-_TYPOGRAPHY = str.maketrans({"°": "deg", "²": "2", "³": "3", "·": "*", "⋅": "*", " ": None})
 _NEGATIVE = re.compile(r"(?<=[A-Za-z])-(\d)")
 
 
@@ -21,13 +21,13 @@ def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
     >>> parse_unit("bar/h", {"bar": bar, "h": h})
     UnitSpec(factor=27.77777777777778, offset=0.0, dimension=(-1.0, 1.0, -3.0, 0.0))
     """
-    text = text.strip().translate(_TYPOGRAPHY)
+    text = plain_text(text)
     if text in units:
         return units[text]
     if len(text) > limits.LONGEST_UNIT:
         return None
     try:
-        tree = ast.parse(_NEGATIVE.sub(r"**-\1", text.replace("^", "**")), mode="eval").body
+        tree = ast.parse(_NEGATIVE.sub(r"**-\1", text), mode="eval").body
         factor, dimension = _walk(tree, units)
     except (SyntaxError, ValueError, RecursionError, MemoryError, ArithmeticError):
         return None
