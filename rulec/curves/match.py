@@ -76,6 +76,7 @@ def points_of(
     readings = {name: np.full(count, value) for name, value in constants.items()}
     wanted = wanted_by(kind)
     rest: list[Column] = []
+    notes: list[str] = []
     by_name = {name.lower(): name for name in kind.signals}
     for column in columns:
         name = by_name.get(column.name.lower())
@@ -95,6 +96,10 @@ def points_of(
         alike = [c for c in plain if c.unit.dimension.fits(column.unit.dimension)]
         if len(fits) == 1 and len(alike) == 1:
             readings[fits[0]] = column.values
+            known = kind.signals.get(fits[0])
+            if known is not None:
+                what = f"{known.name}, {known.quantity}," if known.quantity else known.name
+                notes.append(f"{what} from column '{one_line(column.name)[:40]}'")
         elif fits:
             names = ", ".join(one_line(c.name)[:40] for c in alike)
             raise CurveRefused(
@@ -102,7 +107,8 @@ def points_of(
                 "--columns, and leave out the others"
             )
     taken = {id(values) for values in readings.values()}
-    return _derived(readings, [c for c in rest if id(c.values) not in taken], wanted)
+    points = _derived(readings, [c for c in rest if id(c.values) not in taken], wanted)
+    return Points(points.readings, (*notes, *points.notes))
 
 
 def explained(
@@ -167,17 +173,18 @@ def _derived(
         notes.append(f"{name} from column '{one_line(head.name)[:40]}', times density and g")
     flow, pressure = known(VOLUME_FLOW), known(_PRESSURE)
     efficiency, power = column(NONE, "efficiency"), column(_POWER)
-    shaft = None if power is None else power.values
+    shaft, origin = None if power is None else power.values, ""
     if shaft is None and efficiency and flow is not None and pressure is not None:
         with np.errstate(all="ignore"):
             shaft = np.where(efficiency.values > 0.0, flow * pressure / efficiency.values, np.nan)
-        notes.append("power from flow, head and efficiency; without flow it says nothing")
+        origin = "power at the shaft, from flow, head and efficiency; without flow it says nothing"
     speed = known(_SPEED)
     if shaft is not None and (name := lacking(_POWER)) is not None:
         readings[name] = shaft
+        notes += [f"{name} taken as the {origin}"] if origin else []
     elif shaft is not None and speed is not None and (name := lacking(_TORQUE)) is not None:
         readings[name] = shaft / (2.0 * np.pi * speed)
-        notes.append(f"{name} from power and speed")
+        notes += [f"{name} from power and speed", *([origin] if origin else [])]
     return Points(readings, tuple(notes))
 
 

@@ -43,7 +43,7 @@ GROUP = "rulec.kb"
 _OF_A_KIND = frozenset(("modules", "faults", "effects", "sensors", "fluids"))
 _PLAIN_UNIT = re.compile(rb"""^\s+(["'])1\1\s*:""", re.MULTILINE)
 _KNOWLEDGE = re.compile(rb"^(module|fault|effect|sensor|fluid|units):", re.MULTILINE)
-_SOURCE_MAP = re.compile(rb"^(endpoint|servers):", re.MULTILINE)
+_SOURCE_MAP = re.compile(rb"^(endpoint|servers|interval):", re.MULTILINE)
 """Keys of a map of signals to nodes or topics, which only a watch reads."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]

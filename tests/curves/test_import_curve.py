@@ -104,6 +104,20 @@ def test_several_speeds_are_one_curve(tmp_path: Path) -> None:
     assert law(found, "dp_law")["accuracy"] == "0.4 %, 19 of 20 of 12 points of the sheet"
 
 
+def test_power_at_the_shaft_is_not_silently_that_of_the_motor(tmp_path: Path) -> None:
+    """A sheet without electric power says from where the reading of power was taken."""
+    titles, *points = rows()
+    for kept, told in (
+        ("Q [m3/h],H [m],P2 [kW],n [rpm]", "P_el, electric power, from column 'P2'"),
+        ("Q [m3/h],H [m],eta [%],n [rpm]", "P_el taken as the power at the shaft, from flow,"),
+    ):
+        columns = [titles.index(title) for title in kept.split(",")]
+        text = "\n".join([kept, *(",".join(row[i] for i in columns) for row in points)])
+        found = imported(tmp_path, written(tmp_path, text), "--at", "n0=2950 rpm")
+        assert 1 == sum("power" in note for note in found["notes"])
+        assert [n for n in found["notes"] if n.startswith(told)]
+
+
 def test_a_device_of_the_size_of_the_type(tmp_path: Path) -> None:
     """Within a half of the type's values, from which the fit finds it."""
     lines = ["n [rpm],dp [bar],Q [m3/h],P_el [kW]"]
@@ -137,7 +151,7 @@ def test_excel_and_a_digitised_table_say_the_same(tmp_path: Path) -> None:
 
 
 def test_titles_swapped_leave_the_tolerance(tmp_path: Path, capsys: Any) -> None:
-    """The units still fit, the curve does not: no file, unless somebody insists."""
+    """The units still fit, the curve does not: no file, unless somebody insists; then a doubt."""
     titles = "H [m],Q [m3/h],,,P_el [kW],,n [rpm]"
     file, target = written(tmp_path, NB), tmp_path / "kb" / "own.yaml"
     found = imported(tmp_path, file, "--columns", titles, code=1)
@@ -145,4 +159,4 @@ def test_titles_swapped_leave_the_tolerance(tmp_path: Path, capsys: Any) -> None
     assert not target.exists()
     assert "two columns swapped" in " ".join(capsys.readouterr().out.split())
     imported(tmp_path, file, "--columns", titles, "--force", "--at", "h0=90 bar")
-    assert [] == collect([target])
+    assert {("KB140", True)} == {(d.code, d.doubt) for d in collect([target])}

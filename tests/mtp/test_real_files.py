@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from rulec.cli import main
+from rulec.commands.check_files import collect
 from tests.conftest import ROOT
 
 FOLDER = Path(os.environ.get("RULEC_MTP", ROOT.parent / "shared" / "mtp"))
@@ -85,6 +86,7 @@ def test_all_tags_units_and_nodes_are_found(file: Path, tmp_path: Path) -> None:
     if found["refused"]:
         assert file.name.startswith("broken")
         return
+    assert [] == [one for one in collect([tmp_path / "out"]) if not one.doubt]
     tags, units, nodes = present(file)
     counts = [module["counts"] for module in found["modules"]]
     totals = {
