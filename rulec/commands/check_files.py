@@ -8,6 +8,7 @@ from rulec.algebra.continuity import FlowGraph, flows_by_continuity
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
 from rulec.knowledge.doubts import (
+    doubts_of_balances,
     doubts_of_columns,
     doubts_of_plant,
     doubts_of_redundancy,
@@ -17,7 +18,7 @@ from rulec.knowledge.read import read_all, read_files, read_plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.read_yaml import Document
-from rulec.passes.derive_residuals import derive_residuals
+from rulec.passes.derive_residuals import Residual, derive_residuals
 from rulec.passes.link import link, observed_through_states
 from rulec.passes.put_balances import dynamics_of
 
@@ -59,9 +60,11 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
     network = link(plant)
     if network.stores:
         dynamics_of(network, {name: [] for name in plant.modules})
-    doubts = [*doubts_of_plant(document, plant)]
+    residuals = derive_residuals(network)
+    apart = [(r.module, r.terms) for r in residuals if len({*_modules_of(r)}) > 1]
+    doubts = [*doubts_of_plant(document, plant), *doubts_of_balances(document, plant, apart)]
     doubts += doubts_of_columns(document, plant, partial(_same_flow, network.graph))
-    used = {o.split(".")[0] for r in derive_residuals(network) for _, o in r.terms}
+    used = {name for r in residuals for name in _modules_of(r)}
     used |= observed_through_states(network) if network.stores else set()
     # Modules with faults whose estimates occur in no residual and move nothing that is stored.
     modules = network.plant.modules.values()
@@ -76,3 +79,8 @@ def _same_flow(graph: FlowGraph, module: str) -> Iterable[str]:
     """Modules whose flow is that of `module` by continuity."""
     known = flows_by_continuity(graph, [module]).items()
     return [name for name, flow in known if flow.terms == {module: 1}]
+
+
+def _modules_of(residual: Residual) -> list[str]:
+    """The module of each term."""
+    return [observer.split(".")[0] for _, observer in residual.terms]

@@ -164,6 +164,36 @@ def _far_estimates(
     yield "", message, "check the units of parameters, and the references of signals"
 
 
+def doubts_of_balances(
+    document: Document, plant: Plant, balances: Iterable[tuple[str, Iterable[tuple[int, str]]]]
+) -> Iterator[Diagnostic]:
+    """Flows of neighbours that are far apart at the typical readings, where all are stated.
+
+    `balances` are modules with a signed sum of estimates, of several modules, that should be zero.
+    """
+    flows = {
+        f"{name}.{observer}": flow
+        for name, m in plant.modules.items()
+        for observer, flow in _stated_flows(m.type, m.stated, m.reference).items()
+    }
+    told: set[str] = set()
+    for name, terms in balances:
+        signed = [(sign, o, flows.get(o, math.nan)) for sign, o in terms]
+        sides = {
+            " + ".join(o for sign, o, _ in signed if sign == side): abs(
+                sum(flow for sign, _, flow in signed if sign == side)
+            )
+            for side in (1, -1)
+        }
+        far = _far_pair(sides)
+        if far is not None and name not in told:
+            told.add(name)
+            message = f"at the typical readings {far[0]} is {far[2]:.3g} times {far[1]}"
+            message += "; both should be the same flow"
+            hint = "check whether these modules fit together, their units and references"
+            yield Diagnostic(document.key("modules", name), "KB140", message, hint, doubt=True)
+
+
 def _no_flows(
     kind: ModuleType, parameters: Mapping[str, Parameter], reference: Values
 ) -> Iterator[tuple[str, str, str]]:
@@ -171,10 +201,8 @@ def _no_flows(
 
     Yields the observer, the message, and the remedy.
     """
-    flows = _flows(kind, {name: p.value for name, p in parameters.items()}, reference)
-    for name, flow in flows.items():
-        used = kind.names_through(kind.observers[name].expression) & kind.signals.keys()
-        if used <= reference.keys() and not flow >= 0:
+    for name, flow in _stated_flows(kind, parameters, reference).items():
+        if not flow >= 0:
             fails = math.isnan(flow)
             what = "cannot be calculated" if fails else f"gives {3600 * flow:.3g} m3/h, backwards"
             why = "a root, logarithm or division fails there; " if fails else ""
@@ -189,6 +217,15 @@ def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, floa
         if flows[b] and abs(flows[a] / flows[b]) > far:
             return a, b, abs(flows[a] / flows[b])
     return None
+
+
+def _stated_flows(
+    kind: ModuleType, parameters: Mapping[str, Parameter], reference: Values
+) -> dict[str, float]:
+    """Estimates at the typical readings, SI, of those whose typical readings are all stated."""
+    flows = _flows(kind, {name: p.value for name, p in parameters.items()}, reference)
+    read = {o: kind.names_through(kind.observers[o].expression) & {*kind.signals} for o in flows}
+    return {name: flow for name, flow in flows.items() if read[name] <= reference.keys()}
 
 
 def _flows(kind: ModuleType, parameters: Values, reference: Values) -> dict[str, float]:
