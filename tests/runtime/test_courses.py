@@ -1,11 +1,13 @@
 """The course of a degree: faults that grow, or come and go; what is learned before they begin."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady import limits
+from rulec_runtime.diagnosis.steady import growing_faults, limits
 from rulec_runtime.diagnosis.steady.baseline import Learner, nothing_learned, remembered
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
@@ -14,6 +16,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 from rulec_runtime.report.growth import grown
 
+from tests.conftest import Patch
 from tests.dosing import (
     INSIDE,
     TABLE_1,
@@ -215,3 +218,21 @@ def test_a_fault_too_small_to_see_at_first_is_dated_back() -> None:
         said += bool(found)
         assert {"A.P_el.high"} >= {f.fault.id for f in found}
     assert said > 0
+
+
+def test_a_fault_that_no_estimate_shows_has_no_course(monkeypatch: Patch) -> None:
+    """Named by other stretches, it fits all of these, and moves nothing there."""
+
+    class Blind:
+        test = SimpleNamespace(ruleset=ruleset("abc"), freedom=5)
+
+        def gain_at_first(self, fault: int) -> float:
+            return -np.inf
+
+        def course(self, fault: int) -> None:
+            raise AssertionError(fault)
+
+    count = len(ruleset("abc").faults)
+    monkeypatch.setattr(growing_faults, "may_fit", lambda *_: np.ones((count, 1), dtype=bool))
+    stack: Any = Blind()
+    assert [] == growing_faults._explaining(stack, [0], 1e-4)

@@ -21,6 +21,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, standing_still
 from rulec_runtime.report.wording import treatment_of
 
+import rulec
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import compiled
 from tests.dosing import INSIDE, RIGS, TABLE_1, operating_points, record, visiting_run
@@ -28,7 +29,7 @@ from tests.method.readings import built, recording, ruleset
 from tests.runtime import tanks
 from tests.runtime.mismatch.made import changed
 from tests.runtime.sheets import sampled
-from tests.written import write_plant
+from tests.written import write_columns, write_plant
 
 PLANTS = ("abc", "mixing-rig", "three")
 
@@ -311,3 +312,55 @@ def test_no_other_unit_takes_a_reading_out_of_its_calibrated_range() -> None:
     assert other(plain, 1.0, 0.06)
     assert not other(calibrated, 1.0, 0.06)
     assert other(calibrated, 0.06, 1.0 / 0.06)
+
+
+TORQUE_PUMP = """
+module: torque-pump
+version: 1
+title: Pump with torque
+signals:
+  n:
+    {quantity: rotational speed, unit: rpm, sensor: converter-speed, input: true, minimum: 100,
+    reference: 1450}
+  dp:
+    {quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 40], minimum: 0.2,
+    reference: 20}
+  M:  {quantity: torque, unit: Nm, sensor: torque-transducer, range: [0, 10], reference: 4}
+parameters:
+  V:  {value: 10, unit: ml/rev, u: 0.05, source: test}
+  C:  {value: 1.5, unit: l/h/bar, u: 0.3, source: test}
+  k:  {value: 5.34, unit: "1", u: 0.12, source: test}
+  M0: {value: 0.2, unit: Nm, u: 0.05, source: test}
+definitions:
+  Q_law: {is: n*V - C*dp}
+  M_law: {is: M0 + V*dp/k}
+observers:
+  pump:   {component: pump, Q: Q_law, source: test}
+  torque: {component: pump, Q: Q_law*M/M_law, source: test}
+faults: [leakage(pump), slope(dp), slope(M)]
+"""
+
+
+@pytest.mark.parametrize("fault", ["P.leakage", "P.M.high"])
+def test_no_unit_is_blamed_for_a_fault_of_a_pump_that_stands_at_times(
+    fault: str, tmp_path: Path
+) -> None:
+    """In another unit the pressure would need an error of its own slope that undoes the unit. What
+    stands still speaks neither for a unit nor for a fault."""
+    (tmp_path / "kb").mkdir()
+    (tmp_path / "kb" / "torque-pump.yaml").write_text(TORQUE_PUMP, encoding="utf-8")
+    loss = "{k2: {value: 5.0e-7, unit: bar/(l/h)**2, u: 5.0e-8, source: test}}"
+    modules = {"P": "torque-pump", "C": f"static-mixer, parameters: {loss}"}
+    place = write_plant(tmp_path, modules, "P -> C")
+    step = np.repeat(np.arange(24), 20)
+    runs = step % 4 != 3
+    inputs = {
+        "time [s]": np.arange(480.0),
+        "P.n [rpm]": np.array([1450.0, 1200.0, 900.0])[step % 3] * runs,
+        "P.dp [bar]": np.array([20.0, 12.0, 8.0])[step % 3] * runs,
+    }
+    file = write_columns(tmp_path / "inputs.csv", inputs)
+    made = rulec.simulate(place, file, faults=[f"{fault}=0.3@240:480"], noise=2)
+    found = rulec.diagnose(place, made.to_frame()).to_dict()
+    assert "sensors" not in found
+    assert [fault] == [one["fault"] for one in found["findings"]]

@@ -133,7 +133,7 @@ class _Otherwise:
         each = quiet | ((after.probability > 0.0) & (after.freedom > 1))
         each = each[[not self._in_doubt(fault) for fault in check.ruleset.faults]]
         best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
-        if best[running].mean() < common.NEARLY_ALL or self._rivalled(chi):
+        if best[running].mean() < common.NEARLY_ALL or self._rivalled(chi, running):
             return None
         if self.misread.condition is SWAPPED and self.judged.mean() >= common.NEARLY_ALL:
             # Swapped columns are rare: the swap must remove what one fault would leave.
@@ -145,12 +145,16 @@ class _Otherwise:
                 return None
         return float(np.median(found.excess[running]))
 
-    def _rivalled(self, left: Array) -> bool:
+    def _rivalled(self, left: Array, running: np.ndarray | None = None) -> bool:
         """Whether a fault explains everything, as well as a hypothesis that leaves a chi-square of
         at least `left`, shape (n,); of constant degree, as one that varies between operating points
         is no fault.
+
+        Nearly all must be judged as recorded: of what is `running` in the other reading, if that is
+        known. What stands still is judged in neither.
         """
-        if self.judged.mean() < common.NEARLY_ALL:
+        asked = self.judged if running is None else self.judged[running]
+        if asked.mean() < common.NEARLY_ALL:
             return False
         before, explained = self.check.recorded, self.check.explained_as_recorded
         for i, fault in enumerate(self.check.ruleset.faults):
@@ -160,7 +164,9 @@ class _Otherwise:
                 continue
             degree, u = explained.degree[i, off], float(np.median(explained.u[i, off]))
             steady = degree.std() <= common.SAME_DEGREE * abs(degree.mean()) + u
-            as_well = np.median((explained.distance[i] - left)[off]) < limits.HEADER_ODDS
+            with np.errstate(invalid="ignore"):
+                more = np.where(np.isfinite(left), explained.distance[i] - left, -np.inf)
+            as_well = np.median(more[off]) < limits.HEADER_ODDS
             covers = (fits | before.sound)[self.judged].mean() >= common.NEARLY_ALL
             if steady and as_well and covers:
                 return True

@@ -100,7 +100,7 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
     # Faults that move the same readings gain the same to first order: rounding must not choose.
     last = gain_of(some[: limits.COURSES_TRIED][-1]) - limits.TIED if some else np.inf
     asked = dict.fromkeys((*(i for i in some if gain_of(i) > last), *named))
-    tried = [stack.course(i) for i in asked if i in may]
+    tried = [stack.course(i) for i in asked if i in some]
     sound = [c for c in tried if c is not None and c.left <= limit]
     sound.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
     return sound if sound and sound[0].gain >= least else []
