@@ -147,3 +147,15 @@ def test_a_display_in_coarse_steps_raises_no_fault_and_hides_none(tmp_path: Path
         found, _ = said(tmp_path, ruleset, file)
         assert {f["fault"] for f in found["findings"]} <= named
         assert bool(found["findings"]) == bool(named)
+
+
+def test_set_points_on_even_levels_are_no_coarse_display(tmp_path: Path) -> None:
+    """Without noise, and with four heads equally far apart: a missing head of 10 % still shows."""
+    speed = np.repeat(2000.0 * np.sqrt([1.0, 1.25, 1.5, 1.75]), 40)
+    inputs = {"t [s]": np.arange(160), "pump.n [rpm]": speed, "pump.Q [l/h]": 0.2 * speed}
+    given = write_columns(tmp_path / "inputs.csv", inputs)
+    file, real = tmp_path / "recording.csv", plant(tmp_path / "real")
+    wrong = ["--fault", "pump.missing-head=0.1@0:160"]
+    assert main(["simulate", str(real), str(given), "-o", str(file), *wrong]) == 0
+    found, _ = said(tmp_path, rules(tmp_path), file)
+    assert HEADS >= {f["fault"] for f in found["findings"]} > set()

@@ -21,6 +21,11 @@ from rulec.mismatch.evidence import limits
 from rulec.mismatch.result import Finding, Location, Period
 
 
+def step_of_display(signal: SignalSpec, values: Array) -> float:
+    """The step of a display, SI, if that is far beyond the class of its sensor; else 0."""
+    return coarse_step(values, limits.COARSE_BEYOND * median_u(signal, values))
+
+
 def median_u(signal: SignalSpec, values: Array) -> float:
     """Median systematic uncertainty of readings, SI."""
     return float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
@@ -75,7 +80,7 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
         if odd.sum() >= max(limits.DROP_OUT_READINGS, limits.DROP_OUT_SHARE * len(values)):
             yield _dropping_out(signal, values, odd)
         # Inputs may be set in steps.
-        if signal.id in shown and (step := coarse_step(values, median_u(signal, values))):
+        if signal.id in shown and (step := step_of_display(signal, values)):
             text = (
                 f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far "
                 "coarser than its class; it shows nothing finer"

@@ -203,6 +203,11 @@ HUBER = 2.5
 """Scales beyond which residuals count less, in the second of two linear problems. Origin:
 assumed."""
 
+# Displays with coarse steps.
+
+COARSE_BEYOND = 5.0
+"""Least step of a coarse display, in standard uncertainties of its class. Origin: assumed."""
+
 # Operating states.
 
 ALIKE_SHARE = 0.03

@@ -161,13 +161,13 @@ def resolution(values: Array, signal: SignalSpec) -> float:
     return float(max(rounding, limits.FINEST_RESOLUTION * span, limits.LEAST_NOISE))
 
 
-def coarse_step(values: Array, u: float) -> float:
-    """The step of a display, if that is far beyond its uncertainty `u`; else 0."""
+def coarse_step(values: Array, least: float, fewest: int = limits.COARSE_LEVELS) -> float:
+    """The step of a display of at least `fewest` levels, if it is larger than `least`; else 0."""
     finite = values[np.isfinite(values)]
     levels = np.unique(finite)
-    if not limits.COARSE_LEVELS <= len(levels) <= len(finite) / limits.COARSE_SHOWN:
+    if not fewest <= len(levels) <= len(finite) / limits.COARSE_SHOWN:
         return 0.0
     steps = np.diff(levels)
     step = float(np.min(steps))
     even = np.abs(steps / step - np.round(steps / step)) < limits.COARSE_UNEVEN
-    return step if step > limits.COARSE_BEYOND * u and even.all() else 0.0
+    return step if step > least and even.all() else 0.0

@@ -205,9 +205,6 @@ COARSE_LEVELS = 4
 COARSE_SHOWN = 8
 """Fewest readings per level of a coarse display, on average. Origin: assumed."""
 
-COARSE_BEYOND = 5.0
-"""Least step of a coarse display, in standard uncertainties of its class. Origin: assumed."""
-
 COARSE_UNEVEN = 0.1
 """Largest deviation of a level from an even grid, in steps. Origin: assumed."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.recordings.columns import coarse_step, filled, glitches_in, resolution, thinned
+from rulec_runtime.recordings.columns import filled, glitches_in, resolution, thinned
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import Flags, white_noise
 from rulec_runtime.recordings.standing_still import standing_still
@@ -22,7 +22,7 @@ from rulec.knowledge.parameter_belief import Belief
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.configuration import Configuration
-from rulec.mismatch.evidence.failing_sensors import median_u
+from rulec.mismatch.evidence.failing_sensors import step_of_display
 from rulec.mismatch.evidence.model import (
     ESTIMATION,
     HELD_OUT,
@@ -119,7 +119,7 @@ def without_odd(signal: SignalSpec, values: Array) -> Array:
 
 def _resolution(values: Array, signal: SignalSpec) -> float:
     """Standard deviation by the steps of a reading."""
-    step = coarse_step(values, median_u(signal, values))
+    step = step_of_display(signal, values)
     return step / float(np.sqrt(12.0)) or resolution(values, signal)
 
 

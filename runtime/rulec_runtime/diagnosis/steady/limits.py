@@ -287,3 +287,10 @@ SAME_TEMPERATURE = 0.5
 AS_GOOD = 0.5
 """Share of the likelihood of the best listed fault that an error which no module lists has in
 some stretch, to be tried on the run: less than `ALIKE`, as noise moves both. Origin: assumed."""
+
+DITHERED = 2.0
+"""Steps of a display per noise from which on the mean of many samples is off by some of a step; at
+fewer by less than 0.003. Origin: numerical."""
+
+ROUNDED_LEVELS = 10
+"""Fewest levels of a display: fewer even ones may be set points. Origin: assumed."""

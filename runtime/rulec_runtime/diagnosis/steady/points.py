@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -189,19 +190,21 @@ def _points(
         bad[name] = np.isnan(column)
         systematic[name] = systematic_u(signal, column) + np.zeros(len(column))
         with np.errstate(invalid="ignore", divide="ignore"):
-            own = np.hypot(noise[name] / np.sqrt(number), _rounding(signal, recording))
+            own = np.hypot(noise[name] / np.sqrt(number), _rounding(signal, recording, noise[name]))
             u[name] = np.hypot(systematic[name], own)
     return Points(values, u, systematic, bad, _reasons(recording, ruleset), time)
 
 
-def _rounding(signal: SignalSpec, recording: Recording) -> float:
+def _rounding(signal: SignalSpec, recording: Recording, noise: float) -> float:
     """Standard uncertainty by a display with coarse steps, SI; an input may be set in steps.
 
-    It does not fall with the number of samples, which all show the same step. Source: GUM F.2.2.1.
+    Less noise than half a step is not averaged: all samples show the same level. Source: GUM
+    F.2.2.1.
     """
     values = recording.values[signal.id]
-    usual = float(systematic_u(signal, median_of(np.abs(values))))
-    return 0.0 if signal.is_input else coarse_step(values, usual) / np.sqrt(12.0)
+    least = max(limits.DITHERED * noise, float(systematic_u(signal, median_of(np.abs(values)))))
+    step = 0.0 if signal.is_input else coarse_step(values, least, limits.ROUNDED_LEVELS)
+    return step / math.sqrt(12.0)
 
 
 def means_of_stretches(
