@@ -38,6 +38,7 @@ def same(expected: Recording, found: Recording) -> None:
 UNITS = {
     "mbar": SHEET.scaled("A.dp", 1e3, "A.dp [mbar]"),
     "psi": SHEET.scaled("A.dp", 1e5 / 6894.757293168361, "A.dp [psi]"),
+    "kgf/cm2": SHEET.scaled("A.dp", 1e5 / 98066.5, "A.dp [kgf/cm2]"),
     "raised m³/h": SHEET.scaled("A.Q", 1e-3, "A.Q [m³/h]"),
     "m^3/s": SHEET.scaled("A.Q", 1e-3 / 3600, "A.Q [m^3/s]"),
     "min-1": SHEET.scaled("A.n", 1.0, "A.n [min-1]"),
