@@ -68,8 +68,8 @@ QUIET = ("ended", "withdrawn")
 
 
 def line_of(event: Event, calendar: Calendar | None) -> Text:
-    """Time, symbol and letter of NE 107, what is new; what to do, if an episode begins; how long it
-    lasted, if it ends."""
+    """Time, symbol and letter of NE 107, what is new; a fault in words and what to do, if an
+    episode begins; how long it lasted, if it ends."""
     one = event.episode
     status = "ok" if event.what in QUIET else one.status
     letter = "" if status == "ok" else f" {status}"
@@ -77,6 +77,8 @@ def line_of(event: Event, calendar: Calendar | None) -> Text:
     line = styled(
         "{}  {}{}  {} [bold]{}[/]", when, STATUS[status][0], letter, event.what, event.text
     )
+    if event.what == "began" and one.kind == "fault":
+        line.append_text(styled("\n    {}", one.text))
     if event.what == "began" and (one.action or one.since < event.time):
         line.append_text(styled("\n    since {}", moment(calendar, one.since)))
         if one.action:

@@ -145,7 +145,8 @@ def test_no_text_steers_the_terminal(text: str) -> None:
     with LiveScreen(nobody, Terminal(file=out, width=80)) as live:
         live.show(now)
     below = sum(
-        event.what == "ended" or (event.what == "began" and event.episode.action != "")
+        (event.what == "ended")
+        + (event.what == "began") * (bool(event.episode.action) + (event.episode.kind == "fault"))
         for event in now.past
     )
     assert len(now.past) + below == out.getvalue().count("\n")
@@ -229,17 +230,24 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
         live.show(replace(now, past=now.past[2:]))
         live.show(now)
         live.show(now)
+    words = (
+        "    A: the pump delivers {} % less than its characteristic predicts; it leaks internally"
+    )
+    words += " or through its bypass"
     line = "    since {}; do: check the bypass valve, then the clearance of the pump"
     assert out.getvalue().splitlines() == [
         "2026-09-21 16:13:31  ◆ M  began A.leakage 0.200",
+        words.format("20"),
         line.format("2026-09-21 16:13:31"),
         "2026-09-21 16:13:39  ✓  ended A.leakage 0.200",
         "    from 2026-09-21 16:13:31 to 16:13:39",
         "2026-09-21 16:13:51  ◆ M  began A.leakage 0.399",
+        words.format("39.9"),
         line.format("2026-09-21 16:13:51"),
         "2026-09-21 16:13:59  ✓  ended A.leakage 0.399",
         "    from 2026-09-21 16:13:51 to 16:13:59",
         "2026-09-21 16:14:11  ◆ M  began A.leakage 0.600",
+        words.format("60"),
         line.format("2026-09-21 16:14:11"),
     ]
     monkeypatch.setenv("TERM", "dumb")
@@ -247,7 +255,7 @@ def test_lines_tell_every_event_once_in_order(monkeypatch: pytest.MonkeyPatch) -
     with LiveScreen(nobody, terminal(out), reported=2) as live:
         live.show(replace(now, past=now.past[:2]))
     assert "1 event in between stands in the journal" in out.getvalue()
-    assert 5 == len(out.getvalue().splitlines())
+    assert 6 == len(out.getvalue().splitlines())
     assert "\x1b" not in out.getvalue()
 
 
