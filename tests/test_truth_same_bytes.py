@@ -101,6 +101,7 @@ def test_tanks_are_as_they_were(group: str, tmp_path: Path) -> None:
 def test_the_suite_is_as_it_was() -> None:
     """With as many cases as it says, each with a name of its own."""
     groups = {**settled.FULL, **settled.HARD, **settled.PRODUCED}
+    assert groups["clean"] >= 100
     lists: dict[str, list[Any]] = {
         "settled": [*settled.planned(3, groups)],
         "tanks": [*tanks.cases(3, dict.fromkeys(TANKS, 8))],

@@ -17,7 +17,7 @@ from rulec.prove.truth.settled.operated_plant import Scene, scene
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.rig import PUMPS
 from rulec.prove.truth.settled.rigs import drawn_rig
-from rulec.prove.truth.settled.suite import FULL, HARD, planned
+from rulec.prove.truth.settled.suite import HARD, planned
 from rulec.prove.truth.smooth import SIZE_OF_FORM, drift, form_error
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, Array
@@ -95,14 +95,6 @@ def test_a_drawn_plant_runs_at_all_of_its_speeds() -> None:
         rig = drawn_rig("dosing", stream(seed, "rig"))
         drawn = scene(rig, seed, 60, "steps")
         assert all(np.all(drawn.plain[f"{m}.Q"] > 0) for m in rig.pumps)
-
-
-def test_the_suite_has_as_many_cases_as_it_says() -> None:
-    """Each with a name of its own; the same seed gives the same list."""
-    cases = list(planned(3, FULL))
-    assert sum(FULL.values()) == len({c.name for c in cases})
-    assert cases == list(planned(3, FULL))
-    assert FULL["clean"] >= 100
 
 
 def test_what_a_pump_alone_has_is_planned_where_it_stands() -> None:
@@ -190,22 +182,19 @@ def test_a_plant_with_few_states_keeps_to_them() -> None:
     assert rest.size > 0.6 * speed.size
 
 
-def test_a_setting_wobbles_by_what_the_answer_states() -> None:
-    """Over the range, between two like runs."""
-    calm, moved = hard(profile="steps"), hard("wobble", profile="steps")
-    assert not calm.hard.sizes
-    assert set(moved.hard.sizes["wobble"]) == set(moved.rig.inputs)
-
-
 def test_difficulties_stand_in_the_answer_and_are_no_effects() -> None:
     """A clean case with all of them is clean; of cases without them the answer is as it was."""
     for case in planned(1, {"all-clean": 1, "clean": 1}, small=True):
-        answer = case.make().answer
+        made = case.make()
+        answer, wobble = made.answer, made.scene.hard.sizes.get("wobble", {})
         assert answer.verdict == "none"
+        assert set(wobble) == {*(made.scene.rig.inputs if case.group == "all-clean" else ())}
         assert (case.group == "all-clean") == ("difficulties" in answer.to_json())
 
 
-def test_the_suite_draws_all_groups_with_difficulties() -> None:
+def test_the_suite_draws_all_groups_with_difficulties_and_every_mistake() -> None:
+    mistakes = planned(3, {"wiring": 2 * len(WIRING)})
+    assert {case.effects[0] for case in mistakes} == set(WIRING)
     for case in planned(2, dict.fromkeys(HARD, 2)):
         assert bool(case.difficulties) == (case.group != "wiring")
         assert bool(case.effects) != case.group.endswith("-clean")
@@ -279,8 +268,3 @@ def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:
         other = {**form, "effects": ({**found, "effect": "gain-error"},)}
         result = judge(case.answer, other)
         assert (0.0, 1.0) == (result.name_right, result.place_right)
-
-
-def test_the_suite_draws_every_mistake() -> None:
-    found = {case.effects[0] for case in planned(3, {"wiring": 2 * len(WIRING)})}
-    assert found == set(WIRING)
