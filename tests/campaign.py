@@ -4,8 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
+from tests.dosing.faults import possible_faults
 from tests.dosing.plant import Plant
 from tests.dosing.runs import DWELL, Run, Speeds, settling, visiting_run
+
+PUBLISHED = ("leakage", "clogging", "widening", "dp", "P_el")
 
 
 @dataclass(frozen=True)
@@ -33,17 +36,8 @@ def campaign(
     ]
 
 
-def published_faults(plant: Plant) -> list[str]:
-    """The paper's faults: 7 per dosing module, 4 per mixer, none of the speed sensor."""
-    names = []
-    for module in plant.rig.pumps:
-        names += [f"{module}.{kind}" for kind in ("leakage", "clogging", "widening")]
-        names += [f"{module}.{s}.{kind}" for s in ("dp", "P_el") for kind in ("high", "low")]
-    for mixer in plant.rig.mixers:
-        names += [f"{mixer}.{kind}" for kind in ("clogging", "widening", "dp.high", "dp.low")]
-    return names
-
-
 def single_faults(plant: Plant, degrees: Sequence[float]) -> list[dict[str, float]]:
-    """Return every published fault alone, with each degree."""
-    return [{name: degree} for name in published_faults(plant) for degree in degrees]
+    """Return every fault of the paper alone, with each degree: none of sensors but of pressures and
+    powers."""
+    ours = [n for n in possible_faults(plant) if n.split(".")[1] in PUBLISHED]
+    return [{name: degree} for name in ours for degree in degrees]

@@ -134,7 +134,7 @@ def test_every_run_gives_a_sound_page(made: Run) -> None:
 def test_hostile_names_are_escaped() -> None:
     """Wherever a text of a case may stand."""
     names = {"places": (HOSTILE,)}
-    bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, **names)
+    bad = planted(HOSTILE, HOSTILE, 9.0, f"{HOSTILE}!", **names)
     lost = replace(bad, error=HOSTILE)
     texts = {"digest": HOSTILE, "version": HOSTILE, "notes": (HOSTILE,)}
     written = page(Run((bad, lost), openings=1, **texts))

@@ -10,6 +10,7 @@ for large scale models, IFAC 2017; `faultdiagnosistoolbox` on PyPI.
 
 import tempfile
 import time
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,14 @@ def rows() -> list[Row]:
 def _lines(folder: Path) -> list[Row]:
     rules = _compiled(folder, chain(LINE))
     ours = median(lambda: compile_plant(folder))
-    model = structure_of(rules)
+    observers = [o.id for o in rules.observers]
+    model = structure_of(
+        rules,
+        {
+            f.id: [o for o in observers if f"dq:{o}:{f.id}" in rules.undo.outputs]
+            for f in rules.faults
+        },
+    )
     begin = time.process_time()
     sets = model.MSO()
     theirs = time.process_time() - begin
@@ -94,39 +102,27 @@ def _compiled(folder: Path, text: str) -> Ruleset:
     return compile_plant(folder)
 
 
-def structure_of(rules: Ruleset) -> Any:
-    """Which flows and faults stand in which equation of a plant."""
+def structure_of(rules: Ruleset, acting: Mapping[str, Collection[str]]) -> Any:
+    """Which flows, readings and faults stand in which equation of a plant: those of its observers,
+    in their order, then its junctions. `acting`: observers in which each fault stands."""
     import faultdiagnosistoolbox as toolbox
 
-    faults = [f.id for f in rules.faults]
-    short = {name: f"f{i}" for i, name in enumerate(faults)}
-    modules = list(dict.fromkeys(o.module for o in rules.observers))
-    flow = {name: f"q{i}" for i, name in enumerate(modules)}
-    readings = {
-        s: f"y{i}" for i, s in enumerate(sorted({s for o in rules.observers for s in o.signals}))
-    }
-    relations = []
-    for observer in rules.observers:
-        acting = [f for f in faults if f"dq:{observer.id}:{f}" in rules.undo.outputs]
-        relations.append(
-            [
-                flow[observer.module],
-                *(readings[s] for s in observer.signals),
-                *(short[f] for f in acting),
-            ]
-        )
+    modules = dict.fromkeys(o.module for o in rules.observers)
     for junction in rules.junctions:
-        relations.append([flow[m] for m in (*junction.outlets, *junction.inlets)])
-    return toolbox.DiagnosisModel(
-        {
-            "type": "VarStruc",
-            "x": [*flow.values()],
-            "f": [*short.values()],
-            "z": [*readings.values()],
-            "rels": relations,
-        },
-        name="line",
-    )
+        modules |= dict.fromkeys((*junction.outlets, *junction.inlets))
+    flow = {module: f"q{i}" for i, module in enumerate(modules)}
+    reading = {
+        s: f"z{i}" for i, s in enumerate(sorted({s for o in rules.observers for s in o.signals}))
+    }
+    fault = {name: f"f{i}" for i, name in enumerate(acting)}
+    relations = [
+        [flow[o.module], *(reading[s] for s in o.signals)]
+        + [fault[name] for name, observers in acting.items() if o.id in observers]
+        for o in rules.observers
+    ]
+    relations += [[flow[m] for m in (*j.outlets, *j.inlets)] for j in rules.junctions]
+    names = {"x": [*flow.values()], "f": [*fault.values()], "z": [*reading.values()]}
+    return toolbox.DiagnosisModel({"type": "VarStruc", **names, "rels": relations}, name="plant")
 
 
 def tanks_in_series(count: int) -> Any:

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from rulec_runtime.recordings.point_table import each_row
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.stationary import noise_at_work
 
-from rulec.effects.candidate import Candidate, DisturbanceLocation
+from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.evidence.configuration import Configuration
 from rulec.mismatch.evidence.limits import STATISTICAL_SHARE
@@ -31,6 +30,7 @@ from rulec.passes.pipeline import compile_plant
 from rulec.prove.real.rig_folder import PLANT, Rig
 from rulec.prove.real.run_tool import ASKED, FOLDERS, NOTHING, Commands, off_of
 from rulec.prove.real.score import Cause, Scored, scored
+from tests.bench.peers.structural import PEER, structure_of
 from tests.rig.peers import limits
 from tests.rig.peers.learnt import Array, Course, evenly, rms, stlsq
 
@@ -323,9 +323,6 @@ def _uncorrelated(columns: Sequence[Column], course: Course) -> list[Column]:
     return merged
 
 
-PEER = "faultdiagnosistoolbox"
-
-
 def located(case: Case) -> tuple[tuple[str, ...], int] | None:
     """Places in all sets that fire, as `module.place`, all of them where none fires; and how many
     there are. None where the toolbox is not there, the plant stores, or no set tells a reading."""
@@ -333,7 +330,9 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
         return None
     ruleset, builder = open_builder(case.base)
     system, locations = _system(ruleset, builder, case), builder.locations
-    model, observers = _structure(case, locations)
+    acting = {location.id: location.observers for location in locations}
+    model = structure_of(case.rules, acting)
+    observers = {i: o.id for i, o in enumerate(case.rules.observers)}
     sets = model.MSO()
     signature = np.asarray(model.FSM(sets), dtype=bool)
     of = {frozenset(observers[i] for i in s if i in observers): k for k, s in enumerate(sets)}
@@ -351,25 +350,3 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
     names = [f"{s.module}.{s.place}" for s in locations]
     open_ = dict.fromkeys(p for p, own in zip(names, fired, strict=True) if own)
     return (tuple(open_), len(set(names))) if asked else None
-
-
-def _structure(case: Case, at: tuple[DisturbanceLocation, ...]) -> tuple[Any, dict[int, str]]:
-    """The model of the toolbox, and the observer of each equation that has one."""
-    import faultdiagnosistoolbox as toolbox
-
-    rules = case.rules
-    modules = dict.fromkeys(o.module for o in rules.observers)
-    for junction in rules.junctions:
-        modules |= dict.fromkeys((*junction.outlets, *junction.inlets))
-    flow = {module: f"q{i}" for i, module in enumerate(modules)}
-    reading = {s.id: f"z{i}" for i, s in enumerate(rules.signals)}
-    fault = {s.id: f"f{i}" for i, s in enumerate(at)}
-    relations = [
-        [flow[o.module], *(reading[s] for s in o.signals)]
-        + [fault[s.id] for s in at if o.id in s.observers]
-        for o in rules.observers
-    ]
-    relations += [[flow[m] for m in (*j.outlets, *j.inlets)] for j in rules.junctions]
-    names = {"x": [*flow.values()], "f": [*fault.values()], "z": [*reading.values()]}
-    model = toolbox.DiagnosisModel({"type": "VarStruc", **names, "rels": relations}, name="rig")
-    return model, {i: o.id for i, o in enumerate(rules.observers)}
