@@ -127,7 +127,8 @@ def assert_same_flows(
 
 def test_one_effect_in_the_only_instance(tmp_path: Path) -> None:
     """Same type, next version, with the law, its parameters and where they come from; covariances
-    of the plain parameters with the effect's stand in one block of the calibration."""
+    of the plain parameters with the effect's stand in one block of the calibration. The new plant
+    is checked like any other, and can be adopted into again."""
     found = [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})]
     extra = {"misfit": {"main.pump": 2e-7}, "range": {"main.T": [308.15, 331.15]}}
     data, builder = mismatch(WITHOUT, found, **extra)
@@ -151,6 +152,12 @@ def test_one_effect_in_the_only_instance(tmp_path: Path) -> None:
     i, j = block.parameters.index("C1"), block.parameters.index("b")
     np.testing.assert_allclose((factor @ factor.T)[i, j], both, rtol=1e-6)
     assert_same_flows(new, data, builder, "main")
+    assert 0 == main(["check", str(new)])
+    valve = next(c.id for c in builder_of(new).candidates if c.name == "relief-valve")
+    again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
+    (tmp_path / "second").mkdir()
+    second = adopted(tmp_path / "second", again)
+    assert 3 == models_of(second).plant.modules["main"].type.version
 
 
 def test_instances_that_differ_get_types_of_their_own(tmp_path: Path) -> None:
@@ -266,18 +273,6 @@ def test_a_curve_has_as_many_points_as_an_equation_holds() -> None:
         curve = curve_through("definition:A.P_law", driver, at, 1e-5 * np.sin(2e3 * at))
         assert 6 < len(curve.points) < 20
         builder.curve_term(curve)
-
-
-def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
-    """Its files are checked like any others, and it can be adopted into again."""
-    data, _ = mismatch(WITHOUT, [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})])
-    new = adopted(tmp_path, data)
-    assert 0 == main(["check", str(new)])
-    valve = next(c.id for c in builder_of(new).candidates if c.name == "relief-valve")
-    again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
-    (tmp_path / "second").mkdir()
-    second = adopted(tmp_path / "second", again)
-    assert 3 == models_of(second).plant.modules["main"].type.version
 
 
 ODD: tuple[Any, ...] = (

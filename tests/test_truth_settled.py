@@ -115,7 +115,8 @@ def hard(*difficulties: str, profile: str = "few-states") -> Scene:
 
 
 def test_a_form_error_has_the_size_that_was_asked_for() -> None:
-    """Root mean square over its range; the mean is zero; smooth."""
+    """Root mean square over its range; the mean is zero; smooth; the same in plain numbers, and
+    beyond its range it stays."""
     for seed in range(10):
         form = form_error(stream(seed, "form"), 0.01, ((2.0, 5.0), (0.0, 3e5)))
         speed, pressure = np.meshgrid(np.linspace(2, 5, 80), np.linspace(0, 3e5, 80))
@@ -123,6 +124,9 @@ def test_a_form_error_has_the_size_that_was_asked_for() -> None:
         assert values.std() == pytest.approx(0.01, rel=0.05)
         assert abs(values.mean()) < 0.001
         assert np.abs(np.diff(values, axis=1)).max() < 0.02
+    form, levels = form_error(stream(1, "form"), 0.01, ((0.0, 30.0),)), np.linspace(0.0, 30.0, 50)
+    assert [form.at(float(v)) for v in levels] == pytest.approx(form(levels).tolist(), abs=1e-12)
+    assert form.at(40.0) == form.at(30.0)
 
 
 def test_laws_are_off_by_their_form_errors() -> None:

@@ -10,19 +10,24 @@ from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 
 from rulec.passes.pipeline import compile_plant
-from tests.dosing import INSIDE, TABLE_1, Run, Sensing, operating_points, record, visiting_run
+from tests.dosing import INSIDE, TABLE_1, Run, operating_points, record, visiting_run
 from tests.method.readings import built, calibrated, recording, ruleset
 from tests.written import write_plant
 
 SEEDS = range(4)
+POINTS, HOLD = 5, 20
+
+
+def said(faults: dict[str, float], points: int, seed: int, lead: int = 0) -> Diagnosis:
+    """The plant abc at one or several operating points."""
+    plant, rules = built("abc"), calibrated(ruleset("abc"))
+    run = visiting_run(plant, operating_points(plant, POINTS)[:points], faults, lead, HOLD)
+    made = record(run, TABLE_1 if faults else INSIDE, seed)
+    return diagnose(recording(rules, made.readings), rules)
 
 
 def found(faults: dict[str, float], points: int, seed: int, lead: int = 0) -> tuple[Finding, ...]:
-    """Findings of the plant abc at one or several operating points."""
-    plant, rules = built("abc"), calibrated(ruleset("abc"))
-    visits = operating_points(plant, 5)[:points]
-    made = record(visiting_run(plant, visits, faults, lead, 20), TABLE_1, seed)
-    return diagnose(recording(rules, made.readings), rules).findings
+    return said(faults, points, seed, lead).findings
 
 
 @pytest.mark.parametrize("fault", ["A.clogging", "A.dp.high", "A.widening", "A.dp.low"])
@@ -111,23 +116,11 @@ def test_modules_without_common_balance_are_blocks(tmp_path: Path) -> None:
     assert {("XA.leakage", ()), ("YC.clogging", ())} == {(f.fault.id, f.together) for f in findings}
 
 
-POINTS = 5
-HOLD = 20
-
-
-def said(fault: str, degree: float, seed: int, lead_in: int = 0) -> Diagnosis:
-    plant, rules = built("abc"), calibrated(ruleset("abc"))
-    faults = {fault: degree} if fault else {}
-    sensing: Sensing = TABLE_1 if fault else INSIDE
-    run = visiting_run(plant, operating_points(plant, POINTS), faults, lead_in, HOLD)
-    return diagnose(recording(rules, record(run, sensing, seed).readings), rules)
-
-
 @pytest.mark.parametrize("fault", ["A.P_el.high", "B.P_el.low"])
 def test_a_wrong_power_reading_is_found_by_its_course_over_operating_points(fault: str) -> None:
     """10 % of 90 to 200 W; the bound of the meter allows 10 W, but the same at all points."""
     for seed in range(3):
-        (finding,) = said(fault, 0.1, 8100 + seed).findings
+        (finding,) = found({fault: 0.1}, POINTS, 8100 + seed)
         period = (finding.fault.id, finding.since, finding.until)
         assert (fault, 0.0, POINTS * HOLD - 1.0) == period
         assert finding.lower <= 0.1 + 0.01
@@ -136,14 +129,14 @@ def test_a_wrong_power_reading_is_found_by_its_course_over_operating_points(faul
 
 def test_sound_visits_say_nothing() -> None:
     for seed in range(40):
-        found = said("", 0.0, 8200 + seed)
-        assert ("ok", (), ()) == (found.status, found.findings, found.unknown)
+        sound = said({}, POINTS, 8200 + seed)
+        assert ("ok", (), ()) == (sound.status, sound.findings, sound.unknown)
 
 
 @pytest.mark.parametrize("fault", ["A.P_el.high", "A.leakage", "B.clogging"])
 def test_a_fault_that_begins_on_the_way_keeps_its_beginning(fault: str) -> None:
     """Sound for a while at the first point: the whole recording is not blamed."""
     for seed in range(3):
-        findings = said(fault, 0.3, 8300 + seed, lead_in=HOLD).findings
+        findings = found({fault: 0.3}, POINTS, 8300 + seed, lead=HOLD)
         assert {fault} == {f.fault.id for f in findings}
         assert HOLD <= min(f.since for f in findings)
