@@ -17,7 +17,6 @@ from tests.dosing.runs import (
     calibration_run,
     fault_replay,
     healthy_run,
-    leakage_replay,
     operating_points,
     settling,
     visiting_run,

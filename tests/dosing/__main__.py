@@ -15,8 +15,8 @@ from tests.dosing.rigs import RIGS
 from tests.dosing.runs import (
     Run,
     calibration_run,
+    fault_replay,
     healthy_run,
-    leakage_replay,
     operating_points,
     settling,
     shaken_run,
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
 def _examples(name: str, plant: Plant) -> Mapping[str, Run]:
     runs = {"calibration": calibration_run(plant)}
     if name == "abc":
-        runs |= {"leakage_A": leakage_replay(plant), "healthy": healthy_run(plant)}
+        runs |= {"leakage_A": fault_replay(plant, "A.leakage"), "healthy": healthy_run(plant)}
         return {**runs, "warm_A": warm_run(plant), "shaking_B": shaken_run(plant)}
     tour = visiting_run(plant, operating_points(plant, 5), {"D.clogging": 0.3}, lead_in=15)
     return {**runs, "clogging_D": settling(tour)}

@@ -43,14 +43,9 @@ def healthy_run(plant: Plant, samples: int = 60) -> Run:
 
 
 def fault_replay(plant: Plant, fault: str, degrees: Sequence[float] = DEGREES) -> Run:
-    """Return one fault in plateaus of HOLD samples at nominal speed."""
+    """Return one fault in plateaus at nominal speed. Source: method.md, section 4."""
     degree = np.repeat(np.asarray(degrees, dtype=np.float64), DWELL)
     return Run(plant, _nominal(plant, degree.size), {fault: degree})
-
-
-def leakage_replay(plant: Plant) -> Run:
-    """Return the leakage of A in the plateaus of DEGREES. Source: method.md, section 4."""
-    return fault_replay(plant, "A.leakage")
 
 
 def operating_points(plant: Plant, count: int) -> list[Speeds]:

@@ -13,7 +13,7 @@ from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.stationary import noise_of
 
-from tests.dosing import TABLE_1, leakage_replay, record
+from tests.dosing import TABLE_1, fault_replay, record
 from tests.method.readings import (
     PUMPS,
     built,
@@ -108,7 +108,7 @@ def replay() -> dict[str, Array]:
     index = [f.id for f in rules.faults].index("A.leakage")
     parts: dict[str, list[Array]] = defaultdict(list)
     for seed in range(1, 11):
-        made = record(leakage_replay(built("abc")), TABLE_1, seed)
+        made = record(fault_replay(built("abc"), "A.leakage"), TABLE_1, seed)
         readings = recording(rules, made.readings)
         noise = {name: noise_of(values) for name, values in readings.values.items()}
         observed = observe(rules, points_of_samples(readings, rules, noise))

@@ -1,19 +1,6 @@
 """What the bench of the long run is itself sure of."""
 
-import numpy as np
-import pytest
-
-from tests.rig.long_run import courses
 from tests.rig.long_run.plants import Right, complaints
-
-
-@pytest.mark.parametrize("number", range(12))
-def test_a_course_reaches_its_last_degree_when_the_recording_ends_or_before(number: int) -> None:
-    course = courses.draw(number).course
-    last = float(course(np.array(course.ends)))
-    assert last == pytest.approx(course.last)
-    assert course.begins < course.reaches(last) <= course.ends * (1.0 + 1e-4)
-    assert course.reaches(1.3 * last) > course.ends
 
 
 def test_an_answer_that_lacks_what_is_right_is_complained_about() -> None:

@@ -54,19 +54,6 @@ class Judged:
     named_off: int
 
 
-def commission_and_diagnose(
-    folder: Path, plant: str, work: Path
-) -> tuple[dict[str, Any], set[int]]:
-    """Calibrate on commissioning blocks, diagnose all other blocks; returns JSON and blocks."""
-    commissioning = split(folder, read_cycles(folder), work)
-    place = work / "plants" / "zema-hydraulic"
-    shutil.copytree(ROOT / "plants" / "zema-hydraulic", place)
-    file = place / PLANTS[plant]
-    commissioned(file, work / "commissioning.csv")
-    called("diagnose", file, work / "unseen.csv", "--json", work / "diagnosis.json")
-    return json.loads((work / "diagnosis.json").read_text(encoding="utf-8")), commissioning
-
-
 def split(folder: Path, cycles: list[Cycle], work: Path) -> set[int]:
     """Write leak-free cycles of commissioning blocks, and all others; returns those blocks."""
     healthy = [c for c in cycles if c.leakage == 0 and c.settled]
@@ -136,10 +123,17 @@ def _causes(finding: Mapping[str, Any]) -> set[str]:
 
 
 def run(folder: Path, plant: str) -> list[Judged]:
-    """The whole experiment with one pump law."""
-    with tempfile.TemporaryDirectory() as work:
-        diagnosis, commissioning = commission_and_diagnose(folder, plant, Path(work))
-    return score(diagnosis, read_cycles(folder), commissioning)
+    """Calibrate one pump law on commissioning blocks, diagnose and score all others."""
+    cycles = read_cycles(folder)
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        commissioning = split(folder, cycles, work)
+        shutil.copytree(ROOT / "plants" / "zema-hydraulic", work / "plant")
+        file = work / "plant" / PLANTS[plant]
+        commissioned(file, work / "commissioning.csv")
+        called("diagnose", file, work / "unseen.csv", "--json", work / "diagnosis.json")
+        diagnosis = json.loads((work / "diagnosis.json").read_text(encoding="utf-8"))
+    return score(diagnosis, cycles, commissioning)
 
 
 def by_label(judged: list[Judged]) -> dict[str, list[Judged]]:

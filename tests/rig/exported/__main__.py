@@ -13,13 +13,12 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 
 from rulec.export.c_printer import header, source
 from rulec.export.module_code import code_of
-from rulec.export.program import Routine, Value
 from rulec.export.st_printer import blocks
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.figures.ledger import Share
 from tests.rig.exported import split as parts
-from tests.rig.exported.parsed import Block, differences, expected, inputs_of, parsed
+from tests.rig.exported.parsed import differences, expected, inputs_of, parsed
 from tests.rig.exported.split import DEGREES, Judged, judged, real, same_story, shipped, split
 
 PLANTS = (
@@ -59,9 +58,7 @@ def code(work: Path) -> dict[str, Any]:
                 plan = expected(routine, ruleset, values)
                 block = found[f"{module.name}_{routine.name}"]
                 c_gap = max(c_gap, differences(routine, library.run(routine, values), plan)[0])
-                st_gap = max(
-                    st_gap, differences(routine, evaluated(block, routine, values), plan)[0]
-                )
+                st_gap = max(st_gap, differences(routine, block.outputs(routine, values), plan)[0])
     return {
         "modules": modules,
         "c_lines": c_lines,
@@ -69,12 +66,6 @@ def code(work: Path) -> dict[str, Any]:
         "c_largest_difference": c_gap / PARTS,
         "st_largest_difference": st_gap / PARTS,
     }
-
-
-def evaluated(block: Block, routine: Routine, values: dict[str, Value]) -> dict[str, Value]:
-    found = block.run(values)
-    n = max(np.size(v) for v in values.values())
-    return {v.name: np.broadcast_to(found[v.name.lower()], (n,)) for v in routine.outputs}
 
 
 def findings(work: Path) -> dict[str, Any]:

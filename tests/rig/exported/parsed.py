@@ -48,6 +48,11 @@ class Block:
                 given[str(target.name).lower()] = _value(statement.expression, given)
         return {name: given[name] for name in self.declared["outputs"]}
 
+    def outputs(self, routine: Routine, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Values of all outputs of a routine, each of the shape of the inputs."""
+        found, shape = self.run(values), np.broadcast_shapes(*map(np.shape, values.values()))
+        return {v.name: np.broadcast_to(found[v.name.lower()], shape) for v in routine.outputs}
+
 
 def parsed(text: str) -> dict[str, Block]:
     """Function blocks of a source text, by name; it must keep to the grammar."""

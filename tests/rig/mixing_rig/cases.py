@@ -9,7 +9,7 @@ from tests.dosing import (
     RIGS,
     TABLE_1,
     Sensing,
-    leakage_replay,
+    fault_replay,
     operating_points,
     settling,
 )
@@ -100,7 +100,7 @@ def leakage(scale: Scale) -> list[Task]:
     plateaus = tuple((k * DWELL, (k + 1) * DWELL) for k, x in enumerate(PLATEAUS) if x > 0)
     tasks = []
     for plant in PLANTS:
-        run = settling(leakage_replay(RIGS[plant]))
+        run = settling(fault_replay(RIGS[plant], "A.leakage"))
         for draw in range(scale.draws):
             case = Case({"A.leakage": max(PLATEAUS)}, run, 1_000 + draw)
             tasks.append(Task(plant, plant, draw, case, TABLE_1, plateaus, samples=True))

@@ -25,7 +25,8 @@ from tests.rig.peers.limits import FOLDS
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 Predict = Callable[[Array], Array]
-F = TypeVar("F", bound=Callable[[Array, Array], Predict])
+Fit = Callable[[Array, Array], Predict]
+F = TypeVar("F", bound=Fit)
 """Learn from a table, shape (n, inputs), and residuals of size 1, shape (n,)."""
 
 
@@ -75,19 +76,6 @@ def one_thread() -> AbstractContextManager[Any]:
 
     one: AbstractContextManager[Any] = threadpool_limits(1)
     return one
-
-
-def mended_by_law(drivers: Columns, course: Course) -> Array:
-    """Model the residual as a polynomial of the readings; returns the corrected prediction."""
-    folds = course.folds
-    learnt = folds >= 0
-    if not drivers or learnt.sum() < limits.FEWEST_SAMPLES:
-        return course.recalibrated
-    columns = standardised(_most_correlated(drivers, course), learnt)
-    terms = np.asarray(_library().fit(columns).transform(columns))
-    parts = terms[learnt], course.residual[learnt], folds[learnt]
-    weights = weights_of(*parts, limits.SPARSE_THRESHOLDS)
-    return course.recalibrated + terms @ weights
 
 
 def weights_of(
@@ -164,15 +152,6 @@ def standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
     return np.column_stack(found)
 
 
-def _library() -> Any:
-    import pysindy
-
-    return pysindy.PolynomialLibrary(degree=limits.SPARSE_DEGREE)
-
-
-Fit = Callable[[Array, Array], Predict]
-
-
 def gaussian_process(inputs: Mapping[str, Array], course: Course) -> Array:
     return _learnt(inputs, course, [_process], limits.GP_ROWS)
 
@@ -183,7 +162,18 @@ def neural(inputs: Mapping[str, Array], course: Course) -> Array:
 
 
 def sparse(inputs: Mapping[str, Array], course: Course) -> Array:
-    return mended_by_law(inputs, course) - course.recalibrated
+    """Model the residual as a polynomial of the inputs."""
+    import pysindy
+
+    folds = course.folds
+    learnt = folds >= 0
+    if not inputs or learnt.sum() < limits.FEWEST_SAMPLES:
+        return np.zeros(len(course.time))
+    columns = standardised(_most_correlated(inputs, course), learnt)
+    library = pysindy.PolynomialLibrary(degree=limits.SPARSE_DEGREE)
+    terms = np.asarray(library.fit(columns).transform(columns))
+    parts = terms[learnt], course.residual[learnt], folds[learnt]
+    return terms @ weights_of(*parts, limits.SPARSE_THRESHOLDS)
 
 
 def evenly(flags: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
@@ -192,7 +182,12 @@ def evenly(flags: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]
 
 
-def _learnt(inputs: Mapping[str, Array], course: Course, fits: Sequence[Fit], most: int) -> Array:
+def _learnt(
+    inputs: Mapping[str, Array],
+    course: Course,
+    fits: Sequence[Callable[[Array, Array], Predict]],
+    most: int,
+) -> Array:
     """Correction by the way of learning that predicts blocks best from the others, or none."""
     rows = evenly(course.learnt, most)
     size = rms(course.residual[rows])
