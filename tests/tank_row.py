@@ -1,7 +1,10 @@
 """For tests of the truth of tanks: a plant of three tanks, its true parameters with units,
 its volumes, and instruments without errors."""
 
+from collections.abc import Mapping
+
 import numpy as np
+from rulec_runtime.simulation.balances import Balances, Course
 from scipy.integrate import cumulative_trapezoid
 
 from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup
@@ -66,3 +69,15 @@ def without_errors(setup: Setup) -> Plant:
     for tank in plant.sensors:
         plant = plant.with_(f"{tank}.y", zero=0.0)
     return plant.with_(setup.layout.feed, zero=0.0, gain=gain)
+
+
+def by_the_tool(
+    balances: Balances, values: Mapping[str, float], setup: Setup, pieces: int
+) -> Course:
+    """The tool's model with these values, each sample cut in pieces."""
+    count = (setup.time.size - 1) * pieces + 1
+    time = setup.layout.interval / pieces * np.arange(float(count))
+    given = setup.shown * (1e-6 * LITRE_PER_HOUR if setup.layout.metered else 1.0)
+    fine = np.append(np.repeat(given[:-1], pieces), given[-1])
+    inputs = np.stack([time if n == "time" else fine for n in balances.inputs], 1)
+    return balances.run(time, inputs, np.array([n != "time" for n in balances.inputs]), values)

@@ -1,7 +1,7 @@
 """Entries of the catalogue explain what the independent truth does: their laws, written twice."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from rulec.prove.truth.tanks.plant import CASCADED, GRAVITY, Plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
 from tests.conftest import ROOT
-from tests.tank_row import SI, parameters, without_errors
+from tests.tank_row import SI, by_the_tool, parameters, without_errors
 
 PIECES = 10
 
@@ -77,12 +77,7 @@ def model_of(row: Row, pieces: int = 1) -> tuple[np.ndarray, np.ndarray]:
     factors = numbers(row.get("base", {}))
     values |= {name: values[name] * factor for name, factor in factors.items()}
     values |= {f"{row['entry']}.{n}": v for n, v in numbers(row["parameters"]).items()}
-    count = (setup.time.size - 1) * pieces + 1
-    time = setup.layout.interval / pieces * np.arange(float(count))
-    fine = np.append(np.repeat(setup.shown[:-1], pieces), setup.shown[-1])
-    inputs = np.stack([time if n == "time" else fine for n in balances.inputs], 1)
-    held = np.array([n != "time" for n in balances.inputs])
-    course = balances.run(time, inputs, held, values)
+    course = by_the_tool(balances, values, setup, pieces)
     level, reading = balances.states.index("lower.h"), balances.outputs.index("shown:lower.y")
     return course.states[::pieces, level], course.shown[::pieces, reading]
 
@@ -125,8 +120,8 @@ def settled(kind: str) -> Scene:
     return scene(rig, 4, 120, "steps")
 
 
-def flows_of_plan(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray]:
-    """Flow over the true one, by each observer of the tool with its entry built in."""
+def flows_of_plan(name: str, folder: Path) -> Iterator[dict[str, np.ndarray]]:
+    """Flow over the true one, by each observer of the tool: plain, and with its entry built in."""
     even = TABLE["settled"][name]
     module, drawn = even.get("module", "A"), settled(even["kind"])
     made = made_of(drawn, Placed(EFFECTS[name], module), even["size"], 7)
@@ -135,7 +130,6 @@ def flows_of_plan(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray
     entry = f"{module}.{even['entry']}"
     write_plant(drawn.rig, folder)
     _, builder = open_builder(folder)
-    plan = builder.plan(module, (entry,) if joined else ())
     given = {**made.fixed, "size": made.size}
     for own in made.parameters.values():
         given |= own
@@ -145,9 +139,11 @@ def flows_of_plan(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray
     shown = drawn.shown(truth, made.changes)
     values: dict[str, Any] = {**truth, **shown, **drawn.values, "time": drawn.time}
     values |= {f"{entry}.{n}": v for n, v in stated.items()}
-    flows = plan.run({n: values[n] for n in plan.inputs if n in values})
     true, lead = truth[f"{module}.Q"], f"q:{module}."
-    return {n.removeprefix(lead): np.asarray(v / true) for n, v in flows.items() if lead in n}
+    for joined in ((), (entry,)):
+        plan = builder.plan(module, joined)
+        flows = plan.run({n: values[n] for n in plan.inputs if n in values})
+        yield {n.removeprefix(lead): np.asarray(v / true) for n, v in flows.items() if lead in n}
 
 
 def own_of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -169,10 +165,10 @@ belongs to the flow that leaves, in the truth to the flow through the impeller."
 )
 def test_an_entry_of_settled_plants_does_what_the_truth_does(name: str, tmp_path: Path) -> None:
     """With the same numbers every observer tells the true flow; without the entry one does not."""
-    plain = flows_of_plan(name, tmp_path / "plain", False)[TABLE["settled"][name]["observer"]]
-    assert np.max(np.abs(plain - 1.0)) > 2e-3
-    flows = flows_of_plan(name, tmp_path / "joined", True)
-    assert TABLE["settled"][name]["observer"] in flows
+    plain, flows = flows_of_plan(name, tmp_path)
+    own = TABLE["settled"][name]["observer"]
+    assert np.max(np.abs(plain[own] - 1.0)) > 2e-3
+    assert own in flows
     for observer, flow in flows.items():
         right = flow == pytest.approx(1.0, abs=1e-6)
         assert right or (name, observer) == ("worn-rings", BACK_THROUGH_THE_IMPELLER)

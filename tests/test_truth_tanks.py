@@ -13,13 +13,13 @@ from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth.kinds import difficulties
 from rulec.prove.truth.smooth import SIZE_OF_FORM
 from rulec.prove.truth.tanks.balance import Course, integrate
-from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, METER_SLOPE, Setup, build, recorded_input
+from rulec.prove.truth.tanks.build import METER_SLOPE, Setup, build, recorded_input
 from rulec.prove.truth.tanks.detection_limit import noise_of
 from rulec.prove.truth.tanks.plant import CASCADED, GRAVITY, LEVEL_ZERO, Layout, Plant, law
 from rulec.prove.truth.tanks.rows import row, write_plant
 from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.tanks.suite import HARD, cases
-from tests.tank_row import ROW, SI, parameters, volumes, without_errors
+from tests.tank_row import ROW, SI, by_the_tool, parameters, volumes, without_errors
 
 LAYOUTS = {layout.name: layout for layout in (CASCADED, ROW)}
 
@@ -168,11 +168,7 @@ def simulated(dynamic: Dynamics, setup: Setup, pieces: int) -> dict[str, np.ndar
     states = tuple(s.id for s in dynamic.states)
     outputs = tuple(f"shown:{name}" for name in dynamic.outputs)
     balances = Balances(dynamic.plan, states, dynamic.inputs, outputs)
-    count = (setup.time.size - 1) * pieces + 1
-    time = setup.layout.interval / pieces * np.arange(float(count))
-    given = setup.shown * (1e-6 * LITRE_PER_HOUR if setup.layout.metered else 1.0)
-    fine = np.append(np.repeat(given[:-1], pieces), given[-1])
-    course = balances.run(time, fine[:, None], np.array([True]), values).shown[::pieces]
+    course = by_the_tool(balances, values, setup, pieces).shown[::pieces]
     return {name.partition(".")[0]: course[:, i] for i, name in enumerate(dynamic.outputs)}
 
 

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import polars as pl
 import pyarrow as pa
@@ -66,20 +65,6 @@ def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(result, "find_spec", lambda name: None)
     with pytest.raises(rulec.FrameRefused, match="needs pandas or polars or pyarrow"):
         found().to_frame()
-
-
-def test_what_is_simulated_is_a_recording(tmp_path: Path) -> None:
-    """In memory as in a file, with the fault that was put in; what was predicted takes the place of
-    what was recorded."""
-    time = np.arange(40.0)
-    inputs = {"time [s]": time, **{f"{m}.n [rpm]": np.full(40, 1200.0) for m in "AB"}}
-    made = rulec.simulate(plant(), inputs, faults=["A.leakage=0.25@20:40"])
-    made.write(tmp_path / "made.csv")
-    for recording in (made.columns(), made.to_frame(backend="polars"), tmp_path / "made.csv"):
-        (finding,) = rulec.diagnose(plant(), recording).findings
-        assert "A.leakage" == finding.fault.id
-        assert finding.degree == pytest.approx(0.25, abs=1e-3)
-    assert set(made.to_dict()["columns"]) == set(made.columns())
 
 
 def test_a_repair_in_memory_is_adopted(tmp_path: Path) -> None:
