@@ -16,7 +16,7 @@ import rulec
 from rulec.cli import main
 from rulec.commands import result
 from tests.conftest import ROOT, SOURCES, Capsys
-from tests.written import json_of
+from tests.written import json_of, read_columns
 
 ABC = ROOT / "plants" / "abc"
 EXAMPLES = ABC / "examples"
@@ -40,13 +40,18 @@ def explained() -> rulec.MismatchResult:
 
 
 def test_data_are_those_of_the_command(tmp_path: Path) -> None:
-    """Diagnosis and calibration, value by value."""
+    """Diagnosis, calibration, and what is predicted in place of readings, value by value."""
     assert found().to_dict() == json_of("diagnose", ABC, LEAKAGE)
     file = EXAMPLES / "calibration.csv"
     fitted = rulec.calibrate(ABC, file)
     written = tmp_path / "calibration.yaml"
     assert fitted.to_dict() == json_of("calibrate", ABC, file, "-o", written)
     assert fitted.text == written.read_text(encoding="utf-8")
+    predicted = rulec.simulate(plant(), LEAKAGE, faults=["A.leakage=0.3"]).columns()
+    words = ("simulate", ABC, LEAKAGE, "-o", tmp_path / "s.csv", "--fault", "A.leakage=0.3")
+    assert 0 == main([*map(str, words)])
+    for title, column in read_columns(tmp_path / "s.csv").items():
+        assert column == pytest.approx(predicted[title], rel=1e-5), title
     assert "A: the pump delivers 60 % less than its characteristic predicts" in str(found())
 
 
