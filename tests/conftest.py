@@ -7,8 +7,7 @@ import os
 import shutil
 import tempfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,10 @@ import pytest
 import yaml
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.knowledge import check_knowledge, read_layers
+from rulec.knowledge import check_knowledge
 from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_module import ModuleReader
-from rulec.language import read_yaml, schema
-from rulec.language.diagnostics import Diagnostic, Place
-from rulec.language.read_yaml import Document, Path_
+from rulec.language.diagnostics import Diagnostic
 from rulec.language.reader import Reader
 from rulec.passes.pipeline import compile_plant
 
@@ -43,8 +40,6 @@ Folders = pytest.TempPathFactory
 
 Things = tuple[tuple[object, ...], list[Diagnostic]]
 """What something is read from, and the mistakes found so far."""
-Parse = Callable[[str, str], tuple[Document | None, list[Diagnostic]]]
-
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
 """PYTHONPATH of a process that runs what stands here, whatever is installed."""
@@ -85,9 +80,8 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _each_text_read_once() -> Iterator[None]:
-    """The same text under the same name is the same document, keeps to its schema or not, and means
-    the same effect: most of the time of a check, and half of that of compiling a small plant, goes
-    into reading the knowledge base again."""
+    """The same document means the same effect, fault, sensor and module type: most of the time of a
+    check goes into reading the knowledge base again."""
     cache = _Cache()
     with pytest.MonkeyPatch.context() as patch:
 
@@ -98,8 +92,6 @@ def _each_text_read_once() -> Iterator[None]:
         def read_by(reader: Reader, others: Iterable[object] = ()) -> Things:
             return (reader.document, reader.units, *others), reader.found
 
-        patch.setattr(read_yaml, "parse_document", _parsed_once(read_yaml.parse_document))
-        patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
         once(check_knowledge, "table_of", lambda lists, found: (tuple(lists), found))
         once(check_knowledge, "check_fault", read_by)
         once(check_knowledge, "_sensor", lambda of, faults: read_by(of, faults.values()))
@@ -110,46 +102,6 @@ def _each_text_read_once() -> Iterator[None]:
             lambda of: read_by(of, (*of.sensors.values(), *of.faults.values())),
         )
         yield
-
-
-def _parsed_once(parse: Parse) -> Parse:
-    """A parser that reads a text once, and where another file has the same one, names that file."""
-    cache: OrderedDict[str, Document] = OrderedDict()
-
-    @functools.lru_cache(maxsize=2000)
-    def parsed(name: str, text: str) -> tuple[Document | None, list[Diagnostic]]:
-        if text in cache:
-            return _renamed(cache[text], name), []
-        given, found = parse(name, text)
-        if given is not None and not found:
-            cache[text] = given
-            if len(cache) > 1000:
-                cache.popitem(last=False)
-        return given, found
-
-    return parsed
-
-
-def _renamed(of: Document, name: str) -> Document:
-    """A document of the same text in another file."""
-    values, keys = _Elsewhere(of.values, name), _Elsewhere(of.keys, name)
-    return Document(name, read_yaml._label(name), of.data, values, keys)
-
-
-class _Elsewhere(Mapping[Path_, Place]):
-    """The same places of another file."""
-
-    def __init__(self, places: Mapping[Path_, Place], name: str) -> None:
-        self._places, self._name = places, name
-
-    def __getitem__(self, path: Path_) -> Place:
-        return replace(self._places[path], file=self._name)
-
-    def __iter__(self) -> Iterator[Path_]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
 
 
 class _Cache:
@@ -172,25 +124,6 @@ class _Cache:
         if len(self._results) > 2000:
             self._results.popitem(last=False)
         return self._results[key][1]
-
-
-def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:
-    """A check of a schema that knows the data of the last documents without a mistake; these are
-    not hashable."""
-    cache: OrderedDict[tuple[object, ...], Document] = OrderedDict()
-
-    def checked(of: Document, *rest: object) -> list[Diagnostic]:
-        # The document is kept with the id of its data, so that no other gets it.
-        key = (id(of.data), *rest)
-        found = [] if key in cache else check(of, *rest)
-        if not found:
-            cache.setdefault(key, of)
-            cache.move_to_end(key)
-        if len(cache) > 1000:
-            cache.popitem(last=False)
-        return found
-
-    return checked
 
 
 def plain_yaml(file: Path) -> Any:
