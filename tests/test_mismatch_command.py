@@ -12,7 +12,6 @@ from rulec.cli import main
 from rulec.commands import mismatch as command
 from rulec.effects import model_builder
 from rulec.mismatch import analyse as analysis
-from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT, Capsys, compiled
 from tests.runtime.mismatches import NAMED, UNNAMED
 
@@ -20,27 +19,19 @@ PLANT = ROOT / "plants" / "abc"
 RECORDING = PLANT / "examples" / "healthy.csv"
 
 
-class Calls:
-    """Stands in for the analysis: remembers how it was called."""
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Analysis and builder replaced: what is found, and the periods that were held out."""
+    replaced = SimpleNamespace(found=NAMED, heldout=None)
+    opened = SimpleNamespace(ruleset=compiled("abc"), sources="sources")
 
-    def __init__(self) -> None:
-        self.found: Mismatch = NAMED
-        self.heldout: tuple[tuple[float, float], ...] | None = None
-        self.sources: tuple[str, ...] = ()
-
-    def analyse(self, recording: Recording, ruleset: object, builder: object, **how: Any) -> Any:
+    def analyse(recording: Recording, ruleset: object, builder: object, **how: Any) -> Any:
         assert len(recording) > 0
         assert "builder" == builder
-        self.sources, self.heldout = recording.sources, how["heldout"]
-        return self.found
+        replaced.heldout = how["heldout"]
+        return replaced.found
 
-
-@pytest.fixture
-def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
-    """Analysis and builder replaced."""
-    replaced = Calls()
-    opened = SimpleNamespace(ruleset=compiled("abc"), sources="sources")
-    monkeypatch.setattr(analysis, "analyse", replaced.analyse)
+    monkeypatch.setattr(analysis, "analyse", analyse)
     monkeypatch.setattr(model_builder, "builder_of", lambda plant: "builder")
     monkeypatch.setattr(command, "open_plant", lambda path, effects: opened)
     monkeypatch.setattr(command, "basis_of", lambda sources, recordings, in_memory: {})
@@ -51,7 +42,7 @@ def call(*options: str) -> int:
     return main(["mismatch", str(PLANT), str(RECORDING), *options])
 
 
-def test_files_are_written(calls: Calls, tmp_path: Path, capsys: Capsys) -> None:
+def test_files_are_written(calls: SimpleNamespace, tmp_path: Path, capsys: Capsys) -> None:
     """JSON with the name of the recording and the plant as given, the page, courses of the models,
     and, beside the JSON, that of a hidden driver. A mismatch is a result: exit code 0."""
     form, page, courses = (tmp_path / name for name in ("m.json", "m.html", "m.csv"))
@@ -75,7 +66,7 @@ def test_files_are_written(calls: Calls, tmp_path: Path, capsys: Capsys) -> None
     assert table.startswith("time [s],course [l/h]\n")
 
 
-def test_json_on_standard_output_is_alone_there(calls: Calls, capsys: Capsys) -> None:
+def test_json_on_standard_output_is_alone_there(calls: SimpleNamespace, capsys: Capsys) -> None:
     """The story goes to standard error, and no series is written anywhere."""
     calls.found = UNNAMED
     assert 0 == call("--json", "-")

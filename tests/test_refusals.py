@@ -59,8 +59,7 @@ REFUSED = [
     (f"simulate {ABC} . -o sheet.csv", 2, "give the name of a folder"),
     (f"simulate {ABC} {HEALTHY} -o none/out.csv", 1, "make it first"),
     # separation
-    (f"matrix {ABC} --limits l.yaml", 2, "rulec matrix: --limits are limits"),
-    (f"matrix {ABC} --limits l.yaml", 2, "--separate"),
+    (f"matrix {ABC} --limits l.yaml", 2, "rulec matrix: --limits are limits of --separate"),
     (f"matrix {ABC} --separate --limits none.yaml", 1, "KB001"),
     (f"matrix {TANKS} --separate", 1, "storage"),
     # study, and where it runs
