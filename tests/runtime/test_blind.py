@@ -12,18 +12,16 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.detectable_faults import visible_of
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.hidden_faults import blind_of, coverage_of
-from rulec_runtime.live.follower import follow
-from rulec_runtime.live.memory import nothing_yet
-from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.blindness import blindness, brought_back, unseen
 
 from rulec.study.sensors_needed import without_each
 from tests.conftest import compiled
 from tests.dosing import RIGS, TABLE_1, operating_points, record, visiting_run
+from tests.rig.follower.plants import followed
 from tests.runtime.mismatch.made import changed, without
 from tests.runtime.sheets import sampled
-from tests.runtime.test_sensor_health import of_columns
+from tests.runtime.test_sensor_health import logged
 
 GONE_WITH_DP = {
     *(f"A.{fault}" for fault in ("leakage", "clogging", "widening")),
@@ -37,7 +35,7 @@ GONE_WITH_DP = {
 def run_of(dwell: int = 25) -> Recording:
     rig = RIGS["abc"]
     run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, dwell=dwell)
-    return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
+    return logged(compiled("abc"), record(run, TABLE_1, 5).readings)
 
 
 def gone(recording: Recording, name: str, rows: slice | Array) -> Recording:
@@ -111,14 +109,9 @@ def test_a_sensor_that_a_column_map_leaves_out_is_none() -> None:
 def test_the_watch_says_the_same() -> None:
     rules = compiled("abc")
     recording = gone(run_of(dwell=75), "A.dp", slice(100, None))
-    memory, texts = nothing_yet(False), set[str]()
-    for low in range(0, len(recording), 10):
-        part = slice(low, low + 10)
-        rows = Rows(recording.time[part], {n: v[part] for n, v in recording.values.items()})
-        for update in follow(rules, memory, rows):
-            memory = update.memory
-            texts |= {e.text for e in update.events if e.episode.kind == "blind"}
-    (episode,) = [e for e in memory.episodes if e.kind == "blind"]
+    told = followed(rules, recording, 10)
+    texts = {e.text for e in told.events if e.episode.kind == "blind"}
+    (episode,) = [e for e in told.memory.episodes if e.kind == "blind"]
     (blind,) = diagnose(recording, rules).blind
     assert ("C", blind.since, True) == (episode.status, episode.since, episode.active)
     assert {f"{unseen(rules, blind)}: {blind.because}"} == {episode.text} == texts

@@ -86,11 +86,8 @@ def test_a_fault_that_begins_in_the_middle_is_found(name: str, fault: str) -> No
 
 def test_a_fault_that_goes_is_found_with_its_end() -> None:
     # A plant whose level stays within the range of its sensor.
-    faulty = made("cascaded-tanks", 5, ("lower.y.high", 0.2, 0.3))
-    healthy = made("cascaded-tanks", 5)
-    back = faulty.time > 0.6 * faulty.time[-1]
-    values = {n: np.where(back, healthy.values[n], v) for n, v in faulty.values.items()}
-    (finding,) = judged("cascaded-tanks", replace(faulty, values=values)).findings
+    faulty = made("cascaded-tanks", 5, ("lower.y.high", 0.2, 0.3), until=0.6)
+    (finding,) = judged("cascaded-tanks", faulty).findings
     assert finding.fault.id == "lower.y.high"
     assert finding.lower <= 0.2 <= finding.upper
     assert abs(finding.since - 0.3 * faulty.time[-1]) < HALF_WINDOW

@@ -16,9 +16,6 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.verdict_per_sample import trace
-from rulec_runtime.live.follower import follow
-from rulec_runtime.live.memory import nothing_yet
-from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.wording import actions, headline, why_first
@@ -34,6 +31,7 @@ from tests.conftest import ROOT, compiled, plain_yaml
 from tests.dosing import TABLE_1, operating_points, record
 from tests.export.plants import codes
 from tests.method.readings import built, recording
+from tests.rig.follower.plants import followed
 from tests.runtime.sheets import sampled
 
 RECORD = "{fault: slope(Q), frequency: rare, source: a record}"
@@ -157,9 +155,9 @@ def test_beside_the_plant_the_more_usual_is_named_first_too(
 ) -> None:
     rules = said_of(listed(compiled(RIG)), {LOW: "common", LEAK: "rare"})
     whole = only(leaking, rules)
-    updates = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))
-    assert updates[-1].diagnosis.findings == (whole,)
-    events = [e.episode for update in updates for e in update.events if e.episode.kind == "fault"]
+    told = followed(rules, leaking, len(leaking))
+    assert told.diagnosis.findings == (whole,)
+    events = [e.episode for e in told.events if e.episode.kind == "fault"]
     (episode,) = {e.id: e for e in events}.values()
     file = tmp_path / "results.csv"
     by_controllers = results_csv(played(leaking, rules, codes(RIG)))

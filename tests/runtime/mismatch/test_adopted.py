@@ -232,14 +232,6 @@ def test_a_cell_without_value_is_empty() -> None:
     assert [] == mismatch_form(CANNOT_JUDGE, "x")["split"]["heldout"]
 
 
-def test_ends_belong_to_their_spans() -> None:
-    assert [(-0.5, 0.5), (1.5, 2.5)] == heldout_spans(THREE, [True, False, True])
-    assert [] == heldout_spans(THREE, [False] * 3)
-    assert [(4.0, 4.0)] == heldout_spans(np.array([4.0]), [True])
-    found = replace(NAMED, series=Series(THREE, np.array([False, True, True])))
-    assert [[0.5, 2.5]] == mismatch_form(found, "x")["split"]["heldout"]
-
-
 def test_a_range_grows_only_where_a_relation_was_tested() -> None:
     """Not where a meter shows nothing or all relations differ; a meter has no law and no range."""
     plant, name = open_builder(Path(__file__).parent / "oil.yaml"), "main.slip-temperature@Q_law"

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.forecast import Forecast, SetPoints, forecast
 from rulec.mismatch.experiment.plan import best_choice, chosen, covering
 from rulec.mismatch.experiment.points import (
@@ -25,7 +26,6 @@ from rulec.mismatch.experiment.points import (
     surroundings,
 )
 from rulec.mismatch.search.operating_states import explain
-from rulec.mismatch.search.posterior import Posterior
 from rulec.prove.truth.settled.plan import Planned
 from rulec.separation.allowed import Allowed, Range
 from tests.conftest import Capsys, compiled
@@ -232,54 +232,25 @@ def test_an_explanation_that_stands_alone_is_tested(
         assert min(set_to) < low < high < max(set_to)
 
 
-Worn = tuple[Recording, Posterior]
-
-
-@pytest.fixture(scope="module")
-def worn(tmp_path_factory: pytest.TempPathFactory) -> Worn:
-    """A pump that wears while it is recorded, and all sets of explanations of that."""
-    folder = tmp_path_factory.mktemp("worn")
+def test_what_follows_time_is_foretold_for_later(tmp_path: Path) -> None:
+    """What grows, as the wear of a pump, has grown further in a later reading, and is predicted
+    less surely: the same operating points next, and ten times as long as the recording later."""
     case = Planned("a case", "single", "dosing", "steps", ("wear",), aim=3000.0, small=True)
-    case.make().write(folder)
-    loaded = open_builder(folder / "plant")
-    recording = read_recording(folder / "recording.csv", loaded[0])
-    return recording, explain(rows_at(loaded, recording), lambda text: None)
-
-
-def soon_and_late(worn: Worn) -> tuple[SetPoints, SetPoints]:
-    """The same operating points next, and ten times as long as the recording later."""
-    recording, found = worn
-    system = found.evidence.rows.system
-    soon = points_in(system, input_ranges(system, recording, 1.0))
-    return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
-
-
-@pytest.mark.prove
-def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
-    recording, found = worn
-    system = found.evidence.rows.system
-    data, gone = system.data, found.evidence.rows.cells[0].outputs[0]
-    values = {**data.points.values, gone: np.full(len(data), np.nan)}
-    without = replace(system, data=replace(data, points=replace(data.points, values=values)))
-    reach = input_ranges(system, recording, 1.0)
-    there, all_ = points_in(without, reach), points_in(system, reach)
-    assert (there.near == all_.near).mean() > 0.9
-
-
-def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
-    """What grows has grown further in a later reading, and is predicted less surely."""
-    found = worn[1]
+    case.make().write(tmp_path)
+    loaded = open_builder(tmp_path / "plant")
+    recording = read_recording(tmp_path / "recording.csv", loaded[0])
+    found = explain(rows_at(loaded, recording), lambda text: None)
     evidence, plain = found.evidence, found.models[frozenset()]
+    system = evidence.rows.system
+    places = [points_in(system, input_ranges(system, recording, 1.0))]
+    places += [replace(p, time=p.time + 10.0 * float(np.ptp(system.data.time))) for p in places]
     drift = next(n for n in found.models if any(".wear-slip@" in name for name in n))
-    soon, late = (
-        forecast(evidence, [found.models[drift], plain], 0, places)
-        for places in soon_and_late(worn)
-    )
+    soon, late = (forecast(evidence, [found.models[drift], plain], 0, at) for at in places)
     assert max(np.abs(there.off[0]).max() for there in (soon, late)) < 1e-6
     assert np.abs(late.off[1]).max() > 2.0 * np.abs(soon.off[1]).max()
     growing = {n: m for n, m in found.models.items() if any(c.grows for c in m.setting.courses)}
     model = growing[max(growing, key=lambda names: found.odds[names])]
-    soon, late = (forecast(evidence, [model, plain], 0, places) for places in soon_and_late(worn))
+    soon, late = (forecast(evidence, [model, plain], 0, at) for at in places)
     assert np.abs(late.off[1]).max() > 2.0 * np.abs(soon.off[1]).max()
     assert max(late.covariance[0].diagonal()) > max(soon.covariance[0].diagonal())
 
@@ -383,25 +354,26 @@ def test_a_place_far_away_does_not_shorten_the_steps() -> None:
     assert best.limited.held > 1
 
 
-def test_set_points_lie_where_pumps_run() -> None:
+def test_set_points_lie_where_pumps_run_whatever_sensors_are_not_recorded() -> None:
+    """One that shows nothing, and two of which one shows nothing while the other does."""
     plant = loaded("abc")
     recording = recorded(plant, tour(plant[0], 240))
     system = rows_at(plant, recording).system
-    data, least = system.data, system.ruleset.signal_by_id["A.n"].minimum
-    stands = np.where(np.arange(len(data)) % 9 == 0, 0.0, data.values["A.n"])
-    points = replace(data.points, values={**data.values, "A.n": stands})
-    stood = replace(system, data=replace(data, points=points))
-    assert least <= input_ranges(stood, recording, 1.0).bounds["A.n"][0] <= data.values["A.n"].max()
+    number, read = np.arange(len(system.data)), system.data.values
+    least = system.ruleset.signal_by_id["A.n"].minimum
 
+    def shown(**values: Array) -> System:
+        told = {**read, **{name.replace("_", "."): v for name, v in values.items()}}
+        points = replace(system.data.points, values=told)
+        return replace(system, data=replace(system.data, points=points))
 
-def test_sensors_that_are_never_recorded_together_hinder_no_plan() -> None:
-    plant = loaded("abc")
-    recording = recorded(plant, tour(plant[0], 240))
-    system = rows_at(plant, recording).system
-    data, values = system.data, dict(system.data.values)
-    for name, lost in (("A.dp", slice(None, None, 2)), ("B.dp", slice(1, None, 2))):
-        values[name] = values[name].copy()
-        values[name][lost] = np.nan
-    parts = replace(system, data=replace(data, points=replace(data.points, values=values)))
-    near = points_in(parts, input_ranges(parts, recording, 1.0)).near
-    assert np.isfinite(values["A.n"][near]).all()
+    reach = input_ranges(system, recording, 1.0)
+    stands = shown(A_n=np.where(number % 9 == 0, 0.0, read["A.n"]))
+    assert least <= input_ranges(stands, recording, 1.0).bounds["A.n"][0] <= read["A.n"].max()
+    silent = points_in(shown(C_dp=np.full(len(number), np.nan)), reach).near
+    assert (silent == points_in(system, reach).near).mean() > 0.9
+    lost = {
+        f"{m}_dp": np.where(number % 2 == i, np.nan, read[f"{m}.dp"]) for i, m in enumerate("AB")
+    }
+    near = points_in(shown(**lost), reach).near
+    assert np.isfinite(read["A.n"][near]).all()

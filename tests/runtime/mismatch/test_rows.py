@@ -48,7 +48,6 @@ from tests.runtime.mismatch.made import (
     warming,
     without,
 )
-from tests.states.plants import plant_in
 
 SAMPLES = 120
 
@@ -57,27 +56,22 @@ def errors(rows: Rows) -> Array:
     return rows.errors(rows.system.flows(Configuration()))[0]
 
 
-def abc(samples: int = SAMPLES, dwell: int = 12) -> Recording:
+def abc(samples: int, dwell: int) -> Recording:
     given = tour(loaded("abc")[0], samples, dwell=dwell)
     return recorded(loaded("abc"), given, moved=False)
 
 
-def test_rows_have_unit_noise() -> None:
-    rows = rows_at(loaded("abc"), abc(600, 60))
-    (cell,) = rows.cells
-    table = cell.table(errors(rows)).T
-    assert np.ones(cell.rank) == pytest.approx(table.std(axis=0), rel=0.15)
-
-
-def test_as_many_rows_as_estimates_less_free_flows() -> None:
+def test_as_many_rows_of_unit_noise_as_estimates_less_free_flows() -> None:
     """Seven estimates of two free flows leave five rows; without a power reading, four."""
-    rows = rows_at(loaded("abc"), abc())
+    made = abc(600, 60)
+    rows = rows_at(loaded("abc"), made)
     (cell,) = rows.cells
     assert 5 == cell.rank
+    assert np.ones(5) == pytest.approx(cell.table(errors(rows)).T.std(axis=0), rel=0.15)
     assert {"A.dp", "A.P_el", "B.dp", "B.P_el", "C.dp"} == set(cell.outputs)
     assert np.array_equal(rows.group_rank, rows.per_group(np.ones(len(rows))))
     assert np.array_equal(rows.group_point[rows.group], rows.point)
-    fewer = rows_at(loaded("abc"), without(abc(), "A.P_el"))
+    fewer = rows_at(loaded("abc"), without(made, "A.P_el"))
     assert [4] == [c.rank for c in fewer.cells]
     assert "A.power" not in fewer.system.number
 
@@ -97,10 +91,26 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
     assert any("A.pump" in s and "B.pump" not in s for s in sets)
 
 
+def cooling() -> tuple[tuple[Ruleset, ModelBuilder], Recording]:
+    plant = loaded("cooling-loop")
+    return plant, read_recording(ROOT / "plants/cooling-loop/examples/fouling.csv", plant[0])
+
+
+def test_a_temperature_spans_its_range() -> None:
+    """The entry says 5 % of the range; half of all offsets are below."""
+    rows = rows_at(*cooling())
+    assert span(rows.system, "HX.T_2") == pytest.approx(150.0)
+    assert span(rows.system, "HX.T_1") < 20.0
+    every = (c for c in rows.system.candidates if (c.name, c.place) == ("offset", "T_2"))
+    (unknown,) = (candidate := next(every)).unknowns
+    assert unknown.usual.of_place
+    size = SteadyEvidence(rows).size(candidate, unknown)
+    assert size.scale * t.ppf(0.75, size.freedom) == pytest.approx(0.05 * 150.0)
+
+
 def test_estimates_of_infinite_noise_are_no_rows() -> None:
     """As where a speed is read in another unit while a reading of the other pump is lost."""
-    plant = loaded("cooling-loop")
-    recording = read_recording(ROOT / "plants/cooling-loop/examples/fouling.csv", plant[0])
+    plant, recording = cooling()
     lost = np.where(np.arange(len(recording)) < 240, recording.values["P1.dp"], np.nan)
     wrong = changed(recording, {"P1.dp": lost, "P2.n": 60.0 * recording.values["P2.n"]})
     rows = rows_at(plant, wrong)
@@ -277,53 +287,6 @@ def test_units_do_not_make_a_system_singular() -> None:
     solution = inverses(matrices) @ np.ones((3, 2, 1))
     assert np.isnan(solution[:2]).all()
     assert [1.0, 1.0] == solution[2].ravel().tolist()
-
-
-HEATER = """\
-module: heater
-version: 1
-title: Flow heater
-signals:
-  Q:   {{quantity: volume flow, unit: l/min,
-        sensor: magnetic-inductive, range: [0, 200], reference: 60}}
-  P:   {{quantity: electric power, unit: kW, sensor: converter-power, input: true, reference: 40}}
-  v:   {{quantity: rotational speed, unit: rpm,
-        sensor: converter-speed, input: true, reference: 900}}
-  T_i: {{quantity: temperature, unit: {unit},
-        sensor: resistance-thermometer, input: true, reference: {inlet}}}
-  T_o: {{quantity: temperature, unit: {unit},
-        sensor: resistance-thermometer, range: {range}, reference: {outlet}}}
-parameters:
-  c: {{value: 4.18e6, unit: J/m3/K, u: 1.0e4, title: heat capacity, source: data sheet}}
-  V: {{value: 66.7, unit: ml/rev, u: 0.5, title: displacement, source: data sheet}}
-observers:
-  meter: {{component: pump, Q: Q, reference: true, source: flow meter}}
-  pump:  {{component: pump, Q: v*V, source: displacement}}
-  heat:  {{component: line, Q: P/(c*(T_o - T_i)), source: heat balance}}
-faults: [offset(T_o)]
-"""
-
-
-@pytest.mark.parametrize("zero", [0.0, 273.15])
-def test_a_temperature_spans_its_range(tmp_path: Path, zero: float) -> None:
-    """The entry says 5 % of the range; half of all offsets are below."""
-    stated = {"inlet": zero + 15.0, "outlet": zero + 24.5, "range": [zero, zero + 150.0]}
-    text = HEATER.format(unit="K" if zero else "degC", **stated)
-    plant = plant_in(tmp_path, {"A": "heater"}, heater=text)
-    loaded, number = open_builder(plant), np.arange(240) // 12
-    given = {
-        "A.P": 40e3 * (0.8 + 0.02 * number),
-        "A.v": 15.0 * (0.8 + 0.4 * np.mod(number * np.sqrt(2.0), 1.0)),
-        "A.T_i": np.full(240, 288.15),
-    }
-    rows = rows_at(loaded, recorded(loaded, given))
-    assert span(rows.system, "A.T_o") == pytest.approx(150.0)
-    assert span(rows.system, "A.T_i") < 1.0
-    candidate = next(c for c in rows.system.candidates if c.name == "offset")
-    (unknown,) = candidate.unknowns
-    assert unknown.usual.of_place
-    size = SteadyEvidence(rows).size(candidate, unknown)
-    assert size.scale * t.ppf(0.75, size.freedom) == pytest.approx(0.05 * 150.0)
 
 
 SLIP = "A.slip-viscosity@Q_geo(dp, viscosity(T))"

@@ -194,21 +194,16 @@ def model(laws: dict[str, Array], terms: tuple[Term, ...] = ()) -> Model:
     return cast(Model, fake)
 
 
-def test_a_term_holds_what_is_a_special_case_of_it() -> None:
-    """Up to a law's own error of form; what happens in a band is more than a smooth term can be."""
-    assert holds([term()], SMOOTH)
-    assert holds([term()], SMOOTH + 0.02 * ELSEWHERE)
-    for law in (SMOOTH + 0.2 * ELSEWHERE, BAND, ELSEWHERE):
-        assert not holds([term()], law)
-    assert holds([term(length=0.1)], BAND)
-    assert not holds([], SMOOTH)
-
-
-def test_a_term_is_told_beside_a_law_that_it_does_not_hold() -> None:
-    """A threshold whose slope looks like a term leaves that open."""
+def test_a_term_is_told_beside_a_law_that_is_no_special_case_of_it() -> None:
+    """Up to the law's own error of form; what happens in a band is more than a smooth term can be.
+    A threshold whose slope looks like a term leaves that open."""
     shaped = {"x": SMOOTH, "k": ELSEWHERE, "k2": np.zeros(len(DRIVER))}
-    for laws, expected in (({"k": SMOOTH}, 0), ({"k": ELSEWHERE}, 1), (shaped, 1)):
-        assert expected == len(beside(model(laws), [term()]))
+    near, far = ({"k": SMOOTH + share * ELSEWHERE} for share in (0.02, 0.2))
+    for laws in ({"k": ELSEWHERE}, far, {"k": BAND}, shaped):
+        assert 1 == len(beside(model(laws), [term()]))
+    for laws, length in (({"k": SMOOTH}, 0.4), (near, 0.4), ({"k": BAND}, 0.1)):
+        assert [] == beside(model(laws), [term(length=length)])
+    assert not holds([], SMOOTH)
 
 
 def test_a_term_that_shows_alike_is_not_told_twice() -> None:
@@ -262,9 +257,9 @@ def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> Non
 
 def rows_of(group: str, effect: str, folder: Path) -> Rows:
     """A small case with one effect that no entry has, or whose driver is not recorded."""
-    Planned("a case", group, "dosing", "steps", (effect,), 3000.0, small=True).make().write(folder)
-    loaded = open_builder(folder / "plant")
-    return rows_at(loaded, read_recording(folder / "recording.csv", loaded[0]))
+    case = Planned("a case", group, "dosing", "steps", (effect,), 3000.0, small=True)
+    recording, ruleset, builder = loaded(case.make(), folder)
+    return rows_at((ruleset, builder), recording)
 
 
 def with_terms(rows: Rows, location: str) -> Posterior:

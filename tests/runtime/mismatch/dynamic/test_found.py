@@ -189,7 +189,7 @@ def test_what_recalibration_makes_up_for_is_named(
     assert abs(found.best.values[f"{name}.{value}"] - more[value]) < off
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def plain() -> Explanation:
     recording = made(256)
     problem = problem_of(recording)

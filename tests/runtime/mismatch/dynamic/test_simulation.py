@@ -138,16 +138,20 @@ def test_memory_of_a_fading_error(rho: float, expected: float) -> None:
     )
 
 
+def test_noise_of_an_error() -> None:
+    """Of an exact prediction that of a reading without steps, as of a tank that is always empty:
+    errors are divided by it."""
+    all_, none = np.ones(100, dtype=bool), np.zeros(100)
+    assert Noise(0.01, 1.0) == noise_of(none, all_, 0.01)
+    assert noise_of(none, all_, 0.0).weight > 0.0
+    assert gain(Noise(2.0, 50.0), Noise(1.0, 10.0), 1000) == pytest.approx(100 * np.log(2.0))
+
+
 def test_noise_that_lasts_is_counted() -> None:
     """The doubt of a mean in noise of first order: (1 + r)/(1 - r) times that of white noise."""
     error = lfilter([1.0], [1.0, -0.8], np.random.default_rng(1).standard_normal(N))
     ratio = float(score_covariance(np.ones((N, 1)), error, ALL)[0, 0]) / N
     assert ratio == pytest.approx(1.8 / 0.2, rel=0.15)
-
-
-def test_what_an_error_says() -> None:
-    assert Noise(0.01, 1.0) == noise_of(np.zeros(100), np.ones(100, dtype=bool), 0.01)
-    assert gain(Noise(2.0, 50.0), Noise(1.0, 10.0), 1000) == pytest.approx(100 * np.log(2.0))
 
 
 @pytest.mark.parametrize("smoothness", [1.0, 3.0])
@@ -270,12 +274,6 @@ def test_a_reading_that_never_moves_may_be_predicted_exactly() -> None:
     held = problem.candidate("lower.sensor-hysteresis@y")
     begin = Configuration().joining(held, {u.id: 10.0 for u in held.unknowns}, {})
     assert np.isfinite(list(from_afar(problem, begin).values.values())).all()
-
-
-def test_an_exact_prediction_has_some_noise() -> None:
-    """That of a reading without steps, as of a tank that is always empty: errors are divided by
-    it."""
-    assert noise_of(np.zeros(50), np.ones(50, dtype=bool), 0.0).weight > 0.0
 
 
 def test_values_that_nothing_determines_correlate_at_most_fully() -> None:
