@@ -156,7 +156,7 @@ def test_a_page_of_a_diagnosis_is_as_reviewed(leaking: Judged, healthy: Judged) 
 
 DIAGNOSES: dict[str, Callable[[], Diagnosis]] = {
     "blind": lambda: diagnose(test_blind.without(test_blind.run_of(), "A.dp"), compiled("abc")),
-    "regime": lambda: test_regimes.ran("abc", "A", 1, speed=0.0, passage=test_regimes.OPEN),
+    "regime": lambda: test_regimes.said("abc", 1, speed=0.0, passage=test_regimes.OPEN),
     "liquid": lambda: test_regimes.said("abc", 1, *test_regimes.COLD, 15.0),
     "growing": lambda: test_courses.said("A.leakage", 0.4 * test_courses.SHARE, 8401),
     "coming and going": lambda: test_courses.coming_and_going(1, 200),

@@ -1,7 +1,7 @@
 """What has no name: its shape and memory, beside which laws it is told; what was once misnamed."""
 
 import shutil
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import comb
 from pathlib import Path
 from types import SimpleNamespace
@@ -60,19 +60,6 @@ text: "{module}: shaking takes {P} near {n0}"
 action: stiffen the frame
 source: "[assumed]"
 """
-
-
-LAW = DisturbanceLocation(
-    id="",
-    kind="definition",
-    module="A",
-    place="",
-    title="",
-    unit="W",
-    factor=1.0,
-    observers=(),
-    unknown="",
-)
 
 
 def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -319,17 +306,11 @@ HERE, THERE = np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, -1.0])
 NOTHING = np.zeros(3)
 
 
-@dataclass
-class Fitted:
+def with_amplitude(column: Array) -> Any:
     """A model with a single amplitude."""
-
-    raw: Any
-    noise: float = 1.0
-    prior: Any = field(default_factory=lambda: SimpleNamespace(names=("a",)))
-
-    def __post_init__(self) -> None:
-        self.raw = self.table = self.raw[:, None]
-        self.weights, self.precision = np.ones(3), np.eye(1)
+    table: dict[str, Any] = dict.fromkeys(("raw", "table"), column[:, None])
+    prior = SimpleNamespace(names=("a",))
+    return SimpleNamespace(**table, noise=1.0, weights=np.ones(3), precision=np.eye(1), prior=prior)
 
 
 @pytest.mark.parametrize(
@@ -345,8 +326,7 @@ class Fitted:
 def test_explanations_coincide(own: Any, other: Any, same: bool) -> None:
     evidence: Any = SimpleNamespace(whitened=lambda rows, noise: rows)
     law: Any = SimpleNamespace(unknowns=[SimpleNamespace(id="a", null=0.0)])
-    models: Any = Fitted(own), Fitted(other)
-    assert coincide(evidence, models[0], law, models[1], law) is same
+    assert coincide(evidence, with_amplitude(own), law, with_amplitude(other), law) is same
 
 
 def test_a_reading_is_rarely_off_by_more_than_usual() -> None:
@@ -363,15 +343,17 @@ def test_a_reading_is_rarely_off_by_more_than_usual() -> None:
     assert {0.0} == {t.odds(1e6) for t in terms if t.changed.kind == "definition"}
 
 
-@pytest.mark.parametrize(("behind", "expected"), [(2.0, "A.P_law"), (2.5, "A.P_el")])
+@pytest.mark.parametrize(
+    ("behind", "expected"), [(2.0, "definition:A.P_law"), (2.5, "signal:A.P_el")]
+)
 def test_of_places_that_fit_alike_one_that_a_plant_can_hold_is_told(
     behind: float, expected: str
 ) -> None:
-    def term(kind: str, place: str) -> SimpleNamespace:
-        where = replace(LAW, id=f"A.{place}", kind=kind, place=place)
-        return SimpleNamespace(name=f"{where.id}~A.n", changed=where, driver="A.n")
-
-    reading, law = term("signal", "P_el"), term("definition", "P_law")
+    where = {s.id: s for s in alone()[1].locations}
+    reading, law = (
+        SimpleNamespace(name=f"{place}~A.n", changed=where[place], driver="A.n")
+        for place in ("signal:A.P_el", "definition:A.P_law")
+    )
     models = {frozenset({t.name}): SimpleNamespace(terms=(t,)) for t in (reading, law)}
     odds = dict(zip(models, (20.0, 20.0 - behind), strict=True))
     every = {frozenset[str](): SimpleNamespace(terms=()), **models}

@@ -1,9 +1,11 @@
 """Several recordings in one analysis: own zeros, own clocks, own held-out parts, what changed."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.join_recordings import together
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
@@ -44,19 +46,9 @@ LENGTH = 144
 """Samples of a recording."""
 
 
-def joined(*parts: Recording) -> Recording:
-    lengths = [len(part) for part in parts]
-    begins = np.cumsum([0, *lengths[:-1]]).astype(float)
-    number = np.repeat(np.arange(len(parts)), lengths)
-    return replace(
-        parts[0],
-        time=np.concatenate([p.time + begin for p, begin in zip(parts, begins, strict=True)]),
-        values={n: np.concatenate([p.values[n] for p in parts]) for n in parts[0].values},
-        segment=number,
-        sources=tuple(f"{i}.csv" for i in range(len(parts))),
-        source=number,
-        origin=np.repeat(begins, lengths),
-    )
+def joined(*parts: Recording, plant: str = PLANT) -> Recording:
+    rules = alone()[0] if plant == "alone" else loaded(plant)[0]
+    return together([Path(f"{i}.csv") for i in range(len(parts))], parts, rules)
 
 
 def healthy(low: float = 0.6) -> Recording:
@@ -181,7 +173,7 @@ def test_the_answer_tells_of_each_recording() -> None:
     slip = {SLIP: {"b": 0.02, "T0": USUAL}}
     cold = recorded(plant, {**tour(plant[0], n), "A.T": np.full(n, USUAL)}, slip)
     warm = recorded(plant, {**tour(plant[0], n, low=0.65), "A.T": warming(n)}, slip)
-    found = compared(plant, joined(cold, warm))
+    found = compared(plant, joined(cold, warm, plant="alone"))
     assert [("0.csv", "none"), ("1.csv", "ambiguous")] == [
         (r.name, r.verdict) for r in found.recordings
     ]
