@@ -114,7 +114,7 @@ def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> Non
         assert DWELL <= finding.since <= DWELL + 5
         # A quarter power of the viscosity gives friction +15 % at 75 % more of it.
         assert finding.lower < 1.15**4 - 1.0 < finding.upper
-        assert {"liquid.viscosity.low"} == named(said(rig, seed, 0.87, 1.25))
+    assert {"liquid.viscosity.low"} == named(said(rig, 0, 0.87, 1.25))
 
 
 @RIGS

@@ -1,6 +1,5 @@
 """What has no name: its shape and memory, beside which laws it is told; what was once misnamed."""
 
-import shutil
 from dataclasses import replace
 from math import comb
 from pathlib import Path
@@ -37,45 +36,25 @@ from rulec.mismatch.search.scan import beside, coincide, holds
 from rulec.mismatch.search.time_course import penalty_of
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.conftest import ROOT
+from tests.dosing.runs import taken
 from tests.runtime.mismatch.made import alone, compared, recorded, rows_at, tour
+from tests.runtime.mismatch.made import loaded as load
 from tests.runtime.mismatches import UNNAMED
 
-RPM, PEAK = 1.0 / 60.0, 30.0
 PLANT = Path(__file__).parent / "plant.yaml"
-EFFECT = """\
-effect: shaking-frame
-title: Frame that shakes in a band of speeds
-sort: physics
-joins:
-  - {gives: electric power, rises_with: n, law: law + P*exp(-((n - n0)/w)**2)}
-drivers:
-  n: {quantity: rotational speed}
-parameters:
-  P: {unit: W, null: 0, starts: [10], range: [-100, 100],
-      usual: {median: 10, factor: 3, source: "[assumed]"}, title: power at its peak}
-  n0: {unit: rpm, starts: [800], range: [100, 3000], title: speed at its peak}
-  w: {unit: rpm, starts: [60], range: [5, 1000], title: width}
-regime: a band of speeds
-text: "{module}: shaking takes {P} near {n0}"
-action: stiffen the frame
-source: "[assumed]"
-"""
 
 
-def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RULEC_KB", str(shutil.copytree(ROOT / "kb", tmp_path / "kb")))
-    entry = tmp_path / "kb" / "effects" / "shaking-frame.yaml"
-    entry.write_text(EFFECT, encoding="utf-8")
-    built = {"A.shaking-frame@P_law": {"P": PEAK, "n0": 800.0 * RPM, "w": 60.0 * RPM}}
-    recording = recorded(open_builder(PLANT), tour(alone()[0], 240), built, moved=False)
-    entry.unlink()
-    found = compared(open_builder(PLANT), recording)
+def test_a_bump_without_a_name_is_told() -> None:
+    """A frame that shakes in a band of speeds and takes power, by the independent truth."""
+    plant = load("abc")
+    recording = read_recording(ROOT / "plants/abc/examples/shaking_B.csv", plant[0])
+    found = compared(plant, recording)
     assert "unnamed" == found.verdict
     location = max((at for at in found.locations if at.shape), key=lambda at: at.share)
     shape = location.shape
-    assert ("A", "A.n") == (location.module, shape.driver)
+    assert ("B", "B.n") == (location.module, shape.driver)
     assert "P_law" in {location.place, *(place.partition(".")[2] for place in location.also)}
-    off = (shape.value - PEAK * np.exp(-(((shape.at - 800.0) / 60.0) ** 2))) / shape.u
+    off = (shape.value - taken(shape.at / 60.0)) / shape.u
     # A curve of some eight independent values: 99 of 100 are within this, by chi-square.
     assert np.sqrt(np.mean(off**2)) < np.sqrt(20.1 / 8.0)
     assert shape.text.startswith("a bump of ")
@@ -83,8 +62,8 @@ def test_a_bump_without_a_name_is_told(tmp_path: Path, monkeypatch: pytest.Monke
     assert "yes" != shape.memory
     assert shape.beaten
     assert all(beaten.nats > 0.0 for beaten in shape.beaten)
-    assert found.next.startswith(f"Look at what happens at A.{location.place} while A.n is from")
-    assert "It depends on A.n." in found.headline
+    assert found.next.startswith(f"Look at what happens at B.{location.place} while B.n is from")
+    assert "It depends on B.n." in found.headline
     form = next(f for f in mismatch_form(found, "plant.yaml")["locations"] if "shape" in f)
     keys = {"driver", "driver_unit", "unit", "points", "means", "text", "monotone"}
     assert keys == set(form["shape"])
