@@ -1,7 +1,8 @@
 """What a search finds in tanks: faults that begin, laws left out, what has no name."""
 
+import functools
 import shutil
-from collections.abc import Iterator
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.mismatch import analyse, stores
@@ -21,6 +21,7 @@ from rulec.mismatch.evidence.stores import fit
 from rulec.mismatch.evidence.stores.fit import plain_end, refit, sharpened
 from rulec.mismatch.evidence.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.evidence.stores.model import model_of, period_of
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search import posterior as of_search
 from rulec.mismatch.search import simulated
@@ -31,6 +32,7 @@ from rulec.mismatch.search.posterior import Posterior
 from rulec.mismatch.search.simulated import begun, curves_of, likeliest_curve, search
 from rulec.mismatch.stores import Explanation, _gained, explanation, prove, until_of
 from tests.conftest import ROOT
+from tests.runtime.mismatch.dynamic import problems
 from tests.runtime.mismatch.dynamic.problems import (
     NOISE,
     OVERFLOW,
@@ -288,28 +290,17 @@ source: "[assumed]"
 """
 
 
-@pytest.fixture
-def thin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A knowledge base of few effects, with the flap."""
-    kb = tmp_path / "kb"
-    shutil.copytree(ROOT / "kb", kb)
-    for file in (kb / "effects").glob("*.yaml"):
-        if file.stem not in ("outlet-exponent", "pump-roll-off"):
-            file.unlink()
-    (kb / "effects" / "sticking-flap.yaml").write_text(EFFECT.lstrip(), encoding="utf-8")
-    monkeypatch.setenv("RULEC_KB", str(kb))
-    tanks.cache_clear()
-    yield kb
-    tanks.cache_clear()
-
-
-def flapping(kb: Path, seed: int) -> Recording:
-    """A recording with the flap, after which the catalogue lacks it."""
+@functools.cache
+def flapping(seed: int) -> SimulationProblem:
+    """Of a recording with a flap, which the catalogue lacks."""
     values = {f"{FLAP}.w": HELD_BACK, f"{FLAP}.l0": NEAR, f"{FLAP}.d": WIDE}
-    recording = made(SAMPLES, seed, joined=(FLAP,), more=values)
-    (kb / "effects" / "sticking-flap.yaml").unlink()
-    tanks.cache_clear()
-    return recording
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        kb = shutil.copytree(ROOT / "kb", Path(folder) / "kb")
+        (kb / "effects" / "sticking-flap.yaml").write_text(EFFECT.lstrip(), encoding="utf-8")
+        patch.setenv("RULEC_KB", str(kb))
+        patch.setattr(problems, "tanks", tanks.__wrapped__)
+        recording = made(SAMPLES, seed, joined=(FLAP,), more=values)
+    return problem_of(recording)
 
 
 def left_out(curve: CurveFound, found: FittedCurve) -> Array:
@@ -328,9 +319,9 @@ def left_out(curve: CurveFound, found: FittedCurve) -> Array:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
+def test_the_true_curve_lies_in_the_band(seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
-    problem = problem_of(flapping(thin, seed))
+    problem = flapping(seed)
     plain = plain_end(problem, {})
     location = next(s for s in problem.builder.locations if s.id == "definition:lower.outflow")
     term = fitted_curve(plain, location, "lower.h")
@@ -349,10 +340,10 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
 OUTLET_LAW = "lower.outlet-exponent@outflow"
 
 
-def test_place_and_driver_are_found(thin: Path) -> None:
+def test_place_and_driver_are_found() -> None:
     """Among all places and all that they may follow; no curve is drawn through noise."""
     assert likeliest_curve(searched(problem_of(made(SAMPLES, 1)), OUTLET_LAW)) is None
-    unnamed = likeliest_curve(searched(problem_of(flapping(thin, 1)), OUTLET_LAW))
+    unnamed = likeliest_curve(searched(flapping(1), OUTLET_LAW))
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
     assert f"{curve.location.module}.{curve.location.place}" in ("lower.outflow", "lower.h")
