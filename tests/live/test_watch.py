@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import random
 import subprocess
 import sys
 import time
@@ -13,8 +14,10 @@ from typing import Any
 
 import pytest
 from rulec_runtime.cli import main
+from rulec_runtime.output.terminal import is_shown
 
 from tests.conftest import ROOT, SOURCES, Capsys, compiled
+from tests.live.sources.taking import mutated
 
 LEAKAGE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 LINES = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -113,3 +116,18 @@ def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
     faults = [(e["what"], e["episode"]["since"]) for e in events if e["episode"]["kind"] == "fault"]
     for what in ("began", "ended"):
         assert [since for told_as, since in faults if told_as == what] == [11.0, 31.0, 51.0]
+
+
+def test_mutated_rows_do_no_harm(rules: Path, tmp_path: Path, capsys: Capsys) -> None:
+    """Of the sound rows behind them all is told, and nothing that steers the terminal."""
+    head, *rows = [line.encode() for line in LINES]
+    draw, log = random.Random(9), tmp_path / "log.csv"
+    harm = [mutated(row, draw) for row in (*rows, *rows)]
+    sound = [b"%d,%s" % (2_000_000 + k, row.partition(b",")[2]) for k, row in enumerate(rows)]
+    log.write_bytes(b"".join([head, *harm, b"\n", *sound]))
+    assert main(["watch", str(rules), "--source", str(log), "--until-end"]) == 0
+    said = capsys.readouterr()
+    for what in ("began A.leakage 0.600", "ended A.leakage 0.600"):
+        assert what in said.out
+    assert all(is_shown(sign) or sign == "\n" for sign in said.out + said.err)
+    assert "Traceback" not in said.err
