@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import shutil
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,25 +43,21 @@ RECORDED = {
 }
 
 
-def recorded(folder: Path, days: Mapping[tuple[str, str], str], more: str) -> Path:
-    """A fleet file and, per plant and day, an example; without a name, a file that is broken."""
-    for (plant, day), name in days.items():
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fleet with good plant-days, one without columns that are needed, and a broken file."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for (plant, day), name in RECORDED.items():
         partition = folder / f"recordings/plant={plant.replace(' ', '%20')}/day={day}"
         partition.mkdir(parents=True)
         if name:
             shutil.copy(ABC / "examples" / name, partition)
         else:
             (partition / "broken.parquet").write_bytes(b"PAR1 and no more")
-    (folder / "fleet.yaml").write_text(f"fleet: few\nrecordings: recordings\n{more}\n")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A fleet with good plant-days, one without columns that are needed, and a broken file."""
-    folder = tmp_path_factory.mktemp("fleet")
+    text = f"fleet: few\nrecordings: recordings\njudged_by: {ABC}\ntrace: true\n"
+    (folder / "fleet.yaml").write_text(text)
     (folder / "abc.json").write_text(compiled("abc").to_json(), encoding="utf-8")
-    return recorded(folder, RECORDED, "judged_by: abc.json\ntrace: true")
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -234,33 +230,21 @@ FORM = {
 }
 
 
-@pytest.fixture(scope="module")
-def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four plants: one of them has few columns, one a file that is none."""
-    files = {"north": "healthy.csv", "south": "warm_A.csv", "west": FEW, "east": ""}
-    days = {(plant, "2026-01-01"): name for plant, name in files.items()}
-    return recorded(tmp_path_factory.mktemp("many"), days, f"judged_by: {ABC}")
-
-
-@pytest.fixture(scope="module")
-def tasks(many: Path) -> dict[str, Task]:
-    return {task.plant: task for task in tasks_of(read_fleet(many / "fleet.yaml", ruleset_of))}
-
-
-def test_rows_and_their_sentence(tasks: dict[str, Task]) -> None:
+def test_rows_and_their_sentence(fleet: Fleet) -> None:
     """The answer is that of `rulec mismatch`; a file that is none is a reason. The sentence
     counts plants by what most of them differ, whatever the number of days; a row holds place,
     name, proof."""
-    few = answer_of(tasks["west"], ask_day(tasks["west"], str(ABC)))
+    full, *_, few_columns, no_file = sorted(tasks_of(fleet), key=lambda t: (t.plant, t.day))
+    few = answer_of(few_columns, ask_day(few_columns, str(ABC)))
     assert few["verdict"] == "cannot judge"
     assert few["text"].startswith("Cannot judge")
-    broken = answer_of(tasks["east"], ask_day(tasks["east"], str(ABC)))
+    broken = answer_of(no_file, ask_day(no_file, str(ABC)))
     assert broken["verdict"] == "unread"
     assert "broken.parquet" in broken["reason"]
-    full = answer_of(tasks["south"], FORM)
-    assert (full["module"], full["place"], full["effect"]) == ("A", "Q_geo", "slip")
-    assert (full["probability"], full["signal"]) == (0.97, "C.dp")
-    assert (full["shipped"], full["repaired"]) == (3.0, 1.0)
+    found = answer_of(full, FORM)
+    assert (found["module"], found["place"], found["effect"]) == ("A", "Q_geo", "slip")
+    assert (found["probability"], found["signal"]) == (0.97, "C.dp")
+    assert (found["shipped"], found["repaired"]) == (3.0, 1.0)
     row = {"plant": "a", "day": "1", "verdict": "named", "title": "Slip"}
     rows = [row, row | {"day": "2"}, row | {"plant": "b"}, row | {"plant": "c", "title": "X"}]
     sound = row | {"plant": "d", "verdict": "none", "title": ""}
@@ -273,7 +257,7 @@ def test_rows_and_their_sentence(tasks: dict[str, Task]) -> None:
 
 
 def test_answers_are_kept_and_give_one_table(
-    many: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing is asked twice; the same answers give the same table and the same words."""
     put: list[str] = []
@@ -282,20 +266,19 @@ def test_answers_are_kept_and_give_one_table(
         del fleet
         for task in left:
             put.append(task.plant)
-            yield task, FORM if task.plant == "south" else {"reason": "broken"}
+            yield task, FORM if len(put) == 4 else {"reason": "broken"}
 
     monkeypatch.setattr(command, "asked", asked)
-    call = ["fleet", str(many / "fleet.yaml"), "--mismatch", "--json", str(many / "told.json")]
+    call = ["fleet", str(home / "fleet.yaml"), "--mismatch", "--json", str(home / "told.json")]
     assert main(call) == 0
-    assert sorted(put) == ["east", "north", "south", "west"]
-    table = pyarrow.parquet.read_table(many / "few.results/mismatch.parquet")
+    table = pyarrow.parquet.read_table(home / "few.results/mismatch.parquet")
     first = table.to_pylist()
     capsys.readouterr()
     assert main(call) == 0
-    assert len(put) == 4
-    assert first == pyarrow.parquet.read_table(many / "few.results/mismatch.parquet").to_pylist()
+    assert len(put) == len(RECORDED)
+    assert first == pyarrow.parquet.read_table(home / "few.results/mismatch.parquet").to_pylist()
     out = capsys.readouterr().out
     assert "1 of 4 plants differs from its model" in " ".join(out.split())
-    form = json.loads((many / "told.json").read_text())
-    (south,) = (row for row in form["plant_days"] if row["plant"] == "south")
-    assert json.loads(Path(south["answer"]).read_text()) == FORM
+    form = json.loads((home / "told.json").read_text())
+    (named,) = (row for row in form["plant_days"] if row["verdict"] == "named")
+    assert json.loads(Path(named["answer"]).read_text()) == FORM

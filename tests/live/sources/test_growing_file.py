@@ -60,93 +60,57 @@ FORMS_READ: dict[str, str | bytes] = {
         )
     },
     **{name: FORMS[name] for name in ("thousands, German", "thousands, Swiss", "quality columns")},
+    "codes": "time,A.dp [bar],A.dp Quality,A.n [rpm]\n"
+    + "".join(f"{t},1,{192 if t < 9 else 0},900\n" for t in range(12)),
+    "an hour shown twice": "time,A.dp [bar],A.n [rpm]\n"
+    + "".join(
+        f"2025-10-26 {hour:02}:{minute},1,900\n" for hour in (1, 2, 2, 3) for minute in (10, 30, 50)
+    ),
     "a bad quality": beside("{} Quality", "Good").replace("1.82216,Good", "1.82216,Bad"),
 }
 
 
+@pytest.mark.parametrize("way", ["in pieces", "started anew", "rotated"])
 @pytest.mark.parametrize("name", FORMS_READ)
-def test_growing_reads_as_whole(name: str, tmp_path: Path, abc: Ruleset) -> None:
-    """Whatever its pieces, byte by byte even, rows are those of `rulec diagnose`."""
-    whole, draw, at = write(tmp_path, FORMS_READ[name]), random.Random(name), 0
-    grown, data = write(tmp_path, "", "grown.csv"), whole.read_bytes()
-    taken = Taken(GrowingFile(grown, abc))
+def test_growing_reads_as_whole(name: str, way: str, tmp_path: Path, abc: Ruleset) -> None:
+    """Whatever its pieces, byte by byte even, rows are those of `rulec diagnose`. Signs of numbers,
+    order and beginning of dates, codes of qualities are those of its first rows, also for a watch
+    that is started anew at any moment, and for the next file."""
+    ruleset = dataclasses.replace(abc, time_zone="Europe/Berlin")
+    whole, grown = write(tmp_path, FORMS_READ[name]), write(tmp_path, "", "grown.csv")
+    data, rest, draw, at = whole.read_bytes(), b"", random.Random(name), 0
+    expected, taken = read_recording(whole, ruleset), Taken(GrowingFile(grown, ruleset))
+    if way == "rotated":
+        sign = "\n".encode("utf-16-be" if "big" in name else "utf-16-le")[:: 1 + ("16" not in name)]
+        every = data.split(sign)
+        middle, titles = len(every) // 2, 4 if "head" in name or "remarks" in name else 1
+        rest = sign.join([*every[:titles], *every[middle:]])
+        data = sign.join([*every[:middle], b""])
     while at < len(data):
         step = draw.choice((1, 3, 40, 700))
         append(grown, data[at : at + step])
         at += step
         taken.take()
-    expected, times = read_recording(whole, abc), np.array(taken.take().times)
-    assert taken.source.dated == (expected.calendar is not None)
-    times -= times[0] if taken.source.dated else 0.0
-    np.testing.assert_array_equal(times, expected.time)
+        if way == "started anew":
+            stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
+            taken.source.close()
+            taken.source = GrowingFile(grown, ruleset, stored)
+    if rest:
+        os.replace(write(tmp_path, rest, "new.csv"), grown)
+        taken.until(lambda t: len(t.times) >= len(expected))
+    dated, times = expected.calendar is not None, np.array(taken.take().times)
+    assert taken.source.dated == dated
+    np.testing.assert_array_equal(times - (times[0] if dated else 0.0), expected.time)
     for signal, values in expected.values.items():
         np.testing.assert_array_equal(taken.of(signal), values)
 
 
-@pytest.mark.parametrize("way", ["restarted", "rotated"])
-@pytest.mark.parametrize("name", FORMS_READ)
-def test_a_file_is_read_on_in_its_form(name: str, way: str, tmp_path: Path, abc: Ruleset) -> None:
-    """Signs of numbers, order and beginning of dates are those of its first rows, also for a watch
-    that is started anew in the middle, and for the next file."""
-    whole, grown = write(tmp_path, FORMS_READ[name]), tmp_path / "grown.csv"
-    data, wide = whole.read_bytes(), "UTF-16" in name
-    sign = "\n".encode("utf-16-be" if "big" in name else "utf-16-le") if wide else b"\n"
-    every = data.split(sign)
-    middle, titles = len(every) // 2, 4 if "head" in name or "remarks" in name else 1
-    first = Taken(GrowingFile(write(tmp_path, sign.join([*every[:middle], b""]), "grown.csv"), abc))
-    second = first.take()
-    rest = sign.join(every[middle:])
-    if way == "restarted":
-        stored = json.loads(json.dumps(first.source.position))  # type: ignore[attr-defined]
-        append(grown, rest)
-        second = Taken(GrowingFile(grown, abc, stored)).take()
-        second.rows = [*first.rows, *second.rows]
-    else:
-        write(tmp_path, sign.join([*every[:titles], rest]), "new.csv")
-        os.replace(tmp_path / "new.csv", grown)
-    expected = read_recording(whole, abc)
-    second.until(lambda t: len(t.times) >= len(expected))
-    times = np.array(second.times)
-    np.testing.assert_array_equal(times - times[0], expected.time - expected.time[0])
-    for signal, values in expected.values.items():
-        np.testing.assert_array_equal(second.of(signal), values)
-
-
-def test_days_of_a_spreadsheet_row_by_row(tmp_path: Path, abc: Ruleset) -> None:
-    """One number alone may count days or seconds; the second row shows which."""
-    head, *rows = stamped(DATES["spreadsheet"]).splitlines(keepends=True)[:5]
-    path, taken = growing(tmp_path, abc, head + rows[0])
-    assert not taken.take().times
-    stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
-    for row in rows[1:]:
-        append(path, row)
-        taken.take()
-    again = Taken(GrowingFile(path, abc, stored)).take()
-    assert taken.source.dated
-    assert taken.times == again.times
-    assert np.diff(taken.times) == pytest.approx(np.ones(3), abs=1e-4)
+def test_one_row_alone_says_little(tmp_path: Path, abc: Ruleset) -> None:
+    """One number alone may count days or seconds: the second row shows which."""
+    head, first, *_ = stamped(DATES["spreadsheet"]).splitlines(keepends=True)
+    assert not growing(tmp_path, abc, head + first)[1].times
     seconds = "".join(f"{t},1,2\n" for t in (40000, 40001))
     assert growing(tmp_path, abc, "time,A.dp,A.n\n" + seconds)[1].times == [40000, 40001]
-
-
-def test_codes_of_qualities_are_those_of_all_rows(tmp_path: Path, abc: Ruleset) -> None:
-    """A code that alone could be good or bad is read as those before it, also after a restart."""
-    text = "time,A.dp [bar],A.dp Quality,A.n [rpm]\n0,1,192,900\n"
-    path, taken = growing(tmp_path, abc, text)
-    append(path, "1,1,0,900\n")
-    taken.take()
-    stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
-    append(path, "2,1,0,900\n")
-    again = Taken(GrowingFile(path, abc, stored)).take()
-    np.testing.assert_array_equal([*taken.of("A.dp"), *again.of("A.dp")], [1e5, np.nan, np.nan])
-
-
-@pytest.mark.parametrize("name", ["annotated, pivoted", "LabVIEW"])
-def test_another_format_is_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
-    """Text that looks like CSV: its later tables have other columns."""
-    text = FORMS[name]
-    with pytest.raises(RecordingRefused, match=r"this is (annotated|LabVIEW).*, not plain CSV"):
-        GrowingFile(write(tmp_path, text), abc)
 
 
 REFUSED = {
@@ -154,14 +118,18 @@ REFUSED = {
     "in pairs": (beside("Time", "", time=True, before=True), {}),
     "readings that hold": (SHEET.text(), {"hold": "last"}),
     "dates of two readings": (BARE.filled("Timestamp", "3/4/2025 1:05").text(), {}),
+    **{name: (FORMS[name], {}) for name in ("annotated, pivoted", "LabVIEW")},
 }
+REASONS = (
+    "watch reads tables with a column|may be 3 April|this is (annotated|LabVIEW).*, not plain CSV"
+)
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_watch_cannot_follow_is_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
     text, form = REFUSED[name]
     ruleset = dataclasses.replace(abc, file=dataclasses.replace(abc.file, **form))
-    with pytest.raises(RecordingRefused, match=r"watch reads tables with a column|may be 3 April"):
+    with pytest.raises(RecordingRefused, match=REASONS):
         Taken(GrowingFile(write(tmp_path, text), ruleset)).take()
 
 
@@ -435,27 +403,11 @@ def test_the_next_file_may_have_another_head(tmp_path: Path, abc: Ruleset) -> No
     assert set(taken.kinds()) == {"connected"}
 
 
-@pytest.mark.parametrize("restarts", [False, True])
-def test_dates_of_a_named_zone(restarts: bool, tmp_path: Path, abc: Ruleset) -> None:
-    """The hour that is shown twice in autumn is read as two, row by row, also by a watch that is
-    started anew in each of them; one that the zone leaves out is told."""
-    zoned = dataclasses.replace(abc, time_zone="Europe/Berlin")
-    utc = [np.datetime64("2025-10-26T00:00:00") + np.timedelta64(10 * k, "m") for k in range(15)]
-    summer = np.datetime64("2025-10-26T01:00:00")
-    path, titles = tmp_path / "x.csv", "time,A.dp [bar],A.n [rpm]\n"
-    path.write_text(titles)
-    source, times = GrowingFile(path, zoned), []
-    for date in utc:
-        append(path, f"{date + np.timedelta64(2 if date < summer else 1, 'h')},1,900\n")
-        taken = Taken(source).take()
-        assert taken.kinds() in ([], ["connected"])
-        times += taken.times
-        if restarts:
-            source = GrowingFile(path, zoned, json.loads(json.dumps(source.position)))
-    assert times == [float(d.astype("datetime64[s]").astype(float)) for d in utc]
-    assert source.dated
-    _, taken = growing(tmp_path, zoned, titles + "2025-03-30 02:30:00,1,900\n")
-    text = "x.csv: 1 row is in the hour that Europe/Berlin leaves out; is the zone right?"
-    assert ("clock", text) in taken.reports
+def test_zones_and_their_clocks(tmp_path: Path, abc: Ruleset) -> None:
+    """An hour that the zone leaves out is told; one that is unknown here matters to dates alone."""
+    zoned, text = dataclasses.replace(abc, time_zone="Europe/Berlin"), "time,A.dp [bar],A.n [rpm]\n"
+    _, taken = growing(tmp_path, zoned, text + "2025-03-30 02:30:00,1,900\n")
+    told = "x.csv: 1 row is in the hour that Europe/Berlin leaves out; is the zone right?"
+    assert ("clock", told) in taken.reports
     unknown = dataclasses.replace(abc, time_zone="Nowhere/Else")
     assert growing(tmp_path, unknown, lines([0, 1]))[1].times == [0, 1]
