@@ -1,10 +1,11 @@
 """What grows over the days of a plant, below its threshold on each of them."""
 
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 
 from rulec.fleet.trends import Trend, trends_of
@@ -12,7 +13,7 @@ from tests.dosing import healthy_run, record
 from tests.method.readings import built, calibrated, ruleset
 
 DAYS, SAMPLES = 30, 60
-FIRST = datetime(2026, 3, 1, 8, tzinfo=UTC)
+FIRST = np.datetime64("2026-03-01T08:00:00")
 
 
 def judged(folder: Path, fault: str, largest: float, seed: int) -> tuple[list[Row], list[Trend]]:
@@ -20,24 +21,18 @@ def judged(folder: Path, fault: str, largest: float, seed: int) -> tuple[list[Ro
     text = calibrated(ruleset("abc")).to_json()
     run = healthy_run(built("abc"), DAYS * SAMPLES)
     degree = np.repeat(largest * np.arange(DAYS) / (DAYS - 1), SAMPLES)
-    made = record(replace(run, faults={fault: degree} if fault else {}), seed=seed).readings
-    names = [name for name in made if name != "time [s]"]
+    faults = {fault: degree} if fault else {}
+    made = dict(record(replace(run, faults=faults), seed=seed).readings)
+    del made["time [s]"]
     rows = []
     for day in range(DAYS):
-        lines = [",".join(["time", *names])]
-        for i in range(SAMPLES):
-            date = FIRST + timedelta(days=day, seconds=i)
-            cells = (f"{made[name][day * SAMPLES + i]:.6g}" for name in names)
-            lines.append(",".join([date.isoformat(), *cells]))
-        file = folder / f"{day}.csv"
-        file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        begin = FIRST + np.timedelta64(day, "D")
+        times = begin + np.arange(SAMPLES).astype("m8[s]")
+        part = slice(day * SAMPLES, (day + 1) * SAMPLES)
+        file = str(folder / f"{day}.parquet")
+        pq.write_table(pa.table({"time": times, **{n: v[part] for n, v in made.items()}}), file)
         task = Task(
-            plant="P1",
-            day=f"{FIRST + timedelta(days=day):%Y-%m-%d}",
-            files=(str(file),),
-            marks=(),
-            ruleset="r",
-            trace=False,
+            plant="P1", day=str(begin)[:10], files=(file,), marks=(), ruleset="r", trace=False
         )
         rows.append(judge_day(task, text))
     return rows, [*trends_of(rows, {"r": text})]

@@ -82,13 +82,17 @@ def test_every_format_gives_the_same(name: str, dated: bool, tmp_path: Path, abc
     assert sorted(expected.notes) == sorted(n for n in notes if not (beside and beside in n))
 
 
-@pytest.mark.parametrize("name", ["pyarrow.parquet", "openpyxl.xlsx", "asammdf4.mf4"])
-def test_binary_files_come_through_a_pipe(
+@pytest.mark.parametrize("name", ["pyarrow.parquet", "openpyxl.xlsx", "asammdf4.mf4", "run#3.csv"])
+def test_standard_input(
     name: str, tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file = made(tmp_path, name)
+    """It can be read again, as `simulate` does; the name of a file may hold the sign of a table."""
+    text = READINGS.csv(dated=False)
+    file = write(tmp_path, text, name) if "#" in name else made(tmp_path, name)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(file.read_bytes())))
-    same(read_recording(file, abc), read_recording(Path("-"), abc))
+    for _ in range(2):
+        same(read_recording(file, abc), read_recording(Path("-"), abc))
+    assert 0 == main(["diagnose", str(ABC), "-", "-q"])
 
 
 @pytest.mark.parametrize("name", ["openpyxl.xlsx", "h5py.h5"])

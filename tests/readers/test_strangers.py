@@ -207,6 +207,9 @@ FORMS = {
     "quality columns, codes": beside("{}_Status", "192"),
     "quality columns without names": beside("Quality", "Good"),
     "bars between cells": SHEET.text("|"),
+    "a form above": "Test rig 3\nDate;2025-03-31\nOperator;N. N.\n\n" + SHEET.german(),
+    "a table above": "Channel;Serial\nPT1;4711\nTT1;4712\n" + SHEET.german(),
+    "words above": "Recorded at night, by hand; see the log\n" + SHEET.german(),
     "pairs": beside("Time", "", time=True, before=True),
     "pairs with names": beside("{} Time", "", time=True, before=True),
     "LabVIEW": lvm("One"),
@@ -343,17 +346,9 @@ def test_readings_that_are_written_when_they_change(
     assert any("a reading holds until the next one of its signal" in n for n in found.notes)
 
 
-def test_a_temperature_called_t_is_no_time(tmp_path: Path, abc: Ruleset) -> None:
-    """Empty cells hold the reading above them in time, wherever the column of times is."""
-    warm = dataclasses.replace(abc, columns=(ColumnMap("A.T", "T", 1.0, 273.15),))
-    file = write(tmp_path, "T,time,A.dp [bar]\n20,0,1\n19,1,\n18,2,2\n17,3,\n")
-    found = read_recording(file, formed(warm, hold="last"))
-    assert found.values["A.dp"].tolist() == [1e5, 1e5, 2e5, 2e5]
-
-
 def test_what_holds(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     """Nothing beyond a bad quality or for too long. In a table with a column per signal, where its
-    map says so, empty cells; a word ends it."""
+    map says so, empty cells, by the times wherever their column is; a word ends it."""
     lines = [f"A.dp,{at(k)},{1.8 + k / 1000},Good" for k in range(60)]
     lines += [f"A.n,{at(0)},900,Good", f"A.n,{at(30)},901,Bad"]
     file = write(tmp_path, "Tag,Time,Value,Quality\n" + "\n".join(lines) + "\n")
@@ -365,6 +360,10 @@ def test_what_holds(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     found = read_recording(write(tmp_path, text), formed(abc, hold="last"))
     np.testing.assert_array_equal(found.values["A.n"][:40], expected.values["A.n"][0])
     assert np.isnan(found.values["A.n"][40:]).all()
+    warm = dataclasses.replace(abc, columns=(ColumnMap("A.T", "T", 1.0, 273.15),))
+    file = write(tmp_path, "T,time,A.dp [bar]\n20,0,1\n19,1,\n18,2,2\n17,3,\n")
+    found = read_recording(file, formed(warm, hold="last"))
+    assert found.values["A.dp"].tolist() == [1e5, 1e5, 2e5, 2e5]
 
 
 ASKED = {

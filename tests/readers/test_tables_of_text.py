@@ -2,7 +2,6 @@
 
 import dataclasses
 import io
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,10 +14,9 @@ from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
 from rulec_runtime.recordings import text_table
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
-from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
+
 from tests.conftest import Patch
-from tests.readers.conftest import ABC
 from tests.readers.test_formats import same
 from tests.runtime.sheets import Sheet, example, write
 
@@ -60,23 +58,6 @@ def test_units_below_the_titles(tmp_path: Path, abc: Ruleset, expected: Recordin
         "x.csv: the file says that 'A.dp [bar]' is in 'mbar', and its title says otherwise; its "
         "title counts",
     ) == found.notes
-
-
-ABOVE = {
-    "Test rig 3\nDate;2025-03-31\nOperator;N. N.\n\n": "3 lines",
-    "Channel;Serial\nPT1;4711\nTT1;4712\n": "3 lines",
-    "Recorded at night, by hand; see the log\n": "1 line",
-}
-
-
-@pytest.mark.parametrize(("above", "count"), [*ABOVE.items()])
-def test_lines_above_the_titles(
-    above: str, count: str, tmp_path: Path, abc: Ruleset, expected: Recording
-) -> None:
-    """What a logger tells of itself is no part of the table, and that is told."""
-    found = read(above + SHEET.german(), tmp_path, abc)
-    same(expected, found)
-    assert (f"x.csv: {count} above the titles left out",) == found.notes
 
 
 def long_rows(late: float = 0.0, of: str = "") -> list[tuple[str, str, str, str]]:
@@ -175,37 +156,24 @@ def test_named_zone(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     assert "2025-10-26T02:30:00+01:00" == found.calendar.iso(3600.0)
 
 
-@pytest.mark.parametrize(
-    ("begin", "expected"),
-    [
-        ("2025-10-26T02:10:00", "is in the hour that Europe/Berlin shows twice"),
-        ("2025-03-30T02:10:00", "is in the hour that Europe/Berlin leaves out; is the zone right?"),
-    ],
-)
-def test_hours_that_a_zone_repeats_or_leaves_out_are_told(
-    begin: str, expected: str, tmp_path: Path, abc: Ruleset
-) -> None:
-    dates = [str(np.datetime64(begin) + np.timedelta64(k, "s")) for k in range(60)]
-    found = read(SHEET.mapped("time", lambda k, _: dates[k]).text(), tmp_path, zoned(abc))
-    assert any(expected.replace("is in", "rows are in", 1) in note for note in found.notes)
-
-
-def test_whose_zone_counts(tmp_path: Path, abc: Ruleset) -> None:
-    """That of a date before that of the plant. A ruleset may name one that is unknown here."""
+def test_whose_zone_counts(tmp_path: Path, abc: Ruleset, column_map: Path) -> None:
+    """That of a date before that of the plant, which its column map names. Hours that it repeats or
+    leaves out are told; a ruleset may name one that is unknown here."""
+    column_map.write_text("columns:\n  time: {from: Zeit, unit: s, zone: Europe/Berlin}\n")
+    assert "Europe/Berlin" == compile_plant(column_map.parent).time_zone
     sheet = SHEET.mapped("time", lambda k, _: f"2025-07-01T12:00:{k:02d}Z")
     found = read(sheet.text(), tmp_path, zoned(abc))
     assert found.calendar is not None
     assert "UTC" == found.calendar.zone()
+    for day, expected in (
+        ("2025-10-26T02:10", "rows are in the hour that Europe/Berlin shows twice"),
+        ("2025-03-30T02:10", "rows are in the hour that Europe/Berlin leaves out; is the zone ri"),
+    ):
+        text = sheet.text().replace("2025-07-01T12:00", day).replace("Z,", ",")
+        assert any(expected in note for note in read(text, tmp_path, zoned(abc)).notes)
     strange = dataclasses.replace(abc, time_zone="../../etc/passwd")
     with pytest.raises(RecordingRefused, match="does not know the time zone"):
         read(sheet.text().replace("Z,", ","), tmp_path, strange)
-
-
-def test_zone_in_the_column_map(column_map: Path) -> None:
-    """`zone` at the time goes into the ruleset."""
-    zone = "columns:\n  time: {from: Zeit, unit: s, zone: Europe/Berlin}\n"
-    column_map.write_text(zone, encoding="utf-8")
-    assert "Europe/Berlin" == compile_plant(column_map.parent).time_zone
 
 
 def test_sheets_of_several_rates(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
@@ -225,17 +193,6 @@ def test_sheets_of_several_rates(tmp_path: Path, abc: Ruleset, expected: Recordi
     assert 6 == len(read_recording(Path(f"{tmp_path}#slow"), abc))
     with pytest.raises(RecordingRefused, match="there is no table 'medium' in it: 'fast'"):
         read_recording(tmp_path / "x.xlsx#medium", abc)
-
-
-def test_standard_input(
-    tmp_path: Path, abc: Ruleset, expected: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It can be read again, as `simulate` does; the name of a file may hold the sign."""
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(SHEET.text().encode())))
-    for _ in range(2):
-        same(expected, read_recording(Path("-"), abc))
-    assert 0 == main(["diagnose", str(ABC), "-", "-q"])
-    same(expected, read_recording(write(tmp_path, SHEET.text(), "run#3.csv"), abc))
 
 
 def test_a_cell_in_quotes_that_goes_on_behind_the_last_row_of_a_part(monkeypatch: Patch) -> None:
