@@ -261,34 +261,14 @@ def test_silence_is_told_once(tmp_path: Path, abc: Ruleset, monkeypatch: Patch) 
     taken.until(lambda t: len(t.times) == 3)
 
 
-def test_reading_goes_on_where_it_was_stored(tmp_path: Path, abc: Ruleset) -> None:
-    """Also where the file was rotated twice meanwhile, behind half a line, or is gone."""
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1]) + "2,0.0")
-    first = GrowingFile(path, abc)
-    assert Taken(first).take().times == [0, 1]
-    stored = json.loads(json.dumps(first.position))
-    first.close()
-    append(path, "2,900\n")
-    os.utime(path, (1000, 1000))
-    path.rename(tmp_path / "x.csv.2")
-    (tmp_path / "x.csv.1").write_text(lines([3, 4]))
-    os.utime(tmp_path / "x.csv.1", (2000, 2000))
-    (tmp_path / "x-2.csv").write_text(lines([4.5]))
-    path.write_text(lines([5]))
-    second = Taken(GrowingFile(path, abc, stored))
-    second.until(lambda t: t.times == [2, 3, 4, 5])
-    assert second.of("A.dp")[0] == 2000
-    assert "gap" not in second.kinds()
-    stored = GrowingFile(path, abc, stored).position | {"inode": 1}
-    assert Taken(GrowingFile(path, abc, stored)).take().kinds()[0] == "gap"
-
-
 def test_a_reader_is_killed_at_any_moment(tmp_path: Path, abc: Ruleset) -> None:
-    """At any moment, while half lines come and files are rotated; rows count with the position
-    that is stored with them."""
+    """At any moment, while half lines come and files are rotated, also twice while nobody reads;
+    rows count with the position that is stored with them. Files beside them are none of theirs; it
+    is told that what was read is gone."""
     path, draw, written = tmp_path / "x.csv", random.Random(1), 0
     path.write_text(lines([]))
+    (tmp_path / "x-2.csv").write_text(lines([0.5, 70.5, 3000]))
+    os.utime(tmp_path / "x-2.csv", (4e9, 4e9))
     stored, times = GrowingFile(path, abc).position, list[float]()
     while written < 2500:
         taken = Taken(GrowingFile(path, abc, json.loads(json.dumps(stored))))
@@ -312,6 +292,9 @@ def test_a_reader_is_killed_at_any_moment(tmp_path: Path, abc: Ruleset) -> None:
     last = Taken(GrowingFile(path, abc, stored))
     last.until(lambda t: [*times, *t.times][-1:] == [2499])
     assert [*times, *last.times] == list(range(2500))
+    assert "gap" not in last.kinds()
+    stored = last.source.position | {"inode": 1}  # type: ignore[attr-defined]
+    assert Taken(GrowingFile(path, abc, stored)).take().kinds()[0] == "gap"
 
 
 def test_standard_input_reads_a_pipe_to_its_end(abc: Ruleset) -> None:
@@ -363,27 +346,10 @@ def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> No
     assert (found.number, found.separator, found.above) == (1, ",", 1)
 
 
-def test_a_watch_is_started_anew_while_only_titles_are_there(tmp_path: Path, abc: Ruleset) -> None:
-    """The file is renamed meanwhile, and none of its rows is lost."""
-    path = tmp_path / "x.csv"
-    path.write_text(head().removesuffix(UNITS))
-    first = GrowingFile(path, abc)
-    Taken(first).take()
-    stored = json.loads(json.dumps(first.position))
-    append(path, UNITS + rows(range(2)))
-    path.rename(tmp_path / "x.csv.1")
-    path.write_text(head() + rows(range(2, 4)))
-    second = Taken(GrowingFile(path, abc, stored))
-    assert second.until(lambda t: len(t.times) >= 4).times == [0, 1, 2, 3]
-    assert "gap" not in second.kinds()
-    stored = second.source.position  # type: ignore[attr-defined]
-    append(path, rows(range(4, 5)))
-    assert Taken(GrowingFile(path, abc, stored)).take().times == [4]
-
-
 def test_the_next_file_may_have_another_head(tmp_path: Path, abc: Ruleset) -> None:
     """Other lines above, another order, other units; titles without a row between them. Of two
-    rotations at once none is left out."""
+    rotations at once none is left out, nor where a watch is started anew while only titles are
+    there."""
     path, taken = growing(tmp_path, abc, head() + rows(range(2)))
     os.utime(path, (1000, 1000))
     path.rename(tmp_path / "x.csv.2")
@@ -395,11 +361,17 @@ def test_the_next_file_may_have_another_head(tmp_path: Path, abc: Ruleset) -> No
     path.rename(tmp_path / "x.csv.3")
     path.write_text(TITLES)
     taken.until(lambda t: t.source._table.head is None)  # type: ignore[attr-defined]
+    stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
+    append(path, UNITS + rows(range(6, 8)))
     path.rename(tmp_path / "x.csv.4")
-    path.write_text("logger\nA.n,time,A.dp\nrpm,s,bar\n900,6,0.0065\n900,7,0.0075\n")
-    taken.until(lambda t: len(t.times) == 8)
-    assert taken.times == list(range(8))
-    np.testing.assert_allclose(taken.of("A.dp"), 50 + 100 * np.arange(8))
+    path.write_text(TITLES)
+    taken.source = GrowingFile(path, abc, stored)
+    taken.until(lambda t: len(t.times) == 8 and t.source._table.head is None)  # type: ignore[attr-defined]
+    path.rename(tmp_path / "x.csv.5")
+    path.write_text("logger\nA.n,time,A.dp\nrpm,s,bar\n900,8,0.0085\n900,9,0.0095\n")
+    taken.until(lambda t: len(t.times) == 10)
+    assert taken.times == list(range(10))
+    np.testing.assert_allclose(taken.of("A.dp"), 50 + 100 * np.arange(10))
     assert set(taken.kinds()) == {"connected"}
 
 
