@@ -153,17 +153,9 @@ def test_damaged_files(name: str, tmp_path: Path, abc: Ruleset) -> None:
         read_or_refused(file, abc)
 
 
-def test_content_counts_where_the_name_is_wrong(tmp_path: Path, abc: Ruleset) -> None:
-    """A name alone makes no format; a Parquet file called .csv is read as what it is."""
-    for name in ("x.parquet", "x.xlsx", "x.mat", "x.mf4", "x.tdms", "x.h5"):
-        text = refusal(write(tmp_path, example().text(), name), abc)
-        assert "though it is called so" in text
-    file = made(tmp_path, "pyarrow.parquet").rename(tmp_path / "x.csv")
-    assert 80 == len(read_recording(file, abc))
-
-
 def test_what_may_run_or_has_no_titles(tmp_path: Path, abc: Ruleset) -> None:
-    """Pickles are never loaded; a package of files is none."""
+    """Pickles are never loaded; a package of files is none. A name alone makes no format; a Parquet
+    file called .csv is read as what it is."""
     array, packed = io.BytesIO(), io.BytesIO()
     np.save(array, np.zeros(3))
     with zipfile.ZipFile(packed, "w") as archive:
@@ -175,6 +167,11 @@ def test_what_may_run_or_has_no_titles(tmp_path: Path, abc: Ruleset) -> None:
     }.items():
         assert expected in refusal(write(tmp_path, raw, "x.dat"), abc)
     assert not (tmp_path / "trapped").exists()
+    for name in ("x.parquet", "x.xlsx", "x.mat", "x.mf4", "x.tdms", "x.h5"):
+        text = refusal(write(tmp_path, example().text(), name), abc)
+        assert "though it is called so" in text
+    file = made(tmp_path, "pyarrow.parquet").rename(tmp_path / "x.csv")
+    assert 80 == len(read_recording(file, abc))
 
 
 class _Trap:

@@ -20,10 +20,10 @@ from rulec.commands.column_map import proposed
 from rulec.passes.pipeline import Compilation, run_passes
 from tests.conftest import ROOT
 from tests.readers.conftest import ABC
-from tests.runtime.sheets import Sheet, example, write
+from tests.runtime.sheets import Sheet, write
+from tests.runtime.test_recording import SHEET, same
 
 CASES = ROOT.parent / "shared" / "cases"
-SHEET = example()
 NAMES = tuple(title.partition(" [")[0] for title in SHEET.header[1:])
 BARE = Sheet(("Timestamp", *NAMES), SHEET.rows)
 START = datetime(2025, 3, 31, 14, 5, 0)
@@ -222,13 +222,6 @@ FORMS = {
     "annotated, a tag per module": influx("pumps", "{signal}", "module={module}"),
     "annotated, pivoted": influx("plant", "", pivot=True),
 }  # fmt: skip
-
-
-def same(expected: Recording, found: Recording) -> None:
-    np.testing.assert_allclose(found.time, expected.time, atol=2e-6)
-    assert expected.values.keys() == found.values.keys()
-    for name, values in expected.values.items():
-        np.testing.assert_allclose(found.values[name], values, rtol=1e-12, err_msg=name)
 
 
 def formed(ruleset: Ruleset, **form: Any) -> Ruleset:

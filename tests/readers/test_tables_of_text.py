@@ -15,18 +15,12 @@ from rulec_runtime.recordings import text_table
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
 from rulec.passes.pipeline import compile_plant
-
 from tests.conftest import Patch
 from tests.readers.test_formats import same
-from tests.runtime.sheets import Sheet, example, write
+from tests.runtime.sheets import Sheet, write
+from tests.runtime.test_recording import BARE, SHEET, read
 
-SHEET = example()
-BARE = Sheet(tuple(title.partition(" [")[0] for title in SHEET.header), SHEET.rows)
 UNITS = tuple(title.partition("[")[2].strip("]") for title in SHEET.header)
-
-
-def read(text: str, folder: Path, ruleset: Ruleset) -> Recording:
-    return read_recording(write(folder, text), ruleset)
 
 
 def test_a_word_has_no_decimal_sign(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:

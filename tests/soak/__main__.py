@@ -40,20 +40,21 @@ def watch_killed(kept: str, folder: Path, times: int) -> dict[str, Any]:
     before the kill? None has survived if the last one does not end well."""
     what = course(int(times * ROUND / PAUSE) + 300)  # the logger ends behind the last kill
     watch, draw, survived = Watch(folder, "--source", "log.csv", kept=kept), random.Random(1), 0
-    with Logger(folder / "log.csv", what, PAUSE) as logger:
-        time.sleep(1.0)
-        watch.start()
-        for _ in range(times):
-            time.sleep(draw.uniform(0.0, LONGEST))
-            watch.end(SIGKILL)
-            if draw.random() < 0.5:
-                watch.start()
-                time.sleep(draw.uniform(0.0, STARTING))
-                watch.end(SIGKILL)
-            before = watch.rows
+    logger = Logger(folder / "log.csv", what, PAUSE)
+    time.sleep(1.0)
+    watch.start()
+    for _ in range(times):
+        time.sleep(draw.uniform(0.0, LONGEST))
+        watch.end(SIGKILL)
+        if draw.random() < 0.5:
             watch.start()
-            survived += _met(lambda before=before: watch.rows > before, PATIENCE, watch)  # type: ignore[misc]
-        logger.finish()
+            time.sleep(draw.uniform(0.0, STARTING))
+            watch.end(SIGKILL)
+        before = watch.rows
+        watch.start()
+        survived += _met(lambda before=before: watch.rows > before, PATIENCE, watch)  # type: ignore[misc]
+    logger.enough.set()
+    logger.join()
     watch.end(SIGKILL)
     watch.start("--until-end")
     code, memory, balance = watch.end(), watch.memory(), Counter[str]()
@@ -95,17 +96,17 @@ def full(folder: Path, times: int) -> dict[str, Any]:
         if not there:
             return {"skipped": "mounting a small file system needs root"}
         watch = Watch(folder, "--source", "log.csv", kept="small/journal.db")
-        with Logger(folder / "log.csv", what, PAUSE) as logger:
-            time.sleep(1.0)
-            watch.start()
-            for _ in range(times):
-                _alive(watch, FREE)
-                ballast = filled(small)
-                time.sleep(FULL)
-                ran += watch.runs
-                ballast.unlink()
-            while not logger.over.wait(0.5):
-                _alive(watch, 0.0)
+        logger = Logger(folder / "log.csv", what, PAUSE)
+        time.sleep(1.0)
+        watch.start()
+        for _ in range(times):
+            _alive(watch, FREE)
+            ballast = filled(small)
+            time.sleep(FULL)
+            ran += watch.runs
+            ballast.unlink()
+        while logger.is_alive():
+            _alive(watch, 0.5)
         if watch.runs:
             time.sleep(12.0)  # the journal is tried again within ten seconds
             watch.end(SIGINT)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -61,46 +62,29 @@ def course(rows: int, on: int = ON, off: int = OFF) -> Course:
     )
 
 
-class Logger:
-    """A thread that writes a growing CSV file, a row every `pause` s, in halves now and then."""
+class Logger(threading.Thread):
+    """Writes a growing CSV file, a row every `pause` s, in halves now and then; once it is
+    `enough`, until no fault is there, up to where the next one would begin."""
 
     def __init__(self, path: Path, course: Course, pause: float) -> None:
-        self._course, self._pause = course, pause
-        self._out = path.open("w", encoding="utf-8", buffering=1)
-        self._out.write(",".join(["time [s]", *course.titles]) + "\n")
-        self.written, self.over = 0, threading.Event()
-        self._stop, self._enough = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        super().__init__(daemon=True)
+        self._path, self._course, self._pause = path, course, pause
+        self.written, self.enough = 0, threading.Event()
+        self.start()
 
-    def __enter__(self) -> Logger:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._out.close()
-
-    def finish(self) -> None:
-        """Write on until no fault is there, up to where the next one would begin."""
-        self._enough.set()
-        self.over.wait()
-
-    def _run(self) -> None:
+    def run(self) -> None:
         starts = {fault.since for fault in self._course.planted}
-        for k, row in enumerate(self._course.rows):
-            if k in starts and self._enough.is_set():
-                break
-            line = ",".join([str(k), *(f"{value:.6g}" for value in row)]) + "\n"
-            half = len(line) // 2 if k % 7 == 0 else 0
-            self._out.write(line[:half])
-            self._out.flush()
-            if self._stop.wait(self._pause):
-                break
-            self._out.write(line[half:])
-            self._out.flush()
-            self.written = k + 1
-        self.over.set()
+        with self._path.open("wb", buffering=0) as out:
+            out.write(",".join(["time [s]", *self._course.titles]).encode() + b"\n")
+            for k, row in enumerate(self._course.rows):
+                if k in starts and self.enough.is_set():
+                    return
+                line = ",".join([str(k), *(f"{value:.6g}" for value in row)]).encode() + b"\n"
+                half = len(line) // 2 if k % 7 == 0 else 0
+                out.write(line[:half])
+                time.sleep(self._pause)
+                out.write(line[half:])
+                self.written = k + 1
 
 
 class Watch:

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from uuid import uuid4
 
@@ -37,9 +38,14 @@ class Postgres:
         options = f"-c listen_addresses='' -k {self.folder} -c shared_buffers=8MB -c fsync=off"
         self._pg_ctl("start", "-l", str(self.folder / "log"), "-o", options)
 
-    def stop(self) -> None:
+    @contextmanager
+    def gone(self) -> Iterator[None]:
         """As when somebody restarts it: who is connected is thrown out."""
         self._pg_ctl("stop", "-m", "immediate")
+        try:
+            yield
+        finally:
+            self.start()
 
     def close(self) -> None:
         self._pg_ctl("stop", "-m", "immediate", check=False)

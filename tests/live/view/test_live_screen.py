@@ -110,7 +110,8 @@ def test_picture_fills_its_size(size: tuple[int, int]) -> None:
             assert {cell_len(line) for line in lines} <= {size[0]}
 
 
-def test_every_line_of_the_body_can_be_reached() -> None:
+def test_every_line_and_view_can_be_reached() -> None:
+    """The selection stays, also where what stood before it has ended."""
     now, console = failing(), Terminal(file=io.StringIO(), width=80, height=24)
     state, seen, marked = ViewState(), set(), []
     for _ in range(32):
@@ -124,9 +125,6 @@ def test_every_line_of_the_body_can_be_reached() -> None:
     for _ in range(32):
         state = after(state, "up", now, Screen(now, state, 80, 24).room(console))
     assert state == ViewState(selected=listed(now)[0].id)
-
-
-def test_views_open_and_close_and_the_selection_stays() -> None:
     now = leaking()
     opened = after(ViewState(), "enter", now, 0)
     assert "explanation" == opened.view

@@ -72,23 +72,21 @@ def test_page_shows_the_finding_first_and_asks_for_nothing_else() -> None:
     assert "No fault found" in text_of(healthy())
 
 
-def test_data_says_the_same() -> None:
-    form = asked(failing())[0].get("/now.json").json()
+SAMPLE = re.compile(
+    r'[a-z_]+\{([a-z_]+="([^"\\\n]|\\["\\n])*",?)*\} (-?[0-9.]+(e[+-]?[0-9]+)?|NaN|[+-]?Inf)'
+)
+
+
+def test_forms_for_machines_say_the_same() -> None:
+    """JSON, and metrics as OpenMetrics asks for them."""
+    client = asked(failing())[0]
+    form, answer = client.get("/now.json").json(), client.get("/metrics")
     assert ("F", {"A": "M", "B": "F", "C": "ok"}) == (form["status"], form["modules"])
     assert ["B.dp.stuck", "A.leakage"] == [e["subject"] for e in form["active"][:2]]
     assert "2026-09-21T16:14:11+02:00" == form["active"][1]["since_date"]
     assert "A.leakage" == form["diagnosis"]["findings"][-1]["fault"]
     odd = replace(healthy(), time=float("nan"), calendar=None)
     assert asked(odd)[0].get("/now.json").json()["time"] is None
-
-
-SAMPLE = re.compile(
-    r'[a-z_]+\{([a-z_]+="([^"\\\n]|\\["\\n])*",?)*\} (-?[0-9.]+(e[+-]?[0-9]+)?|NaN|[+-]?Inf)'
-)
-
-
-def test_metrics_are_what_openmetrics_asks_for() -> None:
-    answer = asked(failing())[0].get("/metrics")
     assert TYPE == answer.headers["content-type"]
     lines = answer.text.split("\n")
     assert ["# EOF", ""] == lines[-2:]

@@ -64,11 +64,14 @@ def test_acknowledged_on_the_page_is_in_the_journal(
         assert [e["subject"] for e in past].count("A.leakage") >= 5
         noted = next(e["id"] for e in past if not e["acknowledged"])
         assert main(["journal", where, "--ack", noted, "--by", "Ben"]) == 0
-        until(lambda: any(_noted(e["episode"], noted) for e in now_at(page)["past"]))
-
-
-def _noted(episode: dict[str, Any], name: str) -> bool:
-    return episode["id"] == name and episode["acknowledged"]
+        until(
+            lambda: (
+                noted
+                in {
+                    e["episode"]["id"] for e in now_at(page)["past"] if e["episode"]["acknowledged"]
+                }
+            )
+        )
 
 
 def test_broker_and_device_health_say_how_it_is_until_it_is_ended(
@@ -106,40 +109,38 @@ def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhi
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
+    server: Postgres,
+    schema: str,
 ) -> None:
     """What waits outlives the process; what is left at the end is told, and written next time."""
     # A watch that ends tries for a second, not for as long as a lock may be held.
     monkeypatch.setattr(Outbox, "close", partialmethod(Outbox.close, 1.0))
-    waits, log, server = tmp_path / "waits", tmp_path / "log.csv", Postgres()
+    waits, log = tmp_path / "waits", tmp_path / "log.csv"
     waits.mkdir()
-    options = ("--journal", server.url, "--waiting", str(waits))
+    options = ("--journal", schema, "--waiting", str(waits))
+    again = ["watch", str(rules), "--source", str(log), "--until-end", *options]
     add(log, 0, 25)
-    try:
-        with closing(open_journal(server.url)) as journal:
-            with watched(rules, "--source", str(log), *options) as killed:
-                until(lambda: journal.last("abc") >= 3)
-                server.stop()
+    with closing(open_journal(schema)) as journal:
+        with watched(rules, "--source", str(log), *options) as killed:
+            until(lambda: journal.last("abc") >= 3)
+            with server.gone():
                 add(log, 25, 59)
                 until(lambda: list(waits.glob("*.waiting.json")))  # whole: it gets its name last
                 killed.kill()
-            again = ["watch", str(rules), "--source", str(log), "--until-end", *options]
-            assert main(again) == 1
-            assert "could not be written; what waits stands in" in capsys.readouterr().err
-            add(log, 59, len(LINES))
-            server.start()
-            assert main(again) == 0
-            events = [entry.event for entry in journal.events("abc")]
-        assert [e.number for e in events] == list(range(1, len(events) + 1))
-        faults = [e for e in events if e.episode.kind == "fault"]
-        for what in ("began", "ended"):
-            assert [e.episode.since for e in faults if e.what == what] == [11.0, 31.0, 51.0]
-        assert list(waits.iterdir()) == []
-        server.stop()
+                assert main(again) == 1
+                assert "could not be written; what waits stands in" in capsys.readouterr().err
+        add(log, 59, len(LINES))
+        assert main(again) == 0
+        events = [entry.event for entry in journal.events()]
+    assert [e.number for e in events] == list(range(1, len(events) + 1))
+    faults = [e for e in events if e.episode.kind == "fault"]
+    for what in ("began", "ended"):
+        assert [e.episode.since for e in faults if e.what == what] == [11.0, 31.0, 51.0]
+    assert list(waits.iterdir()) == []
+    with server.gone():
         # Where nothing waits nobody knows which events were told.
         assert main([*again[:-1], str(tmp_path)]) == 1
-        assert "rulec: postgresql+psycopg://" in capsys.readouterr().err
-    finally:
-        server.close()
+    assert "rulec: postgresql+psycopg://" in capsys.readouterr().err
 
 
 def test_mistakes_are_told(rules: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
