@@ -18,7 +18,7 @@ from rulec_runtime.recordings.formats import STANDARD_INPUT, file_and_table, is_
 
 from rulec.knowledge.layers import version_of_rulec, yaml_files_in
 from rulec.language.diagnostics import Diagnostic, Place, Refused, render_all
-from rulec.passes.compile_cache import ruleset_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant, saved_of_plant
 
 if TYPE_CHECKING:
     from rulec.commands.recording_facts import Facts
@@ -110,7 +110,9 @@ def _facts(plant: Path, recordings: Sequence[Path]) -> tuple[list[Diagnostic], M
     except Refused as refused:
         return _collected([plant]) or list(refused.diagnostics), {}
     facts = {str(path): facts_of(path, ruleset, sought) for path in recordings}
-    return _collected([plant]), facts
+    # Doubts name files as seen from the working folder, so only their number is kept.
+    doubtful = saved_of_plant(plant, "doubts", lambda: len(_collected([plant])))
+    return _collected([plant]) if doubtful else [], facts
 
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

@@ -172,7 +172,8 @@ UNITS = {
     "m³/h": ("m3/h", None),
     "1038": ("l", "a sensor class for this quantity"),
     "1076": ("m/s**2", "a quantity for m/s**2: units.yaml has none"),
-    "1363": ("gal/min", "the unit gal/min: it is not in units.yaml; add it, or another"),
+    "1363": ("gal/min", None),
+    "1051": ("bbl", "the unit bbl: it is not in units.yaml; add it, or another"),
     "23": (None, "the unit: '23' is no unit code that is known"),
     "": (None, "the unit: the data sheet says it"),
 }
