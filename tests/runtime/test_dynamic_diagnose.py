@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.stores import judge_windows
+from rulec_runtime.diagnosis.stores.joined_windows import deviating_runs
+from rulec_runtime.diagnosis.stores.window_fit import ErrorEstimate
+from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.diagnosis.verdict_per_sample import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import trace_csv
@@ -164,3 +168,20 @@ def test_trace_and_page_tell_the_finding_by_a_ruleset_of_a_file(tmp_path: Path) 
     assert result.degree[row, -1] == pytest.approx(0.2, abs=0.02)
     assert len(trace_csv(result).splitlines()) == len(recording) + 1
     assert "lower: 20" in report(recording, said, result, "made", None)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "named"), [((0.20, 0.22, 0.21), True), ((0.1, 2.4, 4.9), False)]
+)
+def test_a_degree_that_differs_from_window_to_window_explains_nothing(
+    degrees: tuple[float, ...], named: bool
+) -> None:
+    """Its bounds hold zero, though it fits each window."""
+    faults = {fault.id: fault for fault in plant("cascaded-tanks").faults}
+    window = Window(time=np.arange(9.0), inputs=np.zeros((9, 0)), measured=np.zeros((9, 0)))
+    prior, name = ErrorEstimate(np.zeros(0), np.zeros((0, 0))), next(iter(faults))
+    tests = [{name: judge_windows.Tested(degree, 0.01, 1.0, True)} for degree in degrees]
+    (run,) = deviating_runs(
+        [judge_windows.Judged(window, prior, deviating=True, tests=t) for t in tests], faults
+    )
+    assert (run.cause is not None, run.brief) == (named, False)
