@@ -55,7 +55,7 @@ def test_rows_of_a_broker_that_goes_and_comes_back(abc: Ruleset, tmp_path: Path)
 
     for i in range(5):
         send(0.1 * i, 1800.0 + i)
-    taken.until(lambda t: len(t.times) == 5)
+    taken.until(lambda t: len(t.times) == 5 and heard.qsize() == 5)
     np.testing.assert_allclose(taken.times, stamp + 0.1 * np.arange(5))
     np.testing.assert_allclose(taken.of("A.dp"), 1.8e5 + 100 * np.arange(5))
     client.loop_stop()
