@@ -302,6 +302,7 @@ def test_noise_is_that_of_the_readings() -> None:
 
 LONG = Sheet(SHEET.header, SHEET.rows * 2 + SHEET.rows[:30]).mapped("time", lambda k, _: str(k))
 LOST = SHEET.filled("A.dp", "", 30, 32)
+STEP = [0.0] * 20 + [0.5] + [1.0] * 39
 STRETCHES: dict[str, tuple[Sheet, list[tuple[int, int]]]] = {
     "settled": (SHEET, [(0, 60)]),
     # The plant stood still all the same where every second reading of one sensor is lost.
@@ -315,6 +316,11 @@ STRETCHES: dict[str, tuple[Sheet, list[tuple[int, int]]]] = {
     # With the sample that may average over the step.
     "a step": (
         SHEET.mapped("A.n", lambda k, c: str(float(c) + 200 * (k >= 20))),
+        [(0, 20), (21, 60)],
+    ),
+    # Less than noise might do between two samples, or between three and three.
+    "a small step with a reading between": (
+        SHEET.mapped("A.P_el", lambda k, _: str(150.0 + 1.5 * (-1) ** k + 16 * STEP[k])),
         [(0, 20), (21, 60)],
     ),
     "long ones are cut": (LONG, [(0, 50), (50, 100), (100, 150)]),

@@ -183,9 +183,10 @@ def find_stretches(
         bend = max(common.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
         filled = held(values)
         order, far = (2, bend) if ramps else (1, limit)
+        abrupt = np.zeros(len(filled), dtype=bool)
         with np.errstate(invalid="ignore"):
-            jumps[order:] |= np.abs(np.diff(filled, order)) > far
-        jumps |= _shifts(filled, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
+            abrupt[order:] = np.abs(np.diff(filled, order)) > far
+        jumps |= abrupt | _shifts(filled, abrupt, limit, floor)
         # Short runs without a reading end no stretch.
         for first, behind in runs_where(~np.isfinite(values), common.SHORTEST_STRETCH):
             breaks[first] = True
@@ -193,24 +194,33 @@ def find_stretches(
     return _cut(breaks, jumps, levels, longest)
 
 
-def _shifts(filled: Array, limit: float) -> np.ndarray:
-    """First samples of a new level: where the means before and after differ most, and enough.
+def _shifts(filled: Array, abrupt: np.ndarray, limit: float, floor: float) -> np.ndarray:
+    """First samples of a new level that no abrupt change (flags, shape (n,)) shows: where the means
+    before and after differ most, and enough.
 
-    Means over a few samples reveal a step that noise hides between two samples. On a slope the
-    values change within the means as well: that is drift or settling, and ends no stretch.
+    Means over a few samples reveal a step that noise hides between two samples; over some more, a
+    step whose own sample lies between the levels. On a slope the values change within the means as
+    well: that is drift or settling, and ends no stretch.
     """
-    n = common.SHORTEST_STRETCH
     found, begin = np.zeros(len(filled), dtype=bool), first_reading(filled)
-    if len(filled) < 2 * n or begin is None:
+    if begin is None:
         return found
     complete = np.where(np.isfinite(filled), filled, begin)  # before the first reading is no shift
-    windows = np.lib.stride_tricks.sliding_window_view(complete, n).T
-    means, span = windows.sum(axis=0) / n, np.ptp(windows, axis=0)
-    size = np.abs(means[n:] - means[:-n])
-    padded = np.concatenate([[-np.inf], size, [-np.inf]])
-    peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
-    step = 2.0 * np.maximum(span[n:], span[:-n]) < size
-    found[n : n + len(size)] = peak & step
+    for n, between in ((common.SHORTEST_STRETCH, 0), (common.PERSISTENCE, 1)):
+        apart = n + between
+        if len(filled) < apart + n:
+            break
+        windows = np.lib.stride_tricks.sliding_window_view(complete, n).T
+        means, span = windows.sum(axis=0) / n, np.ptp(windows, axis=0)
+        size = np.abs(means[apart:] - means[:-apart])
+        padded = np.concatenate([[-np.inf], size, [-np.inf]])
+        peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:])
+        step = 2.0 * np.maximum(span[apart:], span[:-apart]) < size
+        step &= size > max(limit / np.sqrt(n), floor)
+        new = np.flatnonzero(peak & step) + n
+        if len(new):
+            near = np.convolve(abrupt | found, np.ones(2 * n + 1))[n + new] > 0.5
+            found[new[~near]] = True
     return found
 
 

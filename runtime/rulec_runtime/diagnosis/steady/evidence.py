@@ -46,12 +46,14 @@ def latest_of(ruleset: Ruleset, timeline: Timeline, evaluated: Sequence[Evaluate
 
 
 def evidence_at(
-    evaluated: EvaluatedPoints, point: int, fault: FaultSpec | None = None
+    evaluated: EvaluatedPoints, point: int, fault: FaultSpec | None = None, *, ended: bool = False
 ) -> tuple[Evidence, ...]:
-    """All residuals of a part at a point, beside those that a fault predicts: 0 without one."""
+    """All residuals of a part at a point, beside those that a fault predicts: 0 without one. The
+    baseline holds a fault that has `ended`: what is left without it has the opposite sign."""
     ruleset, observed = evaluated.part.ruleset, evaluated.observed
     cells = () if fault is None else ruleset.cells_of_fault[fault.id]
-    signs = {c.residual: {1: "+", -1: "-"}.get(c.sign, "0") for c in cells}
+    of_sign = {1: "-", -1: "+"} if ended else {1: "+", -1: "-"}
+    signs = {c.residual: of_sign.get(c.sign, "0") for c in cells}
     tables = observed.residuals, observed.residual_u, observed.residual_systematic
     rows = []
     for i, residual in enumerate(ruleset.residuals):

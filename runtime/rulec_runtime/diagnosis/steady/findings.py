@@ -209,15 +209,13 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
             before = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, evaluated, cause, members)
-                one, over = (
-                    finding_of(ruleset, evaluated, cause, members, times),
-                    cause.when == ENDED,
-                )
-                if evaluated.combined and not over and one.is_contradicted:
+                one = finding_of(ruleset, evaluated, cause, members, times)
+                if evaluated.combined and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
                     off = disagreeing(evaluated, strongest_of(evaluated, members))
                     found.unknown.append(Period(*times, text, off))
                 else:
+                    over = cause.when == ENDED
                     behind = OVER if over else behind_of(timeline, evaluated, members)
                     found.findings.append(replace(one, behind=behind))
     return found
@@ -321,7 +319,7 @@ def finding_of(
         tuple((own.faults[i].id, p) for i, p in cause.rivals),
         tuple((own.faults[i].id, p) for i, p in cause.remote),
         tuple(own.faults[i].id for i in cause.together),
-        evidence_at(evaluated, strongest, fault),
+        evidence_at(evaluated, strongest, fault, ended=cause.when == ENDED),
         readings,
         flows,
         len(evaluated.baselines.learned_at(members[0])),
