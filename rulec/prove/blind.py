@@ -24,15 +24,16 @@ from rulec.mismatch.result import Detectability, SelfProof
 OFTEN, SOMETIMES = 0.9, 0.1
 """Least shares of the replays for an effect to count as reported, and as reported at times."""
 
-COLUMNS = ("effect", ".usual size", ".told", ".told from", "told instead")
+COLUMNS = ("effect", ".usual size", ".found", ".found from", "named instead")
 
 MEANING = (
-    "told: with a probability of 0.9, alone or with those that predict the same here; told from: "
-    "the size that half of the replays tell; told instead: in how many replays. Replays are made "
-    "by the model of this plant: what it leaves out itself is not in them."
+    "found: in how many replays it is named with a probability of 0.9 or more, alone or with those "
+    "that predict the same here; found from: the size at which half of the replays find it; named "
+    "instead: what other replays name. The model of this plant makes the replays, so physics that "
+    "it lacks is not in them."
 )
 
-NEVER = "{} would not be told at any size that it may have."
+NEVER = "{} would not be found at any size that it may have."
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ class Blind:
         least, count = OFTEN * self.proof.replays, len(self.proof.effects)
         often = sum(e.told_usual >= least for e in self.reported)
         return (
-            f"This recording would tell {often} of {counted(count, 'effect')} at their usual size; "
-            f"with nothing missing it would tell something in {self.proof.called_missing} of "
+            f"This recording would show {often} of {counted(count, 'effect')} at their usual size; "
+            f"where nothing is missing, something would be named in {self.proof.called_missing} of "
             f"{self.proof.replays} replays"
         )
 
@@ -119,7 +120,7 @@ def show(out: Console, found: Blind) -> None:
 
 def page(found: Blind, made: str = "") -> str:
     """Write the page; the same result gives the same text."""
-    parts = [Part("What would be told", [table(found)])]
+    parts = [Part("What would be found", [table(found)])]
     if found.unseen:
         never = NEVER.format(counted(len(found.unseen), "effect"))
         parts.append(Part(never, [Words(f"{'; '.join(found.unseen)}.")]))

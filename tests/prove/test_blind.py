@@ -32,7 +32,7 @@ FOUND = Blind(
 def test_the_surest_come_first() -> None:
     assert ["A.leakage", "A.bent"] == [e.id for e in FOUND.reported]
     assert ["Slip"] == FOUND.unseen
-    assert FOUND.headline.startswith("This recording would tell 1 of 3 effects")
+    assert FOUND.headline.startswith("This recording would show 1 of 3 effects")
     assert "in 1 of 200 replays" in FOUND.headline
 
 
@@ -42,7 +42,7 @@ def test_terminal_and_page_tell_the_same() -> None:
     show(out, FOUND)
     text = out.file.getvalue()  # type: ignore[attr-defined]
     html = page(FOUND)
-    for word in ("190 of 200", "0.7 %", "25 of 200", "1 effect would not be told"):
+    for word in ("190 of 200", "0.7 %", "25 of 200", "1 effect would not be found"):
         assert word in text
         assert word in html
     assert "Slip in [b]A (4)" in text

@@ -289,8 +289,8 @@ AS_GOOD = 0.5
 some stretch, to be tried on the run: less than `ALIKE`, as noise moves both. Origin: assumed."""
 
 DITHERED = 2.0
-"""Steps of a display per noise from which on the mean of many samples is off by some of a step; at
-fewer by less than 0.003. Origin: numerical."""
+"""Steps of a display per standard deviation of noise. Below it, noise averages rounding out: the
+mean of many readings is wrong by less than 0.003 steps. Origin: numerical."""
 
 ROUNDED_LEVELS = 10
 """Fewest levels of a display: fewer even ones may be set points. Origin: assumed."""
