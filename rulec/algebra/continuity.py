@@ -57,20 +57,20 @@ class FlowGraph:
         return unknown
 
     def measured_balances(self, measured: Iterable[str]) -> dict[int, dict[str, int]]:
-        """Balances of known flows: per place the modules that enter (+1) and leave (-1).
+        """Balances of known flows: per merged node the modules that enter (+1) and leave (-1).
 
-        A place is all junctions that modules of unknown flow connect; its number is their lowest.
+        A merged node is all junctions that modules of unknown flow connect, numbered as the lowest.
         """
         measured = list(measured)
         parts = nx.connected_components(self.without(set(measured)))
-        place = {node: min(part) for part in parts for node in part}
+        merged = {node: min(part) for part in parts for node in part}
         result: dict[int, dict[str, int]] = {}
         for name in measured:
-            tail, head = (place[node] for node in self.ends[name])
+            tail, head = (merged[node] for node in self.ends[name])
             if tail != head:
                 result.setdefault(head, {})[name] = 1
                 result.setdefault(tail, {})[name] = -1
-        result.pop(place[SURROUNDINGS], None)
+        result.pop(merged[SURROUNDINGS], None)
         return dict(sorted(result.items()))
 
 

@@ -38,10 +38,10 @@ class Adviser:
         self._knowledge = network.plant.knowledge
         measured = [m.name for m in self._modules.values() if m.type.observers]
         self._balances = network.graph.measured_balances(measured)
-        self._places: dict[str, frozenset[int]] = {name: frozenset() for name in self._modules}
-        for place, names in self._balances.items():
+        self._nodes: dict[str, frozenset[int]] = {name: frozenset() for name in self._modules}
+        for node, names in self._balances.items():
             for name in names:
-                self._places[name] |= {place}
+                self._nodes[name] |= {node}
         self._number = {name: i for i, name in enumerate(self._modules)}
         self._linear = linearise(network, assembly, signatures)
         self._faults: dict[str, list[str]] = {}
@@ -148,28 +148,28 @@ class Adviser:
     def _surrounding(self, name: str) -> frozenset[int | str]:
         """Places of a module, by number, and modules that are added by name.
 
-        The latter are the module itself, if it is at no place, and some that read its signals.
+        The latter are the module itself, if it is at no node, and some that read its signals.
         """
-        places, number = self._places[name], self._number
-        far = [m for m in self._reached.get(name, ()) if not self._places[m] & places]
+        nodes, number = self._nodes[name], self._number
+        far = [m for m in self._reached.get(name, ()) if not self._nodes[m] & nodes]
         near = sorted(far, key=lambda m: (abs(number[m] - number[name]), m))
-        alone = {name} if not places else set()
-        return frozenset((*places, *alone, *near[:FAR_READERS]))
+        alone = {name} if not nodes else set()
+        return frozenset((*nodes, *alone, *near[:FAR_READERS]))
 
     def _key(self, modules: Iterable[str]) -> frozenset[int | str]:
         return frozenset().union(*(self._around[name] for name in modules))
 
     def _hood(self, faults: Sequence[str]) -> Neighbourhood | None:
         modules = list(dict.fromkeys(self._module_of[f] for f in faults))
-        shared = [self._places[a] & self._places[b] for a, b in itertools.combinations(modules, 2)]
+        shared = [self._nodes[a] & self._nodes[b] for a, b in itertools.combinations(modules, 2)]
         return self._hood_of(self._key(modules)) if all(shared) else None
 
     def _hood_of(self, key: frozenset[int | str]) -> Neighbourhood:
         """Balances of the first observers, and each against the others of its module."""
         if key in self._hoods:
             return self._hoods[key]
-        places = sorted(p for p in key if isinstance(p, int))
-        balances = [self._balances[p] for p in places]
+        nodes = sorted(p for p in key if isinstance(p, int))
+        balances = [self._balances[p] for p in nodes]
         names = {n for b in balances for n in b} | {p for p in key if isinstance(p, str)}
         modules = [m for name, m in self._modules.items() if name in names]
         residuals = [

@@ -154,11 +154,11 @@ CASES = {
     "a split within a branch": ("A>P A>M M>N M>Q N>R Q>R P>C R>C", "M N R C", "M N R C"),
     "parallel pipes lose nothing": ("A>P A>Q P>C Q>C", "C", "C"),
     "ends apart, nothing measured behind": ("A>M M>P M>Q", "M", "M"),
-    "ends apart": ("A>M M>N M>Q", "M N", "the ways through 'N', 'Q' end at different places"),
+    "ends apart": ("A>M M>N M>Q", "M N", "the paths through 'N', 'Q' end at different places"),
     "no branch measured throughout": (
         "A>M A>N M>P N>Q P>C Q>C",
         "M N C",
-        "the ways through 'M', 'N' meet again, but none is measured throughout",
+        "the paths through 'M', 'N' meet again, but none is measured throughout",
     ),
     "recirculation": ("A>M R>M M>E M>R", "M E", "M E"),
     "recirculation, return measured": ("A>M R>M M>E M>R", "M E R", "M E"),
@@ -168,7 +168,7 @@ CASES = {
     "in the loop: up to the own inlet": ("S>M A>M M>E M>A", "M E", "M"),
     "closed circuit": ("A>M M>N N>A", "M N", "M N"),
     "closed circuit, parallel": ("A>M A>N M>T N>T T>A", "M N", "M"),
-    "no way out": ("A>M S>M M>P P>M", "M", "the way never ends"),
+    "no way out": ("A>M S>M M>P P>M", "M", "the path never ends"),
 }
 
 
