@@ -279,14 +279,33 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
     assert changes(rules, current, over, HORIZON, 3)[1] == ()
 
 
-def test_a_standstill_is_one_episode_whatever_its_noise_says() -> None:
-    """Why nothing is judged changes from sample to sample; that nothing is judged does not."""
+@pytest.mark.parametrize("running", [False, True])
+def test_what_cannot_be_judged_is_one_episode_and_a_standstill_none(running: bool) -> None:
+    """Why nothing is judged changes from sample to sample with the noise; that nothing is judged
+    does not. Pumps that stand, as they do every night, are no news."""
     recording, random = long_recording(0), np.random.default_rng(0)
     values = {name: column.copy() for name, column in recording.values.items()}
-    for name, size in {"A.n": 0.0, "B.n": 0.0, "A.dp": 200.0, "B.dp": 200.0, "C.dp": 100.0}.items():
+    noise = {"A.dp": 200.0, "B.dp": 200.0, "C.dp": 100.0, "A.P_el": 0.1, "B.P_el": 0.1}
+    for name, size in noise.items() if running else (noise | {"A.n": 0.0, "B.n": 0.0}).items():
         values[name][200:500] = size * random.standard_normal(300)
     updates = followed(compiled("abc"), replace(recording, values=values), range(50, 700, 50))
+    until = (recording.time[200], recording.time[499])
+    if not running:
+        (why,) = {p.text for p in updates[-1].diagnosis.not_judged if p.rests}
+        assert why == "at standstill: A.n is below 40 rpm, B.n is below 40 rpm"
+        assert not events_of(updates, "blind")
+        return
     began, ended = events_of(updates, "blind")
     assert (began.what, ended.what) == ("began", "ended")
-    spans = ended.episode.since, ended.episode.until
-    assert spans == pytest.approx((recording.time[200], recording.time[499]), abs=5.0)
+    assert (ended.episode.since, ended.episode.until) == pytest.approx(until, abs=5.0)
+
+
+def test_what_was_not_judged_long_ago_is_not_told_again() -> None:
+    """Only operating points in memory still show it."""
+    recording = long_recording(4 * limits.KEPT_ROWS)
+    for name, column in recording.values.items():
+        if name not in ("A.n", "B.n"):
+            column[200:500] = np.nan
+    updates = followed(compiled("abc"), recording, range(500, len(recording) + 500, 500))
+    told = [(e.what, e.episode.subject) for e in events_of(updates, "blind")]
+    assert len(told) == len({*told}) == 2 * len({subject for _, subject in told})

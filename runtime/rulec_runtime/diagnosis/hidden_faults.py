@@ -116,7 +116,7 @@ def _blind_runs(
     cache: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
     begun: dict[str, BlindRun] = {}
     for first, last, gone, low in _segments(count, lost, still):
-        rests = _at_rest(ruleset, low)
+        rests = at_rest(ruleset, low)
         if (gone, rests) not in cache:
             faults = visible.unseen(gone, rests)
             cache[gone, rests] = {f: visible.brings_back(f, gone, rests) for f in faults}
@@ -133,7 +133,7 @@ def _blind_runs(
     yield from begun.values()
 
 
-def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
+def at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
     """Estimates with a signal below its minimum; for an input, all of its module."""
     modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
     return frozenset(

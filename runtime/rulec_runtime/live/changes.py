@@ -78,7 +78,7 @@ def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
         yield _episode("blind", readings, span, "C", text, action=action, name="blind")
     others: tuple[tuple[Kind, str, Iterable[Period]], ...] = (
         ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", (period for period in not_judged(diagnosis) if not period.partly)),
+        ("blind", "C", (p for p in not_judged(diagnosis) if not (p.partly or p.rests))),
     )
     for kind, status, periods in others:
         for period in periods:
@@ -163,6 +163,8 @@ def changes(
             report(what, old, now)
         current.append(now)
     for new in (replace(one, told=(one.until, one.degree)) for one in found):
+        if not new.active and new.until < horizon.since:
+            continue  # only operating points in memory still show what was reported long ago
         current.append(new)
         report("began", new, new)
         if not new.active:

@@ -128,7 +128,7 @@ class Period:
 
     `off` are the residuals that disagree most, see `disagreeing`. `from_sheet`: the plant never
     agreed with its sheet. `partly`: the rest was judged; `lost`: missing readings are the only
-    reason.
+    reason; `rests`: modules at standstill are.
     """
 
     since: float
@@ -138,6 +138,7 @@ class Period:
     from_sheet: bool = False
     partly: bool = False
     lost: bool = False
+    rests: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +200,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
             text = f"{fault.id} would fit, but a finding takes {common.PERSISTENCE} samples"
             found.not_judged.append(Period(since, until, text))
         elif kind == "blind":
-            found.not_judged.append(Period(since, until, verdict.text, lost=verdict.lost))
+            lost, rests = verdict.lost, verdict.rests
+            found.not_judged.append(Period(since, until, verdict.text, lost=lost, rests=rests))
         elif kind != "fault":
             off = disagreeing(evaluated, strongest_of(evaluated, members))
             found.unknown.append(Period(since, until, verdict.text, off))

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, points_along
 from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
@@ -294,6 +294,12 @@ def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
     return found
 
 
+def below_minimum(signal: SignalSpec) -> str:
+    """That a reading is below its minimum, in words."""
+    assert signal.minimum is not None
+    return f"{signal.id} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
+
+
 def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> str:
     """Why an estimate is unusable at a point, in words without numbers that would vary."""
     spec = ruleset.observers[observer]
@@ -309,7 +315,7 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
         if not np.isfinite(values[point]):
             return f"{name}: {observed.points.why.get(name) or 'no reading'}"
         if signal.minimum is not None and values[point] < signal.minimum:
-            return f"{name} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
+            return below_minimum(signal)
     if spec.guards and not np.isfinite(observed.flows[observer, point]):
         return f"{spec.id}: {spec.guards[0].text} is not positive"
     if observed.flows[observer, point] > 0:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime.contract.ruleset import ObserverSpec
 from rulec_runtime.contract.threshold import threshold_of
+from rulec_runtime.diagnosis.hidden_faults import at_rest
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
-from rulec_runtime.diagnosis.steady.observe import NOT_RECORDED, reason, too_vague
+from rulec_runtime.diagnosis.steady.observe import NOT_RECORDED, below_minimum, reason, too_vague
 
 Off = tuple[str, float, float]
 """A residual with its size and its threshold, as shares of a flow."""
@@ -19,12 +21,14 @@ NAMED = 4
 @dataclass(frozen=True)
 class Verdict:
     """Verdict on one stretch: ``ok``, ``fault`` (with the indexes of one fault, or of two at once),
-    ``unknown``, ``outside`` the calibrated range, or ``blind``; `lost` as in `Period`."""
+    ``unknown``, ``outside`` the calibrated range, or ``blind``; `lost` and `rests` as in
+    `Period`."""
 
     kind: str
     faults: tuple[int, ...]
     text: str
     lost: bool = False
+    rests: bool = False
 
 
 def verdict_at(evaluated: EvaluatedPoints, point: int) -> Verdict:
@@ -32,6 +36,8 @@ def verdict_at(evaluated: EvaluatedPoints, point: int) -> Verdict:
     ruleset = evaluated.part.ruleset
     observed, isolation = evaluated.observed, evaluated.isolation
     if not isolation.judged[point]:
+        if because := standstill(evaluated, point):
+            return Verdict("blind", (), because, rests=True)
         because = why_blind(evaluated, point) or "too few estimates of the same flow"
         return Verdict("blind", (), because, only_lost(evaluated, point))
     if not isolation.deviating[point]:
@@ -79,14 +85,37 @@ def why_blind(evaluated: EvaluatedPoints, point: int) -> str:
     return "; ".join([*[names + NOT_RECORDED] * bool(lost), *others])
 
 
+def standstill(evaluated: EvaluatedPoints, point: int) -> str:
+    """Why an unjudged point is one at which modules stand; empty if something else is the reason.
+
+    Modules stand if an input is below its minimum. If all stand, no other reading matters.
+    """
+    ruleset, values = evaluated.part.ruleset, evaluated.observed.points.values
+    bounded = [s for s in ruleset.signals if s.minimum is not None and s.id in ruleset.observed]
+    low = [s for s in bounded if s.id in values and values[s.id][point] < s.minimum]
+    stand = {s.id.partition(".")[0]: s for s in reversed(low) if s.is_input}
+    run = {s.id.partition(".")[0] for s in bounded if s.is_input} - stand.keys()
+    rest = at_rest(ruleset, frozenset(signal.id for signal in low))
+    others = run and any(o.id not in rest for o in _unusable(evaluated, point))
+    if (stand and not others) or len(rest) == len(ruleset.observers):
+        shown = reversed(stand.values()) if stand else low
+        return "at standstill: " + ", ".join(map(below_minimum, shown))
+    return ""
+
+
 def only_lost(evaluated: EvaluatedPoints, point: int) -> bool:
     """Whether all estimates that are unusable at a point lack a reading."""
-    values = evaluated.observed.points.values
+    return not any(_unusable(evaluated, point))
+
+
+def _unusable(evaluated: EvaluatedPoints, point: int) -> Iterator[ObserverSpec]:
+    """Estimates that are unusable at a point although no reading of theirs is missing."""
+    ruleset, values = evaluated.part.ruleset, evaluated.observed.points.values
     missing = {name for name, column in values.items() if not np.isfinite(column[point])}
-    missing |= evaluated.part.ruleset.observed - values.keys()
-    unusable = np.flatnonzero(~evaluated.observed.valid[:, point])
-    observers = (evaluated.part.ruleset.observers[i] for i in unusable)
-    return all(not missing.isdisjoint(o.signals) for o in observers)
+    missing |= ruleset.observed - values.keys()
+    for i in np.flatnonzero(~evaluated.observed.valid[:, point]).tolist():
+        if missing.isdisjoint(ruleset.observers[i].signals):
+            yield ruleset.observers[i]
 
 
 def partly_blind(evaluated: EvaluatedPoints, point: int) -> str:
