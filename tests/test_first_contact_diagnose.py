@@ -9,11 +9,13 @@ import pandas as pd
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.live.follower import follow
 from rulec_runtime.live.memory import nothing_yet
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
+from tests.conftest import ROOT, compiled
 from tests.method.readings import calibrated
 from tests.rig.follower.plants import part_of
 from tests.written import json_of, write_columns, write_plant
@@ -159,3 +161,16 @@ def test_set_points_on_even_levels_are_no_coarse_display(tmp_path: Path) -> None
     assert main(["simulate", str(real), str(given), "-o", str(file), *wrong]) == 0
     found, _ = said(tmp_path, rules(tmp_path), file)
     assert HEADS >= {f["fault"] for f in found["findings"]} > set()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pump_that_stands_for_a_while_makes_no_noise() -> None:
+    """A loss of exactly zero, at which the slope of a root is infinite."""
+    rules = compiled("irrigation-booster")
+    file = ROOT / "plants/irrigation-booster/examples/blocked_sprinklers.csv"
+    recording = read_recording(file, rules)
+    for column in recording.values.values():
+        column[300:500] = 0.0
+    found = diagnose(recording, rules)
+    assert {f.fault.id for f in found.findings} == {"S.blocked-outlets"}
+    assert all(period.rests for period in found.not_judged)

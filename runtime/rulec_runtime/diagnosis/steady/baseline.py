@@ -175,9 +175,11 @@ def against(
         state = baselines.states[index]
         share = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
-        offsets[:, here] = share * (state.mean @ shared)
         slopes = np.ascontiguousarray(shared.transpose(2, 0, 1))
-        learned = (slopes @ state.covariance @ slopes.transpose(0, 2, 1)).transpose(1, 2, 0)
+        # At the end of its law an unusable estimate may have an infinite slope.
+        with np.errstate(invalid="ignore"):
+            offsets[:, here] = share * (state.mean @ shared)
+            learned = (slopes @ state.covariance @ slopes.transpose(0, 2, 1)).transpose(1, 2, 0)
         spread[:, :, here] = share**2 * learned + (1.0 - share**2) * spread[:, :, here]
     covariance = observed.noise + lasting
     return replace(
