@@ -131,3 +131,13 @@ def test_mutated_rows_do_no_harm(rules: Path, tmp_path: Path, capsys: Capsys) ->
         assert what in said.out
     assert all(is_shown(sign) or sign == "\n" for sign in said.out + said.err)
     assert "Traceback" not in said.err
+
+
+def test_a_source_that_ends_without_a_row_is_no_success(
+    rules: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    log = tmp_path / "log.csv"
+    for text in ("", LINES[0]):
+        log.write_text(text)
+        assert main(["watch", str(rules), "--source", str(log), "--until-end"]) == 1
+        assert "log.csv: it ended before a row that could be read" in capsys.readouterr().err

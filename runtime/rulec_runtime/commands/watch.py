@@ -17,19 +17,23 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import judged
 from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.rows import Rows
+from rulec_runtime.recordings.recording import RecordingRefused
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
     """Watch until the source ends or the user interrupts.
 
     The exit code is `limits.FAILED` if a status of `--fail-on` is active, and 1 if something could
-    not be written in the end.
+    not be written in the end. Raises `RecordingRefused` if a source ends without a row.
     """
     ruleset = load(Path(options.plant))
     unwritten: list[str] = []
     with _ends_when_asked(), ExitStack() as stack:
         setup = set_up(options, ruleset, stack, unwritten)
         memory = _watch(setup, ruleset, options.until_end)
+        over = (options.until_end or setup.source.ended) and not setup.screen.quit
+        if over and not memory.count:
+            raise RecordingRefused(f"{options.source}: it ended before a row that could be read")
     active = {one.status for one in memory.episodes if one.active}
     failed = active & set(options.fail_on.split(","))
     return limits.FAILED if failed else int(bool(unwritten))
