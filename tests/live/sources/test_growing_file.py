@@ -105,6 +105,38 @@ def test_growing_reads_as_whole(name: str, way: str, tmp_path: Path, abc: Rulese
         np.testing.assert_array_equal(taken.of(signal), values)
 
 
+BARE_TITLES = "time,A.dp [bar],A.n [rpm]\n"
+WITH_QUALITY = "time,A.dp [bar],A.dp Quality,A.n [rpm]\n"
+GERMAN = "time;A.dp [mbar];A.n [rpm]\n"
+AMBIGUOUS = {
+    "dates": (BARE_TITLES, "10/31/2026 23:0{},1.5,900\n", "11/01/2026 00:0{},1.5,900\n", 1.5e5),
+    "qualities": (WITH_QUALITY, "{},1,192,900\n", "1{},1,0,900\n", np.nan),
+    "thousands": (GERMAN, "{};1.820,5;900\n", "1{};1.820;900\n", 1.82e5),
+}
+"""Titles, a row of a first table, a row of the next one that alone could be read in two ways, and
+the last reading in Pa."""
+
+
+@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("name", AMBIGUOUS)
+def test_the_next_file_is_read_as_the_first(
+    name: str, anew: bool, tmp_path: Path, abc: Ruleset
+) -> None:
+    """If it has the same titles, also by a watch that is started anew in it."""
+    head, first, then, last = AMBIGUOUS[name]
+    path, taken = growing(tmp_path, abc, head + "".join(map(first.format, range(9))))
+    assert len(taken.times) == 9
+    os.replace(write(tmp_path, head + "".join(map(then.format, range(4))), "new.csv"), path)
+    taken.until(lambda t: len(t.times) == 13)
+    if anew:
+        stored = json.loads(json.dumps(taken.source.position))  # type: ignore[attr-defined]
+        taken.source.close()
+        append(path, "".join(map(then.format, range(4, 8))))
+        taken.source = GrowingFile(path, abc, stored)
+        taken.until(lambda t: len(t.times) == 17)
+    np.testing.assert_allclose(taken.of("A.dp")[-1], last)
+
+
 def test_one_row_alone_says_little(tmp_path: Path, abc: Ruleset) -> None:
     """One number alone may count days or seconds: the second row shows which."""
     head, first, *_ = stamped(DATES["spreadsheet"]).splitlines(keepends=True)

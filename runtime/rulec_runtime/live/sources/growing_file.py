@@ -111,6 +111,7 @@ class GrowingFile(TextSource):
             "step": self._clock.step,
             "shift": self._clock.shift,
             "dated": self._clock.dated,
+            "known": self._table.known,
         }
 
     def take(self, seconds: float) -> list[Rows | Notice]:
@@ -173,7 +174,7 @@ class GrowingFile(TextSource):
         self._replaced, self.ended, self._refused = None, False, False
         self._cutter = LineCutter()
         self._packed = tail_of(file, 2) == b"\x1f\x8b"
-        self._table = self._new_table()
+        self._table = self._new_table(self._table.known)
         self._clock.begins = True
         return file
 
@@ -218,6 +219,7 @@ class GrowingFile(TextSource):
             self._clock.last = float(position["time"])
         self._clock.step, self._clock.shift = float(position["step"]), float(position["shift"])
         self._clock.dated = position["dated"]
+        self._table = self._new_table(position.get("known", {}))
         offset = int(position["offset"])
         for path in with_inode(self._path, int(position["inode"])):
             file = self._open(path)

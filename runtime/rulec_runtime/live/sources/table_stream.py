@@ -5,11 +5,14 @@ import os
 import select
 import sys
 import time as clocks
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import START, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.limits import SHOWING_ROWS
@@ -25,6 +28,7 @@ from rulec_runtime.recordings.csv_table import (
     Column,
     Convention,
     RecordingRefused,
+    Unclear,
     cells_of,
     is_whole,
     read_cells,
@@ -45,10 +49,18 @@ class TableStream:
     """A growing table.
 
     Dialects, titles, units and times are those of recordings. A line is a row: no cell contains a
-    line break.
+    line break. `known` is how an earlier table was written: a table with the same titles is read in
+    the same way where its first rows could be read in several ways.
     """
 
-    def __init__(self, path: Path, ruleset: Ruleset, clock: RowClock, remarks: Remarks) -> None:
+    def __init__(
+        self,
+        path: Path,
+        ruleset: Ruleset,
+        clock: RowClock,
+        remarks: Remarks,
+        known: Mapping[str, Any],
+    ) -> None:
         self._path, self._ruleset, self._clock, self._remarks = path, ruleset, clock, remarks
         self._lines: list[str] = []
         self.head: TableHead | None = None
@@ -57,6 +69,7 @@ class TableStream:
         self._decimals: dict[str, set[str]] = {}
         self._written: dict[int, Convention] = {}
         self._qualities_seen: set[str] = set()
+        self._known = known
         self._zone: ZoneClock | None = None
         self._in_utc = False
 
@@ -77,10 +90,36 @@ class TableStream:
         self._factor = factor = self._form.time_factor or factor_of_time(
             self._path, title, unit, self._ruleset.units
         )
-        self._times = TimeReader(
-            self._path, self._form, notes, title, lambda: factor if unit else 0.0
-        )
+
+        def reader(form: FileForm) -> TimeReader:
+            return TimeReader(self._path, form, notes, title, lambda: factor if unit else 0.0)
+
+        self._reader, self._times = reader, reader(self._form)
+        if self._known.get("titles") != [*head.titles]:
+            self._known = {}
+        self._qualities_seen |= {*self._known.get("qualities", ())}
         self._header, self._notes, self.head = header, notes, head
+
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """How this table is written, or before its first row an earlier one; can be stored as
+        JSON."""
+        if self.head is None or not self._begun:
+            return self._known
+        times, stated = self._times, dict[str, Any]()
+        if times.counting is not None:
+            stated = {"since": times.counting.since, "time_factor": times.counting.factor}
+        elif times.order:
+            stated = {"dates": times.order}
+        elif times.dated is False:
+            stated = {"since": START}
+        signs = [self._written.get(t.index, UNKNOWN) for t in self._header.targets]
+        return {
+            "titles": [*self.head.titles],
+            "times": stated,
+            "signs": [[one.decimal, one.thousands] for one in signs],
+            "qualities": sorted(self._qualities_seen),
+        }
 
     def go_on(self, lines: Sequence[str]) -> bool:
         """Continue a table that an earlier process has read; its first lines show how numbers and
@@ -95,14 +134,14 @@ class TableStream:
         if self._begun and rows:
             self._settle(head, rows)
             self._see_qualities(rows)
-            self._times.read([row[self._header.time] for row in rows])
+            self._times_in([row[self._header.time] for row in rows])
         return True
 
     def check(self) -> None:
         """Raises `RecordingRefused` if only a head has come so far, and is of another plant."""
         head = None if self.head else self._head(ended=True)
         if head is not None and head.likely:
-            TableStream(self._path, self._ruleset, self._clock, self._remarks).begin(head)
+            TableStream(self._path, self._ruleset, self._clock, self._remarks, {}).begin(head)
 
     def feed(self, lines: Sequence[str], ended: bool = False) -> list[Rows | Notice]:
         """Rows of further lines, without line ends; the first lines may be the head, which may wait
@@ -157,7 +196,14 @@ class TableStream:
     def _settle(self, head: TableHead, rows: list[list[str]]) -> None:
         """How each column writes numbers, by the first rows."""
         indexes = [target.index for target in self._header.targets]
-        written = conventions(self._path, head.titles, rows, indexes, head.separator, self._form)
+        try:
+            written = conventions(
+                self._path, head.titles, rows, indexes, head.separator, self._form
+            )
+        except Unclear:
+            if not self._known:
+                raise
+            written = [Convention(*signs) for signs in self._known["signs"]]
         self._written = dict(zip(indexes, written, strict=True))
 
     def _see_qualities(self, rows: list[list[str]]) -> None:
@@ -168,7 +214,7 @@ class TableStream:
 
     def _seconds(self, cells: list[str]) -> Array:
         """Seconds, since 1970 for dates; one without a zone is in the zone of the column map."""
-        times = self._times.read(cells)
+        times = self._times_in(cells)
         if self._times.dated is not None:
             self._clock.dated = self._times.dated
         if not isinstance(times, Dates):
@@ -182,6 +228,16 @@ class TableStream:
             if self._clock.begun:
                 self._zone.resume(self._clock.last)
         return self._zone.read(dates, zones)[0]
+
+    def _times_in(self, cells: list[str]) -> Array | Dates:
+        """Times as their reader gives them."""
+        try:
+            return self._times.read(cells)
+        except Unclear:
+            if not self._known:
+                raise
+            self._times = self._reader(replace(self._form, **self._known["times"]))
+            return self._times.read(cells)
 
     def _impossible(self) -> list[Notice]:
         """A notice of dates in an hour that the zone skips."""
@@ -254,7 +310,7 @@ class TextSource:
         self._remarks = Remarks()
         self._clock = RowClock(path.name, self._remarks, ruleset.time_zone)
         self._silence = Silence(limits.STALE)
-        self._cutter, self._table = LineCutter(), self._new_table()
+        self._cutter, self._table = LineCutter(), self._new_table({})
         self.ended = False
 
     @property
@@ -262,8 +318,8 @@ class TextSource:
         """Known from the first rows on."""
         return bool(self._clock.dated)
 
-    def _new_table(self) -> TableStream:
-        return TableStream(self._path, self._ruleset, self._clock, self._remarks)
+    def _new_table(self, known: Mapping[str, Any]) -> TableStream:
+        return TableStream(self._path, self._ruleset, self._clock, self._remarks, known)
 
     def _notice(self, kind: NoticeKind, text: str, *, still: bool = False) -> Notice:
         return notice(kind, self._clock.now, f"{self._path.name}{text}", still=still)
