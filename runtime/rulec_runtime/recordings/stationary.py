@@ -123,10 +123,10 @@ def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
     """Noise of every reading, SI, without the samples in which its module is off.
 
     A pump that is off most of the time shows no noise in most samples; its readings while it runs
-    would then all count as jumps.
+    would then all count as jumps. So would all readings of one that never runs.
     """
     return {
-        name: noise_of(values[working(ruleset.signal_by_id[name], values)])
+        name: noise_of(_at_work(ruleset.signal_by_id[name], values))
         for name, values in recording.values.items()
     }
 
@@ -139,6 +139,12 @@ def working(signal: SignalSpec, values: Array) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         found: np.ndarray = finite & (values >= signal.minimum)
     return found
+
+
+def _at_work(signal: SignalSpec, values: Array) -> Array:
+    """Readings while the module works; all if it hardly does."""
+    found = values[working(signal, values)]
+    return found if len(found) >= common.SHORTEST_STRETCH else values[np.isfinite(values)]
 
 
 def systematic_u(signal: SignalSpec, values: Array | float) -> Array:
@@ -174,7 +180,7 @@ def find_stretches(
         values = recording.values.get(signal.id)
         if values is None or signal.id not in used:
             continue
-        level = median_of(np.abs(values[working(signal, values)]))
+        level = median_of(np.abs(_at_work(signal, values)))
         floor = float(systematic_u(signal, 0.0 if np.isnan(level) else level))
         limit = max(common.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
         still = max(limits.SETTLED * noise[signal.id], floor * common.NO_CHANGE)
