@@ -55,8 +55,13 @@ def run(options: argparse.Namespace) -> int:
 def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int:
     """Propose a column map; the exit code is 1 if the user must answer a question first."""
     from rulec.commands.column_map import proposed
+    from rulec.knowledge.read import read_plant
+    from rulec.passes.pipeline import run_passes  # loads the compiler
+    from rulec.passes.types import Compilation
 
-    map_ = proposed(recording, ruleset_of_plant(plant))
+    sources = read_plant(plant, new_map=True)
+    ruleset = run_passes(Compilation(sources=sources)).ruleset
+    map_ = proposed(recording, ruleset, sources.columns.data if sources.columns else {})
     write_to(options.write_map, map_.text)
     for one in map_.assumed:
         note_aside(options, f"assumed: {one}")

@@ -39,17 +39,18 @@ class Proposal:
     asked: tuple[str, ...]
 
 
-def proposed(path: Path, ruleset: Ruleset) -> Proposal:
+def proposed(path: Path, ruleset: Ruleset, stated: Mapping[str, Any]) -> Proposal:
     """A column map for the first file of a recording.
 
-    Raises `RecordingRefused` if it holds no table.
+    What the map of the plant already `stated` remains, as far as the file has these columns. Raises
+    `RecordingRefused` if it holds no table.
     """
     path = files_of(path)[0]
     form, assumed, asked = form_of(ruleset), list[str](), list[str]()
     unanswered = set[str]()
     for _ in range(limits.MOST_QUESTIONS):
         try:
-            found = _found(path, ruleset, form)
+            found = _found(path, ruleset, form, stated)
             break
         except Unclear as unclear:
             form = replace(form, **unclear.choices[0])
@@ -73,7 +74,7 @@ def proposed(path: Path, ruleset: Ruleset) -> Proposal:
 class _Found:
     """Content of a file: its form, its time, title and unit per signal, and other titles.
 
-    The file names no unit for the signals in `bare`.
+    The file names no unit for the signals in `bare`. `kept` are entries of the map of the plant.
     """
 
     file: Mapping[str, Any]
@@ -81,21 +82,31 @@ class _Found:
     columns: Mapping[str, tuple[str, str]]
     bare: frozenset[str]
     others: tuple[str, ...]
+    kept: Mapping[str, Any]
 
 
-def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
+def _found(path: Path, ruleset: Ruleset, form: FileForm, stated: Mapping[str, Any]) -> _Found:
     with opened_sheet(path, form) as sheet:
         titles = [title.strip() for title in sheet.titles]
         units = [unit.strip() for unit in sheet.units]
-    columns, bare = {}, set()
-    for title, unit in zip(titles, units, strict=True):
+    short = {title: parts_of(title)[0] for title in titles}
+    kept = {
+        key: part
+        for key, part in stated.get("columns", {}).items()
+        if {*_columns_of(part)} <= {*titles, *short.values()}
+    }
+    taken = {name for part in kept.values() for name in _columns_of(part)}
+    pairs = zip(titles, units, strict=True)
+    free = [(title, unit) for title, unit in pairs if taken.isdisjoint((title, short[title]))]
+    columns, bare = dict[str, tuple[str, str]](), set[str]()
+    for title, unit in free:
         signal = _signal_of(title, ruleset)
-        if signal is None or signal.id in columns:
+        if signal is None or signal.id in columns.keys() | kept.keys():
             continue
-        stated = parts_of(title)[1] or unit
-        is_unit = stated and parse_unit(stated, ruleset.units) is not None
-        columns[signal.id] = title, stated if is_unit else signal.unit
-        bare |= set() if stated else {signal.id}
+        own = parts_of(title)[1] or unit
+        is_unit = own and parse_unit(own, ruleset.units) is not None
+        columns[signal.id] = title, own if is_unit else signal.unit
+        bare |= set() if own else {signal.id}
     with opened_table(path, form) as table:
         roles = roles_of(path, table.titles, form)
         time = _time(path, table, roles, form, ruleset)
@@ -104,9 +115,12 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
     several = isinstance(of_time, list)
     mapped = replace(
         ruleset,
-        columns=tuple(
-            ColumnMap(name, title, *_conversion(unit, ruleset))
-            for name, (title, unit) in columns.items()
+        columns=(
+            *(column for column in ruleset.columns if column.signal in kept),
+            *(
+                ColumnMap(name, title, *_conversion(unit, ruleset))
+                for name, (title, unit) in columns.items()
+            ),
         ),
         time_column=FileForm(time=tuple(of_time)).time_title if several else of_time,
         file=replace(form, time=tuple(of_time)) if several else form,
@@ -114,17 +128,22 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
     missing = sorted(_sentinels(read_file(path, mapped, []), mapped))
     if missing:
         file["missing"] = [int(x) if x == int(x) else x for x in missing]
-    times = {*of_time} if several else {of_time}
-    taken = {title for title, _ in columns.values()} | times
-    return _Found(file, time, columns, frozenset(bare), tuple(t for t in titles if t not in taken))
+    used = {title for title, _ in columns.values()} | ({*of_time} if several else {of_time})
+    others = tuple(title for title, _ in free if title not in used)
+    file = {**stated.get("file", {}), **file}
+    return _Found(file, {**time, **kept.get("time", {})}, columns, frozenset(bare), others, kept)
+
+
+def _columns_of(part: Mapping[str, Any]) -> list[str]:
+    """Titles of the columns that an entry of a column map reads."""
+    name, minus = part["from"], part.get("minus")
+    names = name if isinstance(name, list) else [name]
+    return [*names, minus["from"]] if minus else names
 
 
 def _signal_of(title: str, ruleset: Ruleset) -> SignalSpec | None:
     """The one signal whose name occurs in a title: word for word, in any case."""
     name = parts_of(title)[0]
-    for column in ruleset.columns:
-        if column.column in (title, name):
-            return ruleset.signal_by_id[column.signal]
     if name in ruleset.signal_by_id:
         return ruleset.signal_by_id[name]
     words = _words(name)
@@ -239,14 +258,17 @@ def _text(path: Path, ruleset: Ruleset, found: _Found, asked: Sequence[str]) -> 
     entries = {"time": flow(found.time)} if found.time else {}
     notes = {}
     for signal in ruleset.signals:
-        if signal.id in found.columns:
+        if signal.id in found.kept:
+            entries[signal.id] = flow(found.kept[signal.id])
+        elif signal.id in found.columns:
             title, unit = found.columns[signal.id]
             entries[signal.id] = flow({"from": title, "unit": unit})
             if signal.id in found.bare:
                 notes[signal.id] = "  # the file names no unit"
     width = max(map(len, entries), default=0) + 1
     lines += [f"  {f'{n}:':<{width}} {e}{notes.get(n, '')}" for n, e in entries.items()]
-    lacking = [s for s in ruleset.signals if s.id not in found.columns and s.id in ruleset.read]
+    there = entries.keys()
+    lacking = [s for s in ruleset.signals if s.id not in there and s.id in ruleset.read]
     lines += [f"  # {s.id}: {{from: ..., unit: {flow(s.unit)}}}" for s in lacking]
     lines += [f"# no signal: {title}" for title in found.others]
     return "\n".join(lines) + "\n"

@@ -192,7 +192,11 @@ def _headers(path: Path, ruleset: Ruleset) -> tuple[dict[str, str], list[str]]:
         with opened_sheet(file, form_of(ruleset)) as sheet:
             names = sheet.titles
             header = assign(file, names, ruleset, [], sheet.units)
-        titles |= {target.signal: names[target.index].strip() for target in header.targets}
+        found: dict[str, str] = {}
+        for target in header.targets:
+            title = names[target.index].strip()
+            found[target.signal] = " and ".join(filter(None, (found.get(target.signal), title)))
+        titles |= found
         strangers |= dict.fromkeys(header.strangers)
     return titles, [*strangers]
 

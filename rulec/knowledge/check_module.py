@@ -91,32 +91,17 @@ class ModuleReader(Reader):
     def _signal(self, name: str, part: Mapping[str, Any]) -> Signal:
         path = ("signals", name)
         unit = self.measured_unit(path)
-        low, high = part.get("range", (None, None))
-        if low is not None:
-            self.check_range(low, high, *path, "range")
-        sensor = self.sensors.get(part["sensor"])
-        if sensor is None:
-            message = "there is no sensor class '{}'"
-            self.knows((*path, "sensor"), self.sensors, "KB031", message, part["sensor"])
-        elif sensor.kind == "full scale" and high is None:
-            message = f"the class '{sensor.name}' needs the full scale of this sensor"
-            self.report_key(path, "KB032", message, "add 'range: [0, ...]'")
-        elif sensor.kind == "value" and not sensor.unit.dimension.fits(unit.dimension):
-            message = f"the class '{sensor.name}' is in {sensor.unit.text}, not in {unit.text}"
-            self.report((*path, "sensor"), "KB033", message, "take a class for this quantity")
-        return Signal(
+        signal = Signal(
             name=name,
             quantity=part["quantity"],
             unit=unit,
             sensor=part["sensor"],
-            full_scale=None if high is None else (high - low) * unit.factor,
-            lowest=_si(unit, low),
-            highest=_si(unit, high),
             minimum=_si(unit, part.get("minimum")),
             reference=_si(unit, part.get("reference")),
             is_input=part.get("input", False),
             between=part.get("between", "hold"),
         )
+        return with_sensor(self, path, signal, unit, self.sensors)
 
     def _parameter(self, name: str, part: Mapping[str, Any]) -> Parameter:
         path = ("parameters", name)
@@ -361,6 +346,33 @@ def _accuracy(part: Mapping[str, Any]) -> Accuracy | None:
 
 def _si(unit: Unit, value: float | None) -> float | None:
     return None if value is None else unit.to_si(value)
+
+
+def with_sensor(
+    reader: Reader, path: Path_, signal: Signal, unit: Unit, sensors: Mapping[str, SensorClass]
+) -> Signal:
+    """A signal with the sensor class and the range, in a unit, that the part at a path states.
+
+    What it does not state remains.
+    """
+    part = reader.part(path)
+    if "range" in part:
+        low, high = part["range"]
+        reader.check_range(low, high, *path, "range")
+        lowest, highest, full_scale = unit.to_si(low), unit.to_si(high), (high - low) * unit.factor
+        signal = replace(signal, lowest=lowest, highest=highest, full_scale=full_scale)
+    signal = replace(signal, sensor=part.get("sensor", signal.sensor))
+    sensor = sensors.get(signal.sensor)
+    if sensor is None:
+        message = "there is no sensor class '{}'"
+        reader.knows((*path, "sensor"), sensors, "KB031", message, signal.sensor)
+    elif sensor.kind == "full scale" and signal.full_scale is None:
+        message = f"the class '{sensor.name}' needs the full scale of this sensor"
+        reader.report_key(path, "KB032", message, "add 'range: [0, ...]'")
+    elif sensor.kind == "value" and not sensor.unit.dimension.fits(signal.unit.dimension):
+        message = f"the class '{sensor.name}' is in {sensor.unit.text}, not in {signal.unit.text}"
+        reader.report((*path, "sensor"), "KB033", message, "take a class for this quantity")
+    return signal
 
 
 def check_value(reader: Reader, path: Path_, parameter: Parameter) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from rulec_runtime.contract.ruleset import ColumnMap
 from rulec_runtime.output.nearest import did_you_mean
 
 from rulec.knowledge.check_knowledge import check_knowledge
-from rulec.knowledge.check_module import check_value
+from rulec.knowledge.check_module import check_value, with_sensor
 from rulec.knowledge.file_form import file_form, time_title
 from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
@@ -100,6 +101,7 @@ class _PlantReader(Reader):
                 others = self.types - {part["type"]}
                 self.knows((*path, "type"), others, "KB070", message, part["type"])
                 continue
+            kind = self._with_sensors(path, part, kind)
             parameters = {**kind.parameters, **_values(self, path, part, kind)}
             typical = {
                 s.name: s.reference for s in kind.signals.values() if s.reference is not None
@@ -119,6 +121,20 @@ class _PlantReader(Reader):
                 reference=typical,
             )
         return result
+
+    def _with_sensors(self, path: Path_, part: Mapping[str, Any], kind: ModuleType) -> ModuleType:
+        """The type with the sensors that the plant states for an instance."""
+        if "signals" not in part:
+            return kind
+        signals = dict(kind.signals)
+        for key, own in part["signals"].items():
+            where = (*path, "signals", key)
+            if _has_signal(self, where, kind):
+                signal = signals[key]
+                unit = self.unit(*where, "unit") if "unit" in own else signal.unit
+                _check_unit(self, where, unit, signal.unit, "KB073")
+                signals[key] = with_sensor(self, where, signal, unit, self.knowledge.sensors)
+        return replace(kind, signals=signals, instruments=json.dumps(part["signals"]))
 
     def calibrate(self, modules: dict[str, Module], document: Document) -> dict[str, Module]:
         result, reader = dict(modules), self.reader_of(document)
@@ -247,9 +263,17 @@ class _PlantReader(Reader):
                 reader.knows(path, known, "KB085", "this plant has no signal '{}'")
                 continue
             _check_unit(reader, path, unit, signals[signal].unit, "KB086")
-            factor = float(part.get("scale", 1)) * unit.factor
-            offset = float(part.get("offset", 0)) * unit.factor + unit.offset
-            result.append(ColumnMap(key, part["from"], factor, offset))
+            result.append(_column(key, part, unit, 1.0))
+            if "minus" in part:
+                where = (*path, "minus")
+                other = reader.unit(*where, "unit") if "unit" in part["minus"] else unit
+                _check_unit(reader, where, other, unit, "KB086")
+                result.append(_column(key, part["minus"], other, -1.0))
+                sensor = self.knowledge.sensors[signals[signal].sensor]
+                if sensor.kind == "reading":
+                    message = f"the class '{sensor.name}' is a share of what one sensor shows"
+                    hint = "state another in plant.yaml, under 'signals' of the module"
+                    reader.report_key(where, "KB128", message, hint)
         return tuple(result), time_column
 
     def time_zone(self, document: Document | None) -> str:
@@ -262,6 +286,13 @@ class _PlantReader(Reader):
             hint = did_you_mean(zone, known)
             reader.report(path, "KB124", f"there is no time zone '{zone[:40]}'", hint)
         return zone
+
+
+def _column(signal: str, part: Mapping[str, Any], unit: Unit, sign: float) -> ColumnMap:
+    """A column in a unit that is a reading (`sign` 1), or is subtracted from one (-1)."""
+    factor = float(part.get("scale", 1)) * unit.factor
+    offset = float(part.get("offset", 0)) * unit.factor + unit.offset
+    return ColumnMap(signal, part["from"], sign * factor, sign * offset)
 
 
 def _values(

@@ -129,7 +129,7 @@ def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagno
     if low is not None and high is not None and not low <= value <= high:
         message = f"the typical reading {part:g} lies outside of the range of '{signal.name}'"
         hint = f"the range is {shown(low):g} to {shown(high):g} {signal.unit.text}"
-        hint += "; for another sensor write a type of its own"
+        hint += f"; a plant with another sensor says 'signals: {{{signal.name}: {{range: ...}}}}'"
     elif least is not None and value < least:
         message = f"the typical reading {part:g} lies below the minimum of '{signal.name}'"
         hint = f"below {shown(least):g} {signal.unit.text} nothing is judged"

@@ -29,9 +29,9 @@ class Signal:
     quantity: str
     unit: Unit
     sensor: str
-    full_scale: float | None
-    lowest: float | None
-    highest: float | None
+    full_scale: float | None = None
+    lowest: float | None = None
+    highest: float | None = None
     minimum: float | None
     reference: float | None
     is_input: bool
@@ -239,7 +239,8 @@ class Regime:
 class ModuleType:
     """A maker's complete description of a module; definitions are in order of use.
 
-    `fluid` is the fluid whose properties its equations use, if any.
+    `fluid` is the fluid whose properties its equations use, if any; `instruments` is what a plant
+    states of the sensors of an instance, as text.
     """
 
     name: str
@@ -258,11 +259,14 @@ class ModuleType:
     states: Mapping[str, State] = field(default_factory=dict)
     readings: Mapping[str, Reading] = field(default_factory=dict)
     regimes: Mapping[str, Regime] = field(default_factory=dict)
+    instruments: str = ""
 
     @property
     def key(self) -> str:
-        """Key by which symbolic work is shared: the type, and its fluid if equations use it."""
-        return f"{self.name} with {self.fluid.name}" if self.fluid else self.name
+        """Key by which symbolic work is shared: the type, its fluid if equations use it, and the
+        sensors of the instance."""
+        parts = (self.name, self.fluid.name if self.fluid else "", self.instruments)
+        return " with ".join(filter(None, parts))
 
     @property
     def asks(self) -> tuple[str, ...]:

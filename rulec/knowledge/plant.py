@@ -1,7 +1,10 @@
 """An engineer's description of a plant, checked, in SI."""
 
+import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.ruleset import ColumnMap
@@ -61,6 +64,14 @@ class Plant:
     digest: str
     place: Place
     layers: tuple[tuple[Layer, str], ...] = ()
+
+    @cached_property
+    def _columns_of(self) -> Counter[str]:
+        return Counter(column.signal for column in self.columns)
+
+    def spread(self, signal: str) -> float:
+        """Uncertainty of a reading, relative to that of one sensor: of two columns that of two."""
+        return math.sqrt(max(1, self._columns_of[signal]))
 
     @property
     def signals(self) -> list[str]:

@@ -36,11 +36,11 @@ from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES
 
 
-def read_plant(path: Path, effects: bool = False) -> Sources:
+def read_plant(path: Path, effects: bool = False, new_map: bool = False) -> Sources:
     """Read a plant (folder or its plant.yaml) with all files it refers to.
 
-    Only a comparison with recordings needs `effects`; no ruleset depends on them. Raises `Refused`
-    with all mistakes of form in any file.
+    Only a comparison with recordings needs `effects`; no ruleset depends on them. With `new_map`
+    the column map need not exist yet. Raises `Refused` with all mistakes of form in any file.
     """
     file = plant_file(path)
     found: list[Diagnostic] = []
@@ -53,7 +53,8 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
         "fluid": {str(part["fluid"]) for part in (plant.data, *modules) if "fluid" in part},
     }
     columns = None
-    if "columns" in plant.data:
+    named = plant.data.get("columns")
+    if named is not None and not (new_map and not os.path.lexists(file.parent / named)):
         columns = _read_attached(plant, file, ("columns",), found)
     calibrations = tuple(_read_calibrations(plant, file, found))
     adjacency = _read_adjacency(plant, file, found)

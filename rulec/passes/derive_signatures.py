@@ -183,5 +183,6 @@ def reference_inputs(network: Network, reference: Mapping[str, float]) -> dict[s
         for signal in module.type.signals.values():
             sensor = plant.knowledge.sensors[signal.sensor]
             key = f"{module.name}.{signal.name}"
-            inputs[f"u:{key}"] = sensor.uncertainty(signal.full_scale, reference[key])
+            one = sensor.uncertainty(signal.full_scale, reference[key])
+            inputs[f"u:{key}"] = one * plant.spread(key)
     return inputs

@@ -141,7 +141,7 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
         factor=signal.unit.factor,
         offset=signal.unit.offset,
         kind=sensor.kind,
-        standard=sensor.standard,
+        standard=sensor.standard * plant.spread(f"{module.name}.{signal.name}"),
         full_scale=signal.full_scale,
         lowest=signal.lowest,
         highest=signal.highest,

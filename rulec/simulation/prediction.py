@@ -1,6 +1,7 @@
 """The prediction of a model for a recording, and as a file."""
 
 import csv
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
@@ -102,18 +103,20 @@ def rewrite(
     """Write a file's rows with the readings of some signals; NaN becomes an empty cell.
 
     `values` holds an array per signal, shape (rows of the file,), SI. A signal without a column
-    gets one after the others, under its foreign name if the plant knows one.
+    gets one after the others, under its foreign name if the plant knows one. So does a difference
+    of columns, which stay as recorded.
     """
     with opened_sheet(file.path, form_of(ruleset)) as sheet:
         writer = csv.writer(target, delimiter=sheet.separator, lineterminator="\n")
         header = [with_unit(t, u) for t, u in zip(sheet.titles, sheet.units, strict=True)]
         replaced: dict[int, Iterable[str]] = {}
+        columns_of = Counter(column.signal for column in file.header.targets)
         for column in file.header.targets:
-            if column.signal in values and column.index not in replaced:
+            is_one = columns_of[column.signal] == 1
+            if column.signal in values and is_one and column.index not in replaced:
                 shown = (values[column.signal] - column.offset) / column.factor
                 replaced[column.index] = cells(shown, file.comma)
-        there = {column.signal for column in file.header.targets}
-        added = [name for name in values if name not in there]
+        added = [name for name in values if columns_of[name] != 1]
         for name in added:
             title, factor, offset = column_of(name, ruleset)
             replaced[len(header)] = cells((values[name] - offset) / factor, file.comma)
@@ -144,10 +147,10 @@ def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
 
 
 def column_of(name: str, ruleset: Ruleset) -> tuple[str, float, float]:
-    """Title of a signal's column; SI = number * factor + offset."""
-    for column in ruleset.columns:
-        if column.signal == name:
-            return column.column, column.factor, column.offset
+    """Title of a signal's column, its own if it has several; SI = number * factor + offset."""
+    mapped = [column for column in ruleset.columns if column.signal == name]
+    if len(mapped) == 1:
+        return mapped[0].column, mapped[0].factor, mapped[0].offset
     signal = ruleset.signal_by_id[name]
     return f"{name} [{signal.unit}]", signal.factor, signal.offset
 

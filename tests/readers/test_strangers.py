@@ -233,7 +233,7 @@ def mapped(abc: Ruleset, column_map: Path) -> Mapped:
     """The plant abc with a column map: a text, or what is proposed for a file."""
 
     def with_map(given: Path | str) -> Ruleset:
-        text = given if isinstance(given, str) else proposed(given, abc).text
+        text = given if isinstance(given, str) else proposed(given, abc, {}).text
         column_map.write_text(text, encoding="utf-8")
         found = run_passes(Compilation(path=column_map.parent), "plant").plant
         columns = (ColumnMap(c.signal, c.column, c.factor, c.offset) for c in found.columns)
@@ -406,7 +406,7 @@ def test_a_number_that_fits_two_conventions(
 
 def test_numbers_that_mean_missing(tmp_path: Path, mapped: Mapped, abc: Ruleset) -> None:
     file = write(tmp_path, SHEET.filled("A.dp", "-9999", 20, 30).text())
-    text = proposed(file, abc).text
+    text = proposed(file, abc, {}).text
     assert "missing: [-9999]" in text
     found = read_recording(file, mapped(text))
     assert [*range(20, 30)] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
@@ -433,7 +433,7 @@ def test_signals_are_known_by_their_words(tmp_path: Path, abc: Ruleset) -> None:
     """In titles of another spelling; what is left is listed, and so is what is missing."""
     head = ("Timestamp", *(f"PLANT1/{name.replace('.', '_').upper()}/PV" for name in NAMES[:-1]))
     sheet = Sheet((*head, "Batch"), SHEET.rows)
-    text = proposed(write(tmp_path, sheet.text()), abc).text
+    text = proposed(write(tmp_path, sheet.text()), abc, {}).text
     assert "A.P_el: {from: PLANT1/A_P_EL/PV, unit: W}  # the file names no unit" in text
     assert "# C.dp: {from: ..., unit: bar}" in text
     assert "# no signal: Batch" in text

@@ -76,7 +76,10 @@ class SignalSpec:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A column of a foreign file; SI = value * factor + offset."""
+    """A column of a foreign file; SI = value * factor + offset.
+
+    A signal with several columns is their sum; the factor of a subtracted one is negative.
+    """
 
     signal: str
     column: str

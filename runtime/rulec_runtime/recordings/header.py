@@ -1,11 +1,12 @@
 """Assign the columns of a recording to signals, with their units."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.output.plural import plural
@@ -19,7 +20,7 @@ SHOWN = 4
 
 @dataclass(frozen=True)
 class Target:
-    """A column that belongs to a signal: SI = number * factor + offset."""
+    """A column that belongs to a signal: SI = number * factor + offset, or a summand of it."""
 
     index: int
     signal: str
@@ -38,6 +39,14 @@ class Header:
     strangers: list[str] = field(default_factory=list)
 
 
+def summed(targets: Iterable[Target], parts: Iterable[Array]) -> dict[str, Array]:
+    """Readings by signal from those of its columns, each of shape (n,)."""
+    values: dict[str, Array] = {}
+    for target, part in zip(targets, parts, strict=True):
+        values[target.signal] = values[target.signal] + part if target.signal in values else part
+    return values
+
+
 def assign(
     path: Path,
     titles: Sequence[str],
@@ -54,10 +63,12 @@ def assign(
     """
     header = Header()
     foreign: dict[str, list[tuple[str, float, float]]] = {}
+    wanted: dict[str, list[str]] = {}
     for c in ruleset.columns:
         foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
+        wanted.setdefault(c.signal, []).append(c.column.strip())
     signals = ruleset.signal_by_id
-    source: dict[str, str] = {}
+    source: dict[str, dict[str, Target]] = {}
     bare: dict[str, str] = {}
     for index, title in enumerate(as_meant(t.strip()) for t in titles):
         name, unit = parts_of(title)
@@ -69,8 +80,9 @@ def assign(
                 unit = ""  # as in 'Time (UTC)'
             header.time, header.time_title, header.time_unit = index, title, unit or beside
             continue
-        if title in foreign or name in foreign:
-            meant = foreign.get(title) or foreign[name]
+        mapped = next((one for one in (title, name) if one in foreign), "")
+        if mapped:
+            meant = foreign[mapped]
             inside = beside or ("" if title in foreign else unit)
             _tell_other(path, title, inside, "the column map", meant[0][1:], ruleset, notes)
         elif name in signals:
@@ -94,13 +106,23 @@ def assign(
                 header.strangers.append(title)
             continue
         for signal, factor, offset in meant:
-            if signal in source:
+            before = source.setdefault(signal, {})
+            if before and (mapped in before or len(wanted.get(signal, ())) < 2):
+                first = titles[[*before.values()][-1].index].strip()
                 raise RecordingRefused(
-                    f"{path}: two columns hold {signal}: '{source[signal]}' and '{title}'; "
+                    f"{path}: two columns hold {signal}: '{first}' and '{title}'; "
                     "take one of them out"
                 )
-            source[signal] = title
-            header.targets.append(Target(index, signal, factor, offset))
+            before[mapped] = Target(index, signal, factor, offset)
+            header.targets.append(before[mapped])
+    for signal, found in source.items():
+        kept = [found[""]] if "" in found else []  # a column of its own counts, not the difference
+        lacking = [one for one in wanted.get(signal, ()) if one not in found]
+        if lacking and not kept:
+            there, lost = (" and ".join(f"'{c}'" for c in columns) for columns in (found, lacking))
+            notes.append(f"{path.name}: {signal} has no reading: {lost} is missing beside {there}")
+        if lacking or kept:
+            header.targets = [t for t in header.targets if t.signal != signal or t in kept]
     if bare:
         more = f" and {len(bare) - SHOWN} more" if len(bare) > SHOWN else ""
         assumed = ", ".join(f"{bare[t]} for '{t}'" for t in sorted(bare)[:SHOWN])
@@ -152,8 +174,9 @@ def _tell_other(
     """Note a unit in the file that differs from the one that counts."""
     if not beside:
         return
-    found = parse_unit(beside, ruleset.units)
-    if found is None or not np.allclose((found.factor, found.offset), conversion, rtol=1e-9):
+    found, sign = parse_unit(beside, ruleset.units), np.sign(conversion[0])
+    said = tuple(sign * part for part in conversion)  # as a subtracted column has it
+    if found is None or not np.allclose((found.factor, found.offset), said, rtol=1e-9):
         notes.append(
             f"{path.name}: the file says that '{title}' is in '{beside[:40]}', and {counts} says "
             f"otherwise; {counts} counts"

@@ -19,7 +19,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import file_and_table, is_there, opened_sheet
-from rulec_runtime.recordings.header import assign, result_of
+from rulec_runtime.recordings.header import assign, result_of, summed
 from rulec_runtime.recordings.plant_calendar import Calendar, calendar_of
 from rulec_runtime.recordings.recording_file import form_of
 from rulec_runtime.recordings.time_column import read_times
@@ -81,10 +81,8 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
     title, unit = header.time_title, header.time_unit
     zone, form = ruleset.time_zone, form_of(ruleset)
     time, zones = read_times(path, table.raw[0], title, unit, ruleset.units, zone, notes, form)
-    values = {
-        target.signal: column.numbers() * target.factor + target.offset
-        for target, column in zip(header.targets, table.columns, strict=True)
-    }
+    pairs = zip(header.targets, table.columns, strict=True)
+    values = summed(header.targets, (c.numbers() * t.factor + t.offset for t, c in pairs))
     lengths, samples = values.pop(SECONDS), values.pop(SAMPLES)
     usable = np.isfinite(time) & (lengths >= 0.0) & (samples >= 1.0)
     if not usable.any():

@@ -1,5 +1,6 @@
 """A recording: readings over time, in SI, with remarks on their flaws."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
@@ -48,7 +49,7 @@ class Recording:
         are unknown.
     clock : when, and by how much, the clock of the logger was set during the recording.
     unfit : per signal why readings were removed; None before the check.
-    scales : per signal how the numbers of its column were read: SI = number * factor + offset.
+    scales : how the numbers of a signal with one column were read: SI = number * factor + offset.
     calendar : the date of time 0, if the file has dates.
     sources : names of the recordings that it joins, in the order given; empty for a single one.
     source : shape (n,), the number of the recording of each row; None for a single one.
@@ -208,6 +209,8 @@ def _in_time(file: RecordingFile, notes: list[str]) -> Recording:
         time = copied(time - start)
         clock = tuple(replace(c, time=c.time - start) for c in clock)
         calendar = calendar_of(time, start, zones)
+    targets = file.header.targets
+    columns_of = Counter(target.signal for target in targets)
     return Recording(
         time=time,
         values=columns,
@@ -216,7 +219,7 @@ def _in_time(file: RecordingFile, notes: list[str]) -> Recording:
         notes=(),
         left_out=tuple(lost),
         clock=clock,
-        scales={t.signal: (t.factor, t.offset) for t in file.header.targets},
+        scales={t.signal: (t.factor, t.offset) for t in targets if columns_of[t.signal] == 1},
         calendar=calendar,
     )
 

@@ -27,7 +27,7 @@ from rulec_runtime.recordings.formats import (
     is_called_recording,
     opened_sheet,
 )
-from rulec_runtime.recordings.header import Header, Target, assign, foreign
+from rulec_runtime.recordings.header import Header, Target, assign, foreign, summed
 from rulec_runtime.recordings.table import Dates, Table
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
@@ -123,12 +123,15 @@ def _file(
         if header.targets:
             raise
         raise foreign(str(path), ruleset) from None  # a foreign file is not quoted
-    values = dict[str, Array]()
+    parts = list[Array]()
     for column, target in zip(table.columns, header.targets, strict=True):
-        values[target.signal], remarks = readings_of(column, target, ruleset)
+        part, remarks = readings_of(column, target, ruleset)
+        parts.append(part)
         notes += (f"{path.name}: {text}" for _, text in remarks)
-        if not np.isfinite(values[target.signal]).any():
-            notes.append(f"{path.name}: {target.signal} has not one reading")
+    values = summed(header.targets, parts)
+    for signal, readings in values.items():
+        if not np.isfinite(readings).any():
+            notes.append(f"{path.name}: {signal} has not one reading")
     return RecordingFile(
         path=path,
         header=header,

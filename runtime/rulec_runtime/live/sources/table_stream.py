@@ -35,7 +35,7 @@ from rulec_runtime.recordings.csv_table import (
     refuse_words,
 )
 from rulec_runtime.recordings.dates import ZoneClock
-from rulec_runtime.recordings.header import Header, Target, assign, foreign
+from rulec_runtime.recordings.header import Header, Target, assign, foreign, summed
 from rulec_runtime.recordings.limits import FEW_TEXTS
 from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording_file import form_of, readings_of, times_of
@@ -186,12 +186,12 @@ class TableStream:
             return list(found)
         first = [] if self._begun else self._connected(header, float(time[newer][0]))
         self._begun = True
-        values, odd = {}, []
+        parts, odd = list[Array](), list[Notice]()
         for target in header.targets:
             numbers, remarks = self._readings(head, target, rows)
-            values[target.signal] = numbers[newer]
+            parts.append(numbers[newer])
             odd += remarks
-        return [*first, *odd, *found, Rows(time[newer], values)]
+        return [*first, *odd, *found, Rows(time[newer], summed(header.targets, parts))]
 
     def _settle(self, head: TableHead, rows: list[list[str]]) -> None:
         """How each column writes numbers, by the first rows."""

@@ -1,0 +1,138 @@
+"""A plant engineer describes a plant of shipped types as its sheets and its tags have it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from rulec.cli import main
+from rulec.passes.pipeline import compile_plant
+from tests.written import json_of, read_columns, write_columns, write_plant
+
+PSI = 6894.757293168
+"""Pa."""
+
+DIFFERENCE = "pump.dp: {{from: PI-102, unit: psi, minus: {{from: PI-101, unit: mbar}}}}"
+MAP = "columns:\n  {}\n  " + DIFFERENCE + "\n"
+TIME = 'time: {from: "t [s]", unit: s}'
+
+
+def signal_of(folder: Path, name: str = "pump.dp") -> Any:
+    return compile_plant(folder).signal_by_id[name]
+
+
+@pytest.fixture
+def plant(tmp_path: Path) -> Path:
+    """A pump with a gauge before and one behind it."""
+    folder = write_plant(
+        tmp_path / "plant", {"pump": "metered-centrifugal"}, columns="columns.yaml"
+    )
+    (folder / "columns.yaml").write_text(MAP.format(TIME), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> dict[str, Any]:
+    """Columns of a healthy recording of the type itself, with the difference as one."""
+    own = write_plant(tmp_path / "own", {"pump": "metered-centrifugal"})
+    speed, flow = np.repeat((2650.0, 2500.0), 30), np.repeat((700.0, 600.0), 30)
+    given = {"t [s]": np.arange(60), "pump.n [rpm]": speed, "pump.Q [l/h]": flow}
+    inputs, file = write_columns(tmp_path / "inputs.csv", given), tmp_path / "one.csv"
+    assert main(["simulate", str(own), str(inputs), "-o", str(file), "--noise", "1"]) == 0
+    return read_columns(file)
+
+
+def two_gauges(recorded: dict[str, Any], *without: str) -> dict[str, Any]:
+    """The same with the pressures before and behind the pump instead of their difference."""
+    found = dict(recorded)
+    dp, before = found.pop("pump.dp [bar]"), 0.3 + 0.1 * np.sin(np.arange(60) / 9)
+    found |= {"PI-101": 1000 * before, "PI-102": (dp + before) * 1e5 / PSI}
+    return {title: column for title, column in found.items() if title not in without}
+
+
+def test_a_plant_states_its_own_transmitter(tmp_path: Path) -> None:
+    """Range and class of one instance; other instances, and what is not stated, remain."""
+    stated = "metered-centrifugal, signals: {dp: {range: [0, 300], unit: psi}}"
+    folder = write_plant(tmp_path / "plant", {"pump": stated, "other": "metered-centrifugal"})
+    pump, other = (signal_of(folder, f"{name}.dp") for name in ("pump", "other"))
+    assert pump.full_scale == pump.highest == pytest.approx(300 * PSI)
+    assert pump.standard == other.standard
+    assert other.highest < pump.highest
+    stated = "metered-centrifugal, signals: {dp: {sensor: process-pressure}}"
+    folder = write_plant(tmp_path / "plant", {"pump": stated})
+    worse = signal_of(folder)
+    assert worse.highest == other.highest
+    assert worse.standard == pytest.approx(5 * other.standard)
+
+
+def test_a_wrong_transmitter_is_refused_at_its_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stated = "dp: {range: [16, 0], sensor: resistance-thermometer}, p: {range: [0, 1]}"
+    folder = write_plant(tmp_path, {"pump": f"metered-centrifugal, signals: {{{stated}}}"})
+    assert main(["check", str(folder)]) == 1
+    text = capsys.readouterr().out
+    assert [code in text for code in ("KB055", "KB033", "KB071")] == [True] * 3
+
+
+def test_a_column_may_be_the_difference_of_two_gauges(
+    plant: Path, tmp_path: Path, recorded: dict[str, Any]
+) -> None:
+    one = write_columns(tmp_path / "one.csv", recorded)
+    two = write_columns(tmp_path / "two.csv", two_gauges(recorded))
+    told = json_of("diagnose", plant, two)
+    assert told["status"] == json_of("diagnose", plant, one)["status"] == "ok"
+    assert told["judged"] >= 58
+    # Two gauges are as uncertain as two gauges.
+    single = signal_of(write_plant(tmp_path / "single", {"pump": "metered-centrifugal"}))
+    assert signal_of(plant).standard == pytest.approx(2**0.5 * single.standard)
+
+
+def test_one_gauge_of_two_is_no_reading(
+    plant: Path, tmp_path: Path, recorded: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = write_columns(tmp_path / "two.csv", two_gauges(recorded, "PI-101"))
+    assert main(["diagnose", str(plant), str(file)]) == 3
+    text = " ".join(capsys.readouterr().out.split())
+    assert "pump.dp has no reading: 'PI-101' is missing beside 'PI-102'" in text
+
+
+def test_a_prediction_leaves_the_two_gauges_as_they_are(
+    plant: Path, tmp_path: Path, recorded: dict[str, Any]
+) -> None:
+    file, out = write_columns(tmp_path / "two.csv", two_gauges(recorded)), tmp_path / "out.csv"
+    assert main(["simulate", str(plant), str(file), "-o", str(out)]) == 0
+    before, after = read_columns(file), read_columns(out)
+    assert after["PI-102"] == pytest.approx(before["PI-102"])
+    assert after["pump.dp [bar]"] == pytest.approx(recorded["pump.dp [bar]"], rel=0.02)
+    assert json_of("diagnose", plant, out)["status"] == "ok"
+
+
+def test_a_proposed_map_keeps_what_the_plant_says(
+    plant: Path, tmp_path: Path, recorded: dict[str, Any]
+) -> None:
+    """A difference, a scale, a zone: no file shows them."""
+    file, new = write_columns(tmp_path / "two.csv", two_gauges(recorded)), tmp_path / "new.yaml"
+    time = 'time: {from: "t [s]", unit: s, zone: Europe/Berlin}'
+    (plant / "columns.yaml").write_text(
+        MAP.format(time) + '  pump.Q: {from: "pump.Q [l/h]", unit: l/h, scale: 2}\n',
+        encoding="utf-8",
+    )
+    assert main(["check", str(plant), str(file), "--write-map", str(new)]) == 0
+    stated, proposed = (
+        yaml.safe_load(f.read_text(encoding="utf-8"))["columns"]
+        for f in (plant / "columns.yaml", new)
+    )
+    assert stated.items() <= proposed.items()
+    assert proposed["pump.n"] == {"from": "pump.n [rpm]", "unit": "rpm"}
+
+
+def test_a_map_may_be_written_to_the_file_that_the_plant_already_names(
+    plant: Path, tmp_path: Path, recorded: dict[str, Any]
+) -> None:
+    file, map_ = write_columns(tmp_path / "one.csv", recorded), plant / "columns.yaml"
+    map_.unlink()
+    assert main(["check", str(plant), str(file), "--write-map", str(map_)]) == 0
+    assert main(["check", str(plant), str(file)]) == 0
