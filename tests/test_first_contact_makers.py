@@ -136,3 +136,47 @@ def test_a_map_may_be_written_to_the_file_that_the_plant_already_names(
     map_.unlink()
     assert main(["check", str(plant), str(file), "--write-map", str(map_)]) == 0
     assert main(["check", str(plant), str(file)]) == 0
+
+
+SCREW = """
+module: screw
+version: 1
+title: Screw pump
+signals:
+  n:  {quantity: rotational speed, unit: rpm, sensor: converter-speed, input: true, reference: 1450}
+  dp: {quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 16],
+       input: true, reference: 6}
+  T:  {quantity: temperature, unit: degC, sensor: resistance-thermometer, input: true,
+       reference: 40}
+  Q:  {quantity: volume flow, unit: l/min, sensor: small-flow-meter, range: [0, 200],
+       reference: 100}
+parameters:
+  V:  {value: 75, unit: ml/rev, u: 1, source: sheet}
+  C:  {value: 1, unit: l/min/bar, u: 0.1, source: sheet}
+  mu: {value: 40, unit: mPas, u: 0, fit: false, source: sheet}
+observers:
+  pump: {component: pump, Q: n*V - C*dp*mu/viscosity(T), accuracy: "5 %, sheet", source: sheet}
+  flow: {component: pump, Q: Q, reference: true, source: meter}
+"""
+
+
+@pytest.mark.parametrize(
+    ("written", "wrong", "told"),
+    [
+        ("mu/viscosity(T)", "mu/(viscosity(T) - viscosity(T))", ["KB041"]),
+        ("75, unit: ml/rev", "75, unit: l/rev", ["KB088", "is 'l/rev' the right unit?"]),
+        ("1, unit: l/min/bar", "100, unit: l/min/bar", ["backwards"]),
+        ("75", "75", ["no mistakes\n"]),
+    ],
+)
+def test_a_type_that_asks_for_viscosity_is_checked_with_the_fluid_of_the_plant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], written: str, wrong: str, told: list[str]
+) -> None:
+    """What compile refuses check reports, with what may explain it."""
+    folder = write_plant(tmp_path, {"pump": "screw"}, fluid="hydraulic-oil-46")
+    (folder / "kb" / "modules").mkdir(parents=True)
+    text = SCREW.replace(written, wrong)
+    (folder / "kb" / "modules" / "screw.yaml").write_text(text, encoding="utf-8")
+    main(["check", str(folder)])
+    shown = capsys.readouterr().out
+    assert [part in shown for part in told] == [True] * len(told)

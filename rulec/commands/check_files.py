@@ -6,7 +6,6 @@ from pathlib import Path
 
 from rulec.algebra.continuity import FlowGraph, flows_by_continuity
 from rulec.knowledge.check_knowledge import check_knowledge
-from rulec.knowledge.check_plant import check
 from rulec.knowledge.doubts import (
     doubts_of_balances,
     doubts_of_columns,
@@ -14,13 +13,15 @@ from rulec.knowledge.doubts import (
     doubts_of_redundancy,
     doubts_of_types,
 )
-from rulec.knowledge.read import read_all, read_files, read_plant
+from rulec.knowledge.read import read_all, read_files
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.read_yaml import Document
-from rulec.passes.derive_residuals import Residual, derive_residuals
-from rulec.passes.link import link, observed_through_states
+from rulec.passes.derive_residuals import Residual
+from rulec.passes.link import observed_through_states
+from rulec.passes.pipeline import run_passes
 from rulec.passes.put_balances import dynamics_of
+from rulec.passes.types import Compilation
 
 
 def collect(paths: list[Path]) -> list[Diagnostic]:
@@ -56,11 +57,11 @@ def _knowledge_doubts(sources: Sources) -> Iterable[Diagnostic]:
 
 
 def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
-    plant = check(read_plant(Path(document.path)))
-    network = link(plant)
+    """Doubts about a plant, and what only the later passes of the compiler refuse."""
+    models = run_passes(Compilation(path=Path(document.path)), "residuals")
+    plant, network, residuals = models.plant, models.network, models.residuals
     if network.stores:
         dynamics_of(network, {name: [] for name in plant.modules})
-    residuals = derive_residuals(network)
     apart = [(r.module, r.terms) for r in residuals if len({*_modules_of(r)}) > 1]
     doubts = [*doubts_of_plant(document, plant), *doubts_of_balances(document, plant, apart)]
     doubts += doubts_of_columns(document, plant, partial(_same_flow, network.graph))
@@ -72,6 +73,10 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
     if unused:
         types = check_knowledge(read_all(Path(document.path))).modules.values()
         doubts += doubts_of_redundancy(document, plant, [m.name for m in unused], types)
+    try:
+        run_passes(models, "signatures")
+    except Refused as refused:
+        doubts += refused.diagnostics  # the doubts may explain them
     return doubts
 
 

@@ -52,7 +52,7 @@ def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
         for signal in stated.get("reference", {}):
             path = ("modules", name, "reference", signal)
             yield from _outside(document, path, module.type.signals[signal])
-        if not {"parameters", "reference"} & stated.keys():
+        if not ({"parameters", "reference"} & stated.keys() or module.type.fluid):
             continue  # any doubt is then about the type
         far = _far_estimates(module.type, module.stated, module.reference)
         for parameter, message, hint in far:
