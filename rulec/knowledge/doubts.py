@@ -8,13 +8,23 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import combinations, product
 
+import numpy as np
+
 from rulec.knowledge.knowledge import Knowledge
-from rulec.knowledge.limits import ALIKE_ESTIMATES, FAR_ESTIMATES, MISREAD_FACTORS, MOST_INSTRUMENTS
+from rulec.knowledge.limits import (
+    ALIKE_ESTIMATES,
+    FAR_ESTIMATES,
+    MISREAD_FACTORS,
+    MOST_INSTRUMENTS,
+    SAME_LAW,
+    SAME_LAW_DRAWS,
+)
 from rulec.knowledge.module_type import ENDS, ModuleType, Observer, Parameter, Signal
 from rulec.knowledge.plant import Plant
 from rulec.knowledge.values_at import values_at
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.read_yaml import Document, Path_
+from rulec.language.units import PROPERTIES
 from rulec.limits import ASSUMED_ACCURACY
 
 Values = Mapping[str, float]
@@ -38,6 +48,10 @@ def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iter
             message = f"law '{path[-1]}' states no accuracy; {assumed} is assumed"
             hint = f'add accuracy: "{assumed}, SOURCE", or what is known of it'
             yield Diagnostic(document.key(*path), "KB143", message, hint, doubt=True)
+        for one, other in _same_laws(kind, reference):
+            message = f"'{other}' is the same law as '{one}': both always agree, whatever happens"
+            hint = "leave one out, or let it read another sensor"
+            yield Diagnostic(document.key("observers", other), "KB147", message, hint, doubt=True)
         for name in unread(kind):
             message = f"no estimate reads '{name}': nothing ever shows its faults"
             hint = "read it in an equation, or leave its faults out"
@@ -87,7 +101,7 @@ def doubts_of_redundancy(
 def doubts_of_columns(
     document: Document, plant: Plant, same_flow: Callable[[str], Iterable[str]]
 ) -> Iterator[Diagnostic]:
-    """Columns that several modules of one flow read, where one would do.
+    """Columns that several modules of one flow read, where one would do, or in laws.
 
     `same_flow` lists the modules whose flow is that of another by continuity. A module reads a
     meter for nothing else if only reference observers use it.
@@ -100,13 +114,22 @@ def doubts_of_columns(
         spare = [one for one in several if _only_reference(plant.modules[one[0]].type, one[1])]
         first = next((one for one in several if one not in spare), several[0])
         others = [one for one in spare if one != first and one[0] in same_flow(first[0])]
-        if others:
-            kept, given = ".".join(first), " and ".join(map(".".join, others))
+        laws = [one for one in several if one not in spare and one[1] in _used(plant, one[0])]
+        given = " and ".join(map(".".join, others or laws[1:]))
+        if given:
+            kept = ".".join(first if others else laws[0])
             message = (
                 f"'{title}' is {kept} and also {given}; rulec then finds no error of this meter"
             )
-            hint = f"leave {given} out of the map: the flow follows from {first[0]}"
+            hint = f"if it reads wrong, errors of {kept} and {given} may be reported instead"
+            if others:
+                hint = f"leave {given} out of the map: the flow follows from {first[0]}"
             yield Diagnostic(document.key("columns"), "KB146", message, hint, doubt=True)
+
+
+def _used(plant: Plant, module: str) -> set[str]:
+    """What the estimates and the balances of a module read."""
+    return plant.modules[module].type.reached("observers", "states", "readings")
 
 
 def _only_reference(kind: ModuleType, signal: str) -> bool:
@@ -208,6 +231,20 @@ def _no_flows(
             why = "a root, logarithm or division fails there; " if fails else ""
             hint = f"{why}check signs, the units of parameters, and the references of signals"
             yield name, f"at the typical readings '{name}' {what}", hint
+
+
+def _same_laws(kind: ModuleType, reference: Values) -> Iterator[tuple[str, str]]:
+    """Pairs of observers that agree at any readings, parameters and properties of the liquid."""
+    random, draws = np.random.default_rng(0), list[dict[str, float]]()
+    for _ in range(SAME_LAW_DRAWS):
+        given = {p.name: p.value or p.u or 1.0 for p in kind.parameters.values()}
+        given |= {name: reference.get(name) or 1.0 for name in (*kind.signals, *PROPERTIES)}
+        drawn = {name: value * random.uniform(0.9, 1.1) for name, value in given.items()}
+        draws.append(values_at(kind, drawn))
+    for one, other in combinations(kind.observers, 2):
+        pairs = [(d.get(one, math.nan), d.get(other, math.nan)) for d in draws]
+        if all(math.isclose(*pair, rel_tol=SAME_LAW) for pair in pairs):
+            yield one, other
 
 
 def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, float] | None:

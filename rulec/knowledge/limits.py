@@ -37,6 +37,9 @@ MOST_INSTRUMENTS = 2
 ALIKE_ESTIMATES = 5.0
 """Ratio of estimates at the typical readings that counts as agreement. Origin: assumed."""
 
+SAME_LAW, SAME_LAW_DRAWS = 1e-9, 5
+"""Two estimates that differ by less at so many random points are one law. Origin: numerical."""
+
 MISREAD_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 1 / 60, 60.0, 1 / 3600, 3600.0)
 """What a parameter in another unit would be off by: prefixes, minutes and hours. Origin: standard
 (SI)."""
