@@ -180,3 +180,27 @@ def test_a_type_that_asks_for_viscosity_is_checked_with_the_fluid_of_the_plant(
     main(["check", str(folder)])
     shown = capsys.readouterr().out
     assert [part in shown for part in told] == [True] * len(told)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "hint"),
+    [
+        ("level", "in", "did you mean 'inch'?"),
+        ("level", "lbs", "the spellings are in"),
+        ("pressure difference", "psid", "did you mean 'psi'?"),
+        ("pressure difference", "inH2O", ""),
+    ],
+)
+def test_only_units_of_the_quantity_are_proposed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], quantity: str, unit: str, hint: str
+) -> None:
+    """Not minutes for a level in inches."""
+    text = f"module: own\nversion: 1\ntitle: T\nsignals:\n  a: {{quantity: {quantity}, "
+    text += f"unit: {unit}, sensor: level-transmitter, range: [0, 1]}}\n"
+    text += "  Q: {quantity: volume flow, unit: gpm, sensor: magnetic-inductive}\n"
+    text += "observers: {flow: {component: line, Q: Q, reference: true, source: meter}}\n"
+    (tmp_path / "own.yaml").write_text(text, encoding="utf-8")
+    main(["check", str(tmp_path)])
+    shown = capsys.readouterr().out
+    assert (hint or "no mistakes") in shown
+    assert ("KB050" in shown) == bool(hint)

@@ -90,14 +90,18 @@ class Reader:
             self.report_key(path, code, text, hint)
         return False
 
-    def unit(self, *path: str | int) -> Unit:
-        """The unit at a path; an unknown one is reported and then fits every dimension."""
+    def unit(self, *path: str | int, dimension: Dimension = UNKNOWN) -> Unit:
+        """The unit at a path; an unknown one is reported and then fits every dimension.
+
+        Only units of the dimension, if it is known, are proposed instead.
+        """
         text = self.part(path)
         try:
             return self.units.parse(text)
         except ValueError as error:
             name = str(error)
-        near, plain = nearest(name, self.units.units), plain_text(text)
+        fitting = [n for n, u in self.units.units.items() if u.dimension.fits(dimension)]
+        near, plain = nearest(name, fitting if name == text else self.units.units), plain_text(text)
         hint = f"did you mean '{near}'?" if near else _SPELLINGS
         with contextlib.suppress(ValueError):
             hint = f"write '{self.units.parse(plain).text}'"
@@ -110,7 +114,7 @@ class Reader:
 
     def unit_of(self, dimension: Dimension, what: str, *path: str | int) -> Unit:
         """The unit at a path; a wrong dimension is reported, and the unit then fits every one."""
-        unit = self.unit(*path)
+        unit = self.unit(*path, dimension=dimension)
         if unit.dimension.fits(dimension):
             return unit
         message = f"'{unit.text}' is not a unit of {what}"
