@@ -211,4 +211,6 @@ def _lacks(kind: ModuleType, laws: Sequence[Law], readings: Mapping[str, Array])
         units = [f"{n} [{kind.signals[n].unit.text}]" for n in sorted(law.reads - readings.keys())]
         what = f"lacks {', '.join(units)}" if units else "lacks a column of what it gives"
         reasons.append(f"{law.name} {what}")
-    return "; ".join(reasons) + ". The sheet gives " + (", ".join(readings) or "nothing of these")
+    gives = ", ".join(readings) or "nothing of these"
+    hint = "name a reading that is the same at all points with --at, as in --at 'n=2900 rpm'"
+    return f"{'; '.join(reasons)}. The sheet gives {gives}; {hint}"

@@ -172,9 +172,12 @@ def _derived(
         readings[name] = density * g * head.values
         notes.append(f"{name} from column '{one_line(head.name)[:40]}', times density and g")
     flow, pressure = known(VOLUME_FLOW), known(_PRESSURE)
-    efficiency, power = column(NONE, "efficiency"), column(_POWER)
+    efficiency, power, brake = column(NONE, "efficiency"), column(_POWER), column(_POWER, "shaft")
     shaft, origin = None if power is None else power.values, ""
-    if shaft is None and efficiency and flow is not None and pressure is not None:
+    if shaft is None and brake is not None:
+        shaft, title = brake.values, one_line(brake.name)[:40]
+        origin = f"power at the shaft, from column '{title}'; its drive draws more"
+    elif shaft is None and efficiency and flow is not None and pressure is not None:
         with np.errstate(all="ignore"):
             shaft = np.where(efficiency.values > 0.0, flow * pressure / efficiency.values, np.nan)
         origin = "power at the shaft, from flow, head and efficiency; without flow it says nothing"

@@ -8,6 +8,7 @@ import pytest
 import xlsxwriter
 import yaml
 
+from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.passes.pipeline import compile_plant
 from tests.written import json_of, write_plant
@@ -108,7 +109,10 @@ def test_power_at_the_shaft_is_not_silently_that_of_the_motor(tmp_path: Path) ->
     """A sheet without electric power says from where the reading of power was taken."""
     titles, *points = rows()
     for kept, told in (
-        ("Q [m3/h],H [m],P2 [kW],n [rpm]", "P_el, electric power, from column 'P2'"),
+        (
+            "Q [m3/h],H [m],P2 [kW],n [rpm]",
+            "P_el taken as the power at the shaft, from column",
+        ),
         ("Q [m3/h],H [m],eta [%],n [rpm]", "P_el taken as the power at the shaft, from flow,"),
     ):
         columns = [titles.index(title) for title in kept.split(",")]
@@ -160,3 +164,17 @@ def test_titles_swapped_leave_the_tolerance(tmp_path: Path, capsys: Any) -> None
     assert "two columns swapped" in " ".join(capsys.readouterr().out.split())
     imported(tmp_path, file, "--columns", titles, "--force", "--at", "h0=90 bar")
     assert {("KB140", True)} == {(d.code, d.doubt) for d in collect([target])}
+
+
+def test_electric_power_is_taken_before_that_of_the_shaft(tmp_path: Path) -> None:
+    file = written(tmp_path, NB)
+    titles = "Q [m3/h],H [m],,P2 [kW],P1 [kW],,n [rpm]"
+    found = imported(tmp_path, file, "--columns", titles, "--at", "n0=2950 rpm")
+    assert ["P_el, electric power, from column 'P1'"] == [n for n in found["notes"] if "P_el" in n]
+
+
+def test_a_missing_speed_is_asked_for(tmp_path: Path, capsys: Any) -> None:
+    file, titles = written(tmp_path, NB), "Q [m3/h],H [m],,,,,"
+    call = ["import", "curve", file, "--type", TYPE, "--columns", titles]
+    assert main([*call, "-o", str(tmp_path / "own.yaml")]) == 1
+    assert "--at 'n=2900 rpm'" in " ".join(capsys.readouterr().err.split())
