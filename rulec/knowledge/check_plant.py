@@ -306,7 +306,7 @@ def _values(
             reader.knows(where, kind.parameters, "KB072", f"'{kind.name}' has no parameter '{{}}'")
             continue
         unit = reader.unit(*where, "unit")
-        declared = f"declared in {stated.origin.file}:{stated.origin.line}"
+        declared = f"{stated.title}; declared in {stated.origin.file}:{stated.origin.line}"
         _check_unit(reader, where, unit, stated.unit, "KB073", declared)
         result[key] = replace(
             stated,
