@@ -101,3 +101,19 @@ def test_calibrate_sends_a_tank_to_the_command_that_fits_it(
     recording = recorded(tmp_path / "sound.csv", 0.0)
     assert 1 == main(["calibrate", str(plant), str(recording), "-o", str(tmp_path / "c.yaml")])
     assert "`rulec mismatch` fits the balances of tank" in capsys.readouterr().err
+
+
+@pytest.fixture
+def leaky(plant: Path) -> Path:
+    """The same, with a tank whose type knows leaks."""
+    file = plant / "kb" / "modules" / "day-tank.yaml"
+    file.write_text(TANK.replace("faults: [", "faults: [leak(inflow), stray-inflow(inflow), "))
+    return plant
+
+
+def test_a_leak_in_operation_is_told_in_litres_an_hour(leaky: Path, tmp_path: Path) -> None:
+    """It falls with the root of the level, from 0.67 to 0.39 m3/h here."""
+    (found,) = json_of("diagnose", leaky, recorded(tmp_path / "leak.csv", 0.5))["findings"]
+    assert "tank.leak" == found["fault"]
+    assert 390.0 < found["degree"] < 670.0
+    assert abs(found["since"] - 7200.0) < 300.0

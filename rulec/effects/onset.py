@@ -37,10 +37,12 @@ def beginning(law: Expression) -> Expression:
 
 def degree_unknown(id_: str, variant: Variant) -> Unknown:
     """The degree of a fault as an unknown."""
-    # A degree with a unit starts at a share of the range of its sensor.
-    start = (
-        START_DEGREE * variant.highest if variant.unit else min(START_DEGREE, variant.highest / 2)
-    )
+    usual, start = variant.usual, min(START_DEGREE, variant.highest / 2)
+    if variant.unit:
+        # At its usual size, or at a share of the range of its sensor.
+        start = START_DEGREE * variant.highest
+        if usual is not None and not usual.of_place:
+            start = usual.size
     return Unknown(
         id=id_,
         name="x",
@@ -51,7 +53,7 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
         lowest=float(variant.lowest),
         highest=float(variant.highest),
         starts=(start,),
-        usual=variant.usual,
+        usual=usual,
     )
 
 

@@ -303,8 +303,11 @@ class ModuleReader(Reader):
             fault = self.faults[name]
             what = {"flow": "component or flow without a law" if flows else "component"}
             where = what.get(fault.acts_on, fault.acts_on)
-            message = f"'{name}' acts on a {where}; '{{}}' is none of this module"
             known = targets[fault.acts_on]
+            if fault.acts_on == "flow" and fault.variants[0].unit:
+                # Estimates of a settled flow know shares of it only.
+                where, known = "flow without a law, of a module that stores", ends
+            message = f"'{name}' acts on a {where}; '{{}}' is none of this module"
             if not self.knows(path, known, "KB048", message, target, len(name) + 1):
                 continue
             if fault.acts_on == "signal" and self._has_no_sense(fault, kind.signals[target], path):

@@ -126,7 +126,8 @@ class Knowledge:
 # Faults that add to a reading: their degree has the unit of the signal they act on.
 #
 # The law of such a fault uses ``unit``, the size of one unit of the signal in SI. The range of its
-# degree is given in shares of the sensor's range, as no reading is off by more than that.
+# degree is given in shares of the sensor's range, as no reading is off by more than that. A fault
+# that adds to a flow states the unit, and the range in it.
 
 UNIT = "unit"
 
@@ -154,14 +155,19 @@ def for_signal(variant: Variant, signal: Signal | None, units: UnitTable) -> Var
     """A variant as it acts on one signal; unchanged if its degree is a share."""
     if signal is None or not any(name == UNIT for name, _ in variant.law.names()):
         return variant
-    size, shown = signal.unit.factor, units.difference(signal.unit)
-    span = (signal.full_scale or 0.0) / size
-    number = ast.Constant(int(size) if size.is_integer() else size)
-    law = written(replaced(variant.law.tree, {UNIT: number}))
+    shown = units.difference(signal.unit)
+    span = (signal.full_scale or 0.0) / signal.unit.factor
     return replace(
         variant,
-        law=law,
+        law=with_unit(variant.law, signal.unit),
         lowest=variant.lowest * span,
         highest=variant.highest * span,
         unit=shown.text,
     )
+
+
+def with_unit(law: Expression, unit: Unit) -> Expression:
+    """The law of a fault with the size of one unit put in, SI."""
+    size = unit.factor
+    number = ast.Constant(int(size) if size.is_integer() else size)
+    return written(replaced(law.tree, {UNIT: number}))
