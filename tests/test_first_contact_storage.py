@@ -111,6 +111,24 @@ def leaky(plant: Path) -> Path:
     return plant
 
 
+def stood(file: Path, litres: float) -> Path:
+    """A day without any flow, a row a minute: so many litres an hour leave the tank."""
+    time = np.arange(1440) * 60.0
+    level = 1.6 - litres * time / 3.6e6 / 3.14
+    noise = 0.002 * np.random.default_rng(5).standard_normal(len(time))
+    columns = {"feed.Q [m3/h]": 0.0 * time, "tank.L [m]": level + noise}
+    return write_columns(file, {"t [s]": time, **columns, "out.Q [m3/h]": 0.0 * time})
+
+
+def test_a_tank_that_loses_water_at_standstill_leaks(leaky: Path, tmp_path: Path) -> None:
+    """A share of a reading of zero is nothing: errors of the meters explain no 0.3 m in a day."""
+    (found,) = json_of("diagnose", leaky, stood(tmp_path / "night.csv", 40.0))["findings"]
+    assert ("tank.leak", "l/h") == (found["fault"], found["unit"])
+    assert found["lower"] <= 40.0 <= found["upper"] < 60.0
+    calm = json_of("diagnose", leaky, stood(tmp_path / "calm.csv", 0.0))
+    assert [] == [*calm["findings"], *calm["unknown"]]
+
+
 def test_a_leak_in_operation_is_told_in_litres_an_hour(leaky: Path, tmp_path: Path) -> None:
     """It falls with the root of the level, from 0.67 to 0.39 m3/h here."""
     (found,) = json_of("diagnose", leaky, recorded(tmp_path / "leak.csv", 0.5))["findings"]

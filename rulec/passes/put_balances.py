@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import sympy
 from rulec_runtime.contract.ruleset import Dynamics, StateSpec
 
-from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
+from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, Variant
 from rulec.knowledge.module_type import ENDS, OUTFLOW, FaultUse, ModuleType, Parameter
 from rulec.knowledge.plant import Module
 from rulec.language.diagnostics import Diagnostic, Origin, Refused
@@ -57,7 +57,8 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
     """
     plant = network.plant
     modules = plant.modules.values()
-    amended = {m.name: _with_errors(m, with_faults(m, faults[m.name])) for m in modules}
+    sensors = plant.knowledge.sensors
+    amended = {m.name: _with_errors(m, with_faults(m, faults[m.name]), sensors) for m in modules}
     try:
         plan = lower_states(Lowering(network, amended, {}, network.ends))
     except Rejected as error:
@@ -164,14 +165,19 @@ def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
     return result
 
 
-def _with_errors(module: Module, amended: Amended) -> Amended:
+def _with_errors(module: Module, amended: Amended, sensors: Mapping[str, SensorClass]) -> Amended:
     """The type of a module with an error of each given reading, inside its faults: a faulty sensor
-    scales its errors as well."""
+    scales its errors as well. The error of a class that states a share of the reading is a share:
+    a meter whose pump stands is not off."""
     unit = Unit("1", 1.0, NONE)
     e = Parameter(name="e", value=0.0, unit=unit, title="error", origin=Origin("", 0))
-    for name in (n for n in module.type.signals if n not in module.type.readings):
-        ids = {"e": f"error.{module.name}.{name}"}
-        change = Change(places=(("signal", name),), law=_LESS, parameters={"e": e}, ids=ids)
+    for signal in (s for n, s in module.type.signals.items() if n not in module.type.readings):
+        name, law = f"{module.name}.{signal.name}", "law - e"
+        ids = {"e": f"error.{name}"}
+        if sensors[signal.sensor].kind == "reading":
+            ids, law = {"e": f"share.{name}"}, f"law - e*(law - {signal.unit.offset})"
+        places = (("signal", signal.name),)
+        change = Change(places=places, law=parse(law), parameters={"e": e}, ids=ids)
         amended = amend(amended, change)
     return amended
 
@@ -207,7 +213,5 @@ def forward_law(variant: Variant) -> Expression:
     """The faulty value, over ``law`` (the healthy value) and the degree ``x``."""
     return parse(sympy.sstr(law_of(variant, _LAW, _DEGREE)))
 
-
-_LESS = parse("law - e")
 
 _LAW, _DEGREE = (sympy.Symbol(name, real=True) for name in ("law", "x"))

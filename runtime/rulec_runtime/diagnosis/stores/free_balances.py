@@ -19,6 +19,11 @@ def error_of(signal: str) -> str:
     return f"error.{signal}"
 
 
+def share_of(signal: str) -> str:
+    """Plan input of the same as a share of the reading, of a sensor whose class states one."""
+    return f"share.{signal}"
+
+
 def nominal_starts(dynamics: Dynamics) -> Array:
     """Initial states by the plant's file, SI, shape (states,)."""
     names = [f"start:{s.id}" for s in dynamics.states]

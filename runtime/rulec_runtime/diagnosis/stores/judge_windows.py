@@ -63,6 +63,10 @@ class Judged:
         """Chi-square without a fault; 0 if nothing could be simulated."""
         return 0.0 if self.plain is None else self.plain.chi
 
+    def chi_beside(self, fault: str) -> float:
+        """The same with a fault, if it was tried."""
+        return self.tests[fault].chi if fault in self.tests else self.chi
+
     @property
     def fitting(self) -> set[str]:
         """Faults that fit."""
@@ -117,7 +121,7 @@ class Judge:
         plain = self._best(one, guesses, chi_square_limit(freedom, quantile(chance)))
         if plain is None:
             return one
-        pull, information = self._directions(one, plain)
+        pull, information, _ = self._directions(one, plain)
         visible = np.flatnonzero(information > 0.0).tolist()
         floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in visible}
         # Half of the chance of a false alarm goes to "anything is wrong", half to the faults.
@@ -146,8 +150,9 @@ class Judge:
                 break
         return best
 
-    def _directions(self, one: Judged, plain: Fitted) -> tuple[Array, Array]:
-        """Gradient by each degree at 0, and the information on it with all errors free."""
+    def _directions(self, one: Judged, plain: Fitted) -> tuple[Array, Array, Array]:
+        """Gradient by each degree at 0, the information on it with all errors free, and by how much
+        each unknown falls with each degree."""
         count = len(plain.unknowns)
         unknowns = np.append(plain.unknowns, np.zeros(len(self.faults)))
         every = self.model.at(one.window, one.prior, unknowns, self.faults)
@@ -156,7 +161,28 @@ class Judge:
         explained, whole = plain.covariance @ shared, np.diag(every.information)[count:]
         information = whole - np.sum(shared * explained, axis=0)
         pull = every.pull[count:] - explained.T @ every.pull[:count]
-        return pull, np.where(information > limits.UNDETECTABLE_EFFECT * whole, information, 0.0)
+        seen = information > limits.UNDETECTABLE_EFFECT * whole
+        return pull, np.where(seen, information, 0.0), explained
+
+    def lasting(self, alone: Sequence[Judged]) -> tuple[str, Sequence[Array]]:
+        """The fault that explains most of what windows judged alone leave, with one degree in all
+        of them, and what it leaves of each output; no fault if none explains anything."""
+        there = [(one, one.plain) for one in alone if one.plain is not None]
+        if not there or not self.faults:
+            return "", ()
+        each = [self._directions(one, plain) for one, plain in there]
+        pull, information = (np.sum([own[i] for own in each], axis=0) for i in (0, 1))
+        gain = np.where(pull > 0.0, pull**2 / np.where(information > 0.0, information, np.inf), 0.0)
+        best = int(np.argmax(gain))
+        if not gain[best] > 0.0:
+            return "", ()
+        fault, degree = self.faults[best], pull[best] / information[best]
+        left = []
+        for (one, plain), (_, _, falls) in zip(there, each, strict=True):
+            unknowns = np.append(plain.unknowns - falls[:, best] * degree, degree)
+            found = self.model.at(one.window, one.prior, unknowns, (fault,))
+            left.append(plain.error if found is None else found.error)
+        return fault, left
 
     def _test(
         self, one: Judged, before: Judged | None, name: str, degree: float, limit: float
@@ -220,16 +246,26 @@ class Weighed:
 
 
 def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
-    """Find the usual misfit, and judge all windows with it."""
+    """Find the usual misfit, and judge all windows with it.
+
+    What one fault explains in all windows, with one degree, is no misfit of the balances.
+    """
     model = model_of(ruleset, windows.noise, windows.level)
-    alone = Judge(model, np.ones(len(windows.noise)), ()).judge(windows.members, learning=False)
-    misfit, correlation = _left(alone, windows.noise)
+    known = Judge(model, np.ones(len(windows.noise)), model.dynamics.faults)
+    alone = replace(known, faults=()).judge(windows.members, learning=False)
+    misfit, correlation = _left([j.plain.error for j in alone if j.plain], windows.noise)
+    lasting, errors = known.lasting(alone)
+    beside = _left(errors, windows.noise)
+    if lasting and (beside[0] * limits.LASTING_FAULT < misfit).any():
+        misfit, correlation = np.minimum(misfit, beside[0]), beside[1]
+    else:
+        lasting = ""
     left = limits.LARGEST_MISFIT**2
     for last in range(limits.MISFIT_PASSES + 1):
         weights = replace(model, spread=misfit * np.sqrt(correlation))
         judge = Judge(weights, 1.0 / correlation, model.dynamics.faults)
         judged = judge.judge(windows.members)
-        ratios = [j.chi / j.freedom for j in judged if j.plain is not None]
+        ratios = [j.chi_beside(lasting) / j.freedom for j in judged if j.plain is not None]
         more = min(float(np.quantile(ratios, limits.USUAL_MISFIT)) if ratios else 0.0, left)
         if more < limits.MISFIT_TOO_SMALL or last == limits.MISFIT_PASSES:
             break
@@ -238,9 +274,8 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     return Weighed(windows, judge, judged, misfit)
 
 
-def _left(judged: Sequence[Judged], noise: Array) -> tuple[Array, Array]:
+def _left(errors: Sequence[Array], noise: Array) -> tuple[Array, Array]:
     """Robust standard deviation and correlation time of the residuals of each output."""
-    errors = [j.plain.error for j in judged if j.plain is not None]
     misfit, correlation = noise.copy(), np.ones(len(noise))
     for i in range(len(noise)):
         own = [(e[:, i], np.isfinite(e[:, i])) for e in errors if np.isfinite(e[:, i]).any()]

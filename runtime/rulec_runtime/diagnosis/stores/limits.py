@@ -36,6 +36,10 @@ LARGEST_MISFIT = 5.0
 """Factor by which the misfit of windows that know of each other may exceed that of windows on their
 own: beyond it, something is wrong in most of them. Origin: assumed."""
 
+LASTING_FAULT = 2.0
+"""Factor by which one degree of a fault, the same in all windows, must lower the usual misfit to be
+what is wrong in all of them. Origin: assumed, three quarters of chi-square."""
+
 SLOW_ERROR = 1.5
 """Correlation length, in samples, from which on an error counts as slow. Origin: assumed."""
 

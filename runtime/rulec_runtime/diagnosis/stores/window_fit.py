@@ -20,7 +20,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.steady.baseline import remembered
 from rulec_runtime.diagnosis.stores import limits
-from rulec_runtime.diagnosis.stores.free_balances import error_of, start_of, with_free_states
+from rulec_runtime.diagnosis.stores.free_balances import (
+    error_of,
+    share_of,
+    start_of,
+    with_free_states,
+)
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import Balances, RanAway
@@ -198,9 +203,10 @@ def model_of(ruleset: Ruleset, spread: Array, level: Array) -> Model:
             size = float(np.log1p(u / abs(value))) if value else u
             errors.append(LastingError(name, -1, value, size))
     for name in dynamics.inputs:
-        if error_of(name) in reached:
-            u = float(systematic_u(signals[name], signals[name].reference))
-            errors.append(LastingError(error_of(name), -1, 0.0, u))
+        u = float(systematic_u(signals[name], signals[name].reference))
+        for error, size in ((error_of(name), u), (share_of(name), signals[name].standard)):
+            if error in reached:
+                errors.append(LastingError(error, -1, 0.0, size))
     for i, name in enumerate(dynamics.outputs):
         errors.append(LastingError("", i, 0.0, float(systematic_u(signals[name], level[i]))))
     return Model(ruleset, tuple(e for e in errors if e.size > 0.0), spread, balances)
