@@ -215,7 +215,8 @@ class Explanation(Explained[Fitted]):
         """One proof per reading whose errors are reported, flows first."""
         found: dict[str, tuple[bool, Proof]] = {}
         for location in self._locations(findings):
-            natural = predictors_for(self._system, *location)[: limits.PREDICTORS_TRIED]
+            natural = predictors_for(self._system, *location)
+            natural = [p for p in natural if p.by_inputs] or natural[: limits.PREDICTORS_TRIED]
             if natural and natural[0].of_flow:
                 natural = natural[:1]
             tried = [(p.of_flow, prove(p, self._models)) for p in natural]

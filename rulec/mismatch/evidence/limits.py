@@ -218,7 +218,7 @@ ALIKE_NOISE = 4.0
 """The same in units of their noise. Origin: assumed."""
 
 HELD = 1.5
-"""Scatter of an input during a state, in units of its noise, below which it is held. Origin:
+"""Scatter of an input during a state, in units of its noise, up to which it is held. Origin:
 numerical."""
 
 FEWEST_VISITS = 6

@@ -35,9 +35,11 @@ from tests.runtime.mismatch.made import (
     alone,
     changed,
     columns,
+    compared,
     fitted,
     prepared,
     recorded,
+    tour,
     warmed,
     warming,
 )
@@ -135,6 +137,30 @@ def test_told_is_what_the_written_plant_gives(folder: Path) -> None:
     assert fit["heldout"]["points"] == int(heldout.sum())
     assert fit["heldout"]["repaired"] == pytest.approx(rms, rel=0.02)
     assert fit["heldout"]["repaired"] < fit["heldout"]["recalibrated"]
+
+
+VISCOUS = """
+plant: viscous
+title: Glycol through a mixer
+fluid: meg-50
+modules:
+  P: {type: progressive-cavity}
+  M: {type: magnetic-meter, reference: {Q: 3.5}}
+  X: {type: mixer-by-factor}
+connections: [P -> M, M -> X]
+"""
+
+
+def test_the_error_shown_is_that_of_a_reading_that_the_repair_moves(tmp_path: Path) -> None:
+    """Relations tell the flow by the power, too; a simulation predicts the power instead."""
+    (tmp_path / "plant.yaml").write_text(VISCOUS, encoding="utf-8")
+    plant, samples = open_builder(tmp_path / "plant.yaml"), 240
+    given = {**tour(plant[0], samples, dwell=12), "X.T": warming(samples)}
+    run = recorded(plant, given, moved=False)
+    cold = 1.0 - 0.01 * (given["X.T"] - given["X.T"].mean())
+    found = compared(plant, changed(run, {"P.P_el": run.values["P.P_el"] * cold}))
+    assert {"P"} == {finding.module for finding in found.findings}
+    assert ["P.P_el"] == [fit.signal for fit in found.fits]
 
 
 def test_what_is_refused_is_not_written_but_recalibrated_values_are(

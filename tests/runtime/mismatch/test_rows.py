@@ -21,7 +21,7 @@ from rulec.mismatch.evidence.model import ESTIMATION, HELDOUT, PATTERN, SELECTIO
 from rulec.mismatch.evidence.steady.evidence import SteadyEvidence, span
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.model import TOO_MANY, UNSETTLED, evidence_of
-from rulec.mismatch.evidence.steady.operating_state_means import likeness
+from rulec.mismatch.evidence.steady.operating_state_means import averaged, likeness
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, inverses
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen
@@ -198,6 +198,18 @@ def test_long_recordings_are_averaged(run: Recording) -> None:
     assert len(data) * len(rules.observers) <= 1.5 * POINT_BUDGET
     single = prepared(rules, run).noise["A.dp"]
     assert np.median(data.noise["A.dp"]) < 0.75 * np.median(single)
+
+
+def test_the_noise_of_an_input_shows_on_a_coarse_display_too() -> None:
+    """Most samples show the same number, so differences of neighbours are mostly 0."""
+    plant, samples, dwell, rpm = loaded("abc"), 240, 24, 1.0 / 60.0
+    speeds = tour(plant[0], samples, dwell=dwell)
+    run, draw = recorded(plant, speeds, moved=False), np.random.default_rng(5)
+    shown = {n: rpm * np.round(v / rpm + draw.normal(0.0, 0.3, samples)) for n, v in speeds.items()}
+    means = averaged(rows_at(plant, changed(run, shown)).system, np.zeros(0))
+    for name, true in speeds.items():
+        off = means.values[name] - true[means.time.astype(int)]
+        assert np.sqrt(np.mean((off / means.noise[name]) ** 2)) < 1.5
 
 
 def test_a_table_of_points_has_a_point_per_row(run: Recording) -> None:

@@ -37,6 +37,13 @@ class Predictor:
         """Is the reading a volume flow?"""
         return is_flow(self.signal, self.system.ruleset)
 
+    @property
+    def by_inputs(self) -> bool:
+        """Does the reading follow from inputs alone, as in a simulation?"""
+        signals, observers = self.system.ruleset.signal_by_id, self.system.ruleset.observer_by_id
+        read = {name for term in self.residual.terms for name in observers[term.observer].signals}
+        return all(signals[name].is_input for name in read - {self.signal.id})
+
     def predicted(self, setting: Configuration) -> Array:
         """The reading by a model, shape (n,), SI; NaN where there is none."""
         measured, name = self.system.data.values[self.signal.id], self.signal.id
