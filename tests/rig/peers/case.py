@@ -247,6 +247,7 @@ def _system(ruleset: Ruleset, builder: ModelBuilder, case: Case) -> System:
         points=points,
         time=both.time,
         noise=noise,
+        rounding={},
         block=none,
         part=np.where(heldout, HELDOUT, ESTIMATION),
         of_rows=True,

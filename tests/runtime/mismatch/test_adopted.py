@@ -156,10 +156,10 @@ def test_the_error_shown_is_that_of_a_reading_that_the_repair_moves(tmp_path: Pa
     (tmp_path / "plant.yaml").write_text(VISCOUS, encoding="utf-8")
     plant, samples = open_builder(tmp_path / "plant.yaml"), 240
     given = {**tour(plant[0], samples, dwell=12), "X.T": warming(samples)}
-    run = recorded(plant, given, moved=False)
-    cold = 1.0 - 0.01 * (given["X.T"] - given["X.T"].mean())
-    found = compared(plant, changed(run, {"P.P_el": run.values["P.P_el"] * cold}))
-    assert {"P"} == {finding.module for finding in found.findings}
+    friction = "P.friction-viscosity@P_rub(n, viscosity(X.T))"
+    law = {"k": 0.5, "m": 1.0, "mu0": 3.0e-3, "n0": 5.0}
+    found = compared(plant, recorded(plant, given, {friction: law}, moved=False))
+    assert [friction] == [finding.id for finding in found.findings]
     assert ["P.P_el"] == [fit.signal for fit in found.fits]
 
 

@@ -212,6 +212,18 @@ def test_the_noise_of_an_input_shows_on_a_coarse_display_too() -> None:
         assert np.sqrt(np.mean((off / means.noise[name]) ** 2)) < 1.5
 
 
+def test_means_are_rounded_as_their_samples_are() -> None:
+    """A display with steps beyond the noise shows one number during a state."""
+    plant, samples, step = loaded("abc"), 240, 0.05e5
+    run = recorded(plant, tour(plant[0], samples, dwell=12), seed=None)
+    names = ("A.dp", "B.dp")
+    shown = {name: step * np.round(run.values[name] / step) for name in names}
+    means = averaged(rows_at(plant, changed(run, shown)).system, np.zeros(0))
+    for name in names:
+        off = means.values[name] - run.values[name][means.time.astype(int)]
+        assert np.sqrt(np.mean((off / means.noise[name]) ** 2)) < 1.5
+
+
 def test_a_table_of_points_has_a_point_per_row(run: Recording) -> None:
     rows = np.arange(DWELL // 2, LENGTH, DWELL)
     data = prepared(alone()[0], sampled({name: v[rows] for name, v in run.values.items()}))

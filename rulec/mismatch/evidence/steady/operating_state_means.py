@@ -124,11 +124,14 @@ def averaged(system: System, cuts: Array) -> Data:
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(group, values) / count)
 
-    # The error of a held input is the same in all of its points.
-    noise = {
-        n: mean(v) if n in held else np.sqrt(np.bincount(group, v**2)) / count
-        for n, v in data.noise.items()
-    }
+    def noise_of_mean(name: str, noise: Array) -> Array:
+        # The errors of a held input and of a coarse display are the same in all points of a state.
+        if name in held:
+            return mean(noise)
+        same = data.rounding.get(name, 0.0) ** 2
+        return np.asarray(np.sqrt(np.bincount(group, noise**2 - same) / count**2 + same))
+
+    noise = {name: noise_of_mean(name, own) for name, own in data.noise.items()}
     values = {name: mean(v) for name, v in data.points.values.items()}
     systematic = {name: mean(v) for name, v in data.points.systematic.items()}
     u = {name: np.hypot(systematic[name], noise.get(name, 0.0)) for name in values}

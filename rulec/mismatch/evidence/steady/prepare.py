@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
-from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches, rounding
 from rulec_runtime.limits import LONGEST_STRETCH
 from rulec_runtime.recordings.point_table import each_row, follows_a_course, is_point_table
 from rulec_runtime.recordings.recording import Recording
@@ -42,17 +42,19 @@ class Data(Samples):
     """Settled points.
 
     `block`, shape (n,), is the number of the block of each. `noise` is the statistical standard
-    uncertainty of each reading of a point. With `of_rows`, each row of the recording is a settled
-    point of its own; `stretches` are the rows of each point. `moving` are flags per module, shape
-    (n,): while one ramps, others may be settled. `sample`, shape (samples,), is the number of the
-    point of each sample of the recording, or `UNSETTLED` or `SPARED`. `source`, shape (n,), is the
-    number of the recording of each point, `sources` are their names, none for a single recording.
-    `clock`, s, shape (n,), is the time since the start of the recording of each, or of the first
-    one if all have one clock.
+    uncertainty of each reading of a point, and `rounding` the part of it by a display with coarse
+    steps, which a mean of several points has as well. With `of_rows`, each row of the recording is
+    a settled point of its own; `stretches` are the rows of each point. `moving` are flags per
+    module, shape (n,): while one ramps, others may be settled. `sample`, shape (samples,), is the
+    number of the point of each sample of the recording, or `UNSETTLED` or `SPARED`. `source`, shape
+    (n,), is the number of the recording of each point, `sources` are their names, none for a single
+    recording. `clock`, s, shape (n,), is the time since the start of the recording of each, or of
+    the first one if all have one clock.
     """
 
     points: Points
     noise: Mapping[str, Array]
+    rounding: Mapping[str, float]
     block: NDArray[np.intp]
     of_rows: bool
     moving: Mapping[str, np.ndarray]
@@ -94,9 +96,10 @@ def prepare(
     assert points.time is not None
     time = points.time
     points = _bridged(points, {s for o in ruleset.observers for s in o.signals})
-    statistical = {}
+    statistical, rounded = {}, {}
     for signal in ruleset.signals:
         if signal.id in points.values:
+            rounded[signal.id] = rounding(signal, recording, noise[signal.id])
             floor = limits.STATISTICAL_SHARE * systematic_u(signal, points.values[signal.id])
             own = points.statistical(signal.id)
             # A reading that quantisation or filtering makes constant is not exact.
@@ -110,6 +113,7 @@ def prepare(
         points=points,
         time=time,
         noise=statistical,
+        rounding=rounded,
         block=block,
         part=part,
         of_rows=of_rows,

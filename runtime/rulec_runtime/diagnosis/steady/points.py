@@ -190,12 +190,12 @@ def _points(
         bad[name] = np.isnan(column)
         systematic[name] = systematic_u(signal, column) + np.zeros(len(column))
         with np.errstate(invalid="ignore", divide="ignore"):
-            own = np.hypot(noise[name] / np.sqrt(number), _rounding(signal, recording, noise[name]))
+            own = np.hypot(noise[name] / np.sqrt(number), rounding(signal, recording, noise[name]))
             u[name] = np.hypot(systematic[name], own)
     return Points(values, u, systematic, bad, _reasons(recording, ruleset), time)
 
 
-def _rounding(signal: SignalSpec, recording: Recording, noise: float) -> float:
+def rounding(signal: SignalSpec, recording: Recording, noise: float) -> float:
     """Standard uncertainty by a display with coarse steps, SI; an input may be set in steps.
 
     Less noise than half a step is not averaged: all samples show the same level. Source: GUM
