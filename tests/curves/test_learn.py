@@ -112,13 +112,13 @@ def test_what_was_learnt_is_knowledge(plant: Path) -> None:
 
 def test_a_day_of_a_real_boiler() -> None:
     """Its branch passes a fifth of what the sheet says; the fit goes there, and leaves out a point
-    of 72."""
+    of 75."""
     day = real("rse-district-heating") / "0412_Test1.csv.gz"
     data = rulec.learn(ROOT / "plants" / "rse-boiler", day, "boiler.opening").to_dict()
     at, value, u = points_of(data)
     assert (75.0, 100.0) == (at[0], at[-1])
     assert value[0] + 2.0 * u[0] < 10.0
-    assert (71, 1) == (data["settled"], data["set_aside"])
+    assert (74, 1) == (data["settled"], data["set_aside"])
     assert data["accuracy"] < 0.1
 
 
