@@ -86,9 +86,14 @@ def test_since_and_until_when(rows: slice | Array, spans: list[tuple[float, floa
 
 
 def test_a_pump_at_rest_hides_nothing() -> None:
-    """It is blind while it runs, and pauses do not end that."""
+    """It is blind while it runs, and pauses do not end that, nor does a night."""
     rules, whole = compiled("abc"), run_of()
-    pauses = {(0, 100): [], (0, 50): [(50.0, 99.0)], (40, 60): [(0.0, 99.0)]}
+    pauses = {
+        (0, 100): [],
+        (0, 50): [(50.0, 99.0)],
+        (40, 60): [(0.0, 99.0)],
+        (60, 100): [(0.0, 99.0)],
+    }
     for pause, expected in pauses.items():
         speed = whole.values["A.n"].copy()
         speed[slice(*pause)] = 0.5 * (rules.signal_by_id["A.n"].minimum or np.nan)

@@ -130,6 +130,8 @@ def _blind_runs(
         for fault in begun.keys() - unseen.keys():
             if visible.sees(fault, gone, rests):
                 yield begun.pop(fault)
+            elif gone.issuperset(begun[fault][3]):  # its module stands, its readings still fail
+                begun[fault] = (fault, begun[fault][1], last, begun[fault][3])
     yield from begun.values()
 
 
