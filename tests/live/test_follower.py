@@ -269,6 +269,9 @@ def test_a_fault_that_has_ended_is_set_right() -> None:
 
     current, events = changes(rules, (replace(episode, active=True),), none, HORIZON, 1)
     assert ([e.what for e in events], current) == (["withdrawn"], ())
+    # Readings of its beginning are gone: repaired since, and no false alarm.
+    events = changes(rules, (replace(episode, active=True),), none, later, 1)[1]
+    assert [e.what for e in events] == ["ended"]
 
     pair = (replace(episode, id="first", until=120.0), replace(episode, id="second", since=160.0))
     assert "withdrawn" not in [e.what for e in changes(rules, pair, over, HORIZON, 2)[1]]

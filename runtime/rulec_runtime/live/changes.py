@@ -246,11 +246,12 @@ def _was_earlier(old: Episode, now: Episode, horizon: Horizon) -> bool:
 
 def _what(old: Episode, now: Episode, found: bool, horizon: Horizon, refuted: bool) -> What | None:
     """What is new about an episode; None if an operator need not know. A fault that is not found
-    any more, although the horizon still covers it, was none."""
+    any more, although the horizon still covers it from its beginning, was none."""
+    was_none = old.kind == "fault" and old.since >= horizon.since
     if old.active and not now.active:
-        return "ended" if found or old.until < horizon.since or old.kind != "fault" else "withdrawn"
+        return "withdrawn" if was_none and not found else "ended"
     if not old.active:
-        if old.kind == "fault" and refuted and old.since >= horizon.since:
+        if was_none and refuted:
             return "withdrawn"
         return "began" if found and now.active else None
     renamed = now.subject != old.subject
