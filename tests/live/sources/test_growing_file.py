@@ -194,7 +194,8 @@ def test_clocks_of_files(tmp_path: Path, abc: Ruleset) -> None:
     path, taken = growing(tmp_path, abc, lines([0, 1, 1, 5, 3, 4, 6]))
     append(path, lines([2, 7], header=False))
     assert taken.take().times == [0, 1, 5, 6, 7]
-    assert taken.reports[1] == ("clock", "x.csv: 3 rows are not later than 6 s and are left out")
+    text = "x.csv: 3 rows are not later than those before them (the first: not later than 1 s)"
+    assert taken.reports[1] == ("clock", f"{text} and are left out")
     assert taken.kinds() == ["connected", "clock"]
     path, taken = growing(tmp_path, abc, lines([0, 2, 4]))
     path.rename(tmp_path / "x.csv.1")

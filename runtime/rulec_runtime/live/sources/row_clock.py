@@ -80,9 +80,11 @@ class RowClock:
             self.last = float(times[-1])
         if not usable.all():
             found += self._tell(int((~usable).sum()), ("has", "have"), "no usable time", "unusable")
-        if late := int((usable & ~newer).sum()):
-            text = f"not later than {self._shown(before[-1])}"
-            found += self._tell(late, ("is", "are"), text, "late")
+        if len(late := np.flatnonzero(usable & ~newer)):
+            shown = self._shown(before[late[0]])
+            many = f"those before them (the first: not later than {shown})"
+            text = f"not later than {many if len(late) > 1 else shown}"
+            found += self._tell(len(late), ("is", "are"), text, "late")
         return time, newer, found
 
     def _begin_anew(self, first: float) -> list[Notice]:
