@@ -92,9 +92,9 @@ def line_of(event: Event, calendar: Calendar | None) -> Text:
 def with_times(event: Event, calendar: Calendar | None) -> str:
     """The text of an event, with when its episode began or was, if its own time does not say so."""
     one, text = event.episode, event.text
-    since, until = (moment(calendar, time, event.time) for time in (one.since, one.until))
+    since = moment(calendar, one.since, event.time)
     if event.what == "ended":
-        return f"{text}; from {since} to {until}"
+        return f"{text}; from {since} to {moment(calendar, one.until, one.since)}"
     if event.what == "began" and one.since < event.time:
         return f"{text}; since {since}"
     return text
