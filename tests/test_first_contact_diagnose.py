@@ -129,11 +129,15 @@ def test_a_sheet_that_knows_little_judges_nothing(tmp_path: Path) -> None:
     assert 0.0 == found["not_judged"][0]["since"]
 
 
-def test_a_display_in_coarse_steps_raises_no_fault_and_hides_none(tmp_path: Path) -> None:
-    """A gauge in steps of 0.05 bar, 10 u of its class, at 30 operating points."""
+@pytest.mark.parametrize("points", [3, 30])
+def test_a_display_in_coarse_steps_raises_no_fault_and_hides_none(
+    points: int, tmp_path: Path
+) -> None:
+    """A gauge in steps of 0.05 bar, 10 u of its class, at many or at few operating points."""
     random = np.random.default_rng(1)
     speed, flow = (
-        np.repeat(random.uniform(low, high, 30), 20) for low, high in ((1900, 2800), (300, 800))
+        np.repeat(np.resize(random.uniform(low, high, points), 30), 20)
+        for low, high in ((1900, 2800), (300, 800))
     )
     inputs = {"t [s]": np.arange(600), "pump.n [rpm]": speed, "pump.Q [l/h]": flow}
     given = write_columns(tmp_path / "inputs.csv", inputs)

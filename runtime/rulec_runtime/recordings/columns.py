@@ -161,6 +161,29 @@ def resolution(values: Array, signal: SignalSpec) -> float:
     return float(max(rounding, limits.FINEST_RESOLUTION * span, limits.LEAST_NOISE))
 
 
+def scale_interval(shown: Array, fewest: int) -> float:
+    """The step of a display of fewer than `fewest` levels, in its own unit: 1, 2 or 5 of the last
+    decimal place that all readings have, or that place; 0 if they need too many places.
+
+    Source: scale intervals, OIML R 76-1.
+
+    >>> scale_interval(np.tile([16.5, 17.5, 18.5, 19.0], 20), 10)
+    0.5
+    >>> scale_interval(np.tile([16.4, 17.5, 18.500001], 20), 10)
+    0.0
+    """
+    finite = shown[np.isfinite(shown)]
+    levels = np.unique(np.round(finite, limits.MOST_PLACES))
+    if not 2 <= len(levels) < min(fewest, len(finite) / limits.COARSE_SHOWN):
+        return 0.0
+    for places in range(limits.MOST_PLACES):
+        if np.array_equal(np.round(levels, places), levels):
+            counts = np.round(np.diff(levels) * 10.0**places).astype(np.int64)
+            step = int(np.gcd.reduce(counts))
+            return (step if step in (1, 2, 5) else 1) / 10.0**places
+    return 0.0
+
+
 def coarse_step(values: Array, least: float, fewest: int = limits.COARSE_LEVELS) -> float:
     """The step of a display of at least `fewest` levels, if it is larger than `least`; else 0."""
     finite = values[np.isfinite(values)]

@@ -205,6 +205,9 @@ COARSE_LEVELS = 4
 COARSE_SHOWN = 8
 """Fewest readings per level of a coarse display, on average. Origin: assumed."""
 
+MOST_PLACES = 6
+"""Decimal places of a display with few levels: fewer than this. Origin: assumed."""
+
 COARSE_UNEVEN = 0.1
 """Largest deviation of a level from an even grid, in steps. Origin: assumed."""
 

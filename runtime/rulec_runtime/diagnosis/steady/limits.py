@@ -293,4 +293,5 @@ DITHERED = 2.0
 mean of many readings is wrong by less than 0.003 steps. Origin: numerical."""
 
 ROUNDED_LEVELS = 10
-"""Fewest levels of a display: fewer even ones may be set points. Origin: assumed."""
+"""Fewest levels of a display: fewer even ones may be set points, unless all are decimals of a few
+places. Origin: assumed."""

@@ -14,7 +14,12 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady import limits
-from rulec_runtime.recordings.columns import coarse_step, means_between, median_of
+from rulec_runtime.recordings.columns import (
+    coarse_step,
+    means_between,
+    median_of,
+    scale_interval,
+)
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
@@ -203,7 +208,10 @@ def rounding(signal: SignalSpec, recording: Recording, noise: float) -> float:
     """
     values = recording.values[signal.id]
     least = max(limits.DITHERED * noise, float(systematic_u(signal, median_of(np.abs(values)))))
-    step = 0.0 if signal.is_input else coarse_step(values, least, limits.ROUNDED_LEVELS)
+    if signal.is_input:
+        return 0.0
+    few = abs(signal.factor) * scale_interval(signal.shown(values), limits.ROUNDED_LEVELS)
+    step = few if few > least else coarse_step(values, least, limits.ROUNDED_LEVELS)
     return step / math.sqrt(12.0)
 
 
