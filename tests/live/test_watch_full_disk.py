@@ -58,7 +58,7 @@ def test_full_and_free_again(small_disk: Path, capsys: pytest.CaptureFixture[str
     assert [*before, *events_in(file)] == events
     assert state.read_bytes() == b"state 40"
     full, free = capsys.readouterr().err.splitlines()
-    assert "No space left" in full
+    assert "small/state: No space left on device; events are kept" in full
     assert "written again after" in free
     assert not list(small_disk.glob("*.waiting.json"))
 

@@ -212,7 +212,7 @@ def _close(outbox: Outbox, unwritten: list[str]) -> None:
     if outbox.file is not None and outbox.file.exists():
         text += f"; what waits stands in {outbox.file} and is written at the next start"
     else:
-        text += " and is kept nowhere else"
+        text += ", nor kept elsewhere"
     say_aside(text)
     unwritten.append(text)
 

@@ -269,7 +269,9 @@ class Outbox:
             except (JournalTrouble, OSError) as error:
                 if self._trouble is None:
                     self._trouble, self._wait = now, limits.FIRST_RETRY
-                    self._say(f"{error}; events are kept and written when it works again")
+                    what, why = f"{error}", getattr(error, "strerror", None)
+                    what = f"{self.address}: {why}" if why else what
+                    self._say(f"{what}; events are kept and written when it works again")
                 self._due = self._clock() + self._wait
                 self._wait = min(2 * self._wait, limits.LAST_RETRY)
             except Exception as error:  # a bug of ours must neither end the diagnosis nor be silent
