@@ -183,3 +183,14 @@ def test_a_pump_that_stands_makes_no_noise(runs: int) -> None:
     assert not found.findings
     assert found.not_judged
     assert all(period.rests for period in found.not_judged)
+
+
+def test_a_gauge_that_never_moves_proves_no_flow_at_night() -> None:
+    """It shows the pressure of the day; all others that show zero are right."""
+    rules = compiled("irrigation-booster")
+    file = ROOT / "plants/irrigation-booster/examples/blocked_sprinklers.csv"
+    night = first_rows(read_recording(file, rules), 400)
+    for name, column in night.values.items():
+        column[200:] = 0.0 if name != "S.p" else column[0]
+    night.values["S.p"][:] = night.values["S.p"][0]
+    assert not [f.id for f in diagnose(night, rules).sensors if f.condition.name == "dead"]

@@ -303,6 +303,18 @@ def test_what_cannot_be_judged_is_one_episode_and_a_standstill_none(running: boo
     assert (ended.episode.since, ended.episode.until) == pytest.approx(until, abs=5.0)
 
 
+def test_a_gauge_that_is_stuck_for_long_stays_stuck() -> None:
+    """When no row with its noise is left in memory as well, until it moves again."""
+    recording = long_recording(5 * limits.KEPT_ROWS)
+    stuck, last = recording.values["C.dp"], 7 * limits.KEPT_ROWS
+    stuck[600:last] = stuck[600]
+    updates = followed(compiled("abc"), recording, range(500, len(recording) + 500, 500))
+    told = [(e.what, e.episode.subject) for e in events_of(updates, "sensor")]
+    assert told == [("began", "C.dp.stuck"), ("ended", "C.dp.stuck")]
+    ended = events_of(updates, "sensor")[1].episode
+    assert (ended.since, ended.until) == (recording.time[600], recording.time[last - 1])
+
+
 def test_what_was_not_judged_long_ago_is_not_told_again() -> None:
     """Only operating points in memory still show it."""
     recording = long_recording(4 * limits.KEPT_ROWS)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, diagnose, judged_parts, restless
-from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
+from rulec_runtime.diagnosis.sensors.conditions import STUCK, SWAPPED, UNIT
 from rulec_runtime.diagnosis.sensors.sensor_health import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
     EvaluatedPoints,
@@ -38,7 +38,12 @@ def judged_memory(ruleset: Ruleset, memory: Memory) -> tuple[Diagnosis, float | 
         return diagnose(recent, ruleset), None, memory
     conditions = {e.subject.rpartition(".")[2] for e in memory.episodes if e.kind == "sensor"}
     headers = before is None or bool(conditions & {UNIT.name, SWAPPED.name})
-    health = examine(recent, ruleset, headers=headers)
+    stuck = {
+        e.subject.rpartition(".")[0]: e.since
+        for e in memory.episodes
+        if e.active and e.kind == "sensor" and e.subject.endswith(f".{STUCK.name}")
+    }
+    health = examine(recent, ruleset, headers=headers, stuck_since=stuck)
     recording = health.recording
     stretches, noise = judgeable(recording, ruleset, "default")
     whole = history_of(recording, ruleset, stretches, noise)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +26,7 @@ from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import at_once, chi_square_limit, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, once
+from rulec_runtime.recordings.standing_still import never_moves
 from rulec_runtime.recordings.stationary import (
     Stretches,
     noise_at_work,
@@ -57,12 +58,14 @@ class Agreement:
 
 @dataclass(frozen=True)
 class Check:
-    """Settled stretches whose estimates are compared; `noise` per signal, SI."""
+    """Settled stretches whose estimates are compared; `noise` per signal, SI; readings that stand
+    `still` all the time, other than inputs, which may be set."""
 
     ruleset: Ruleset
     stretches: Stretches
     points: Points
     noise: Mapping[str, float]
+    still: Set[str] = frozenset()
 
     @cached_property
     def recorded(self) -> Agreement:
@@ -143,4 +146,7 @@ def check_of(recording: Recording, ruleset: Ruleset) -> Check | None:
     most = max(min(common.STRETCHES_LOOKED_AT, at_once(ruleset)), limits.FEWEST_STRETCHES)
     chosen = np.unique(np.linspace(0, len(stretches) - 1, most).astype(int))
     some = Stretches(stretches.first[chosen], stretches.last[chosen])
-    return Check(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)
+    points = points_of_stretches(recording, ruleset, some, noise)
+    values = ((s.id, recording.values.get(s.id)) for s in ruleset.signals if not s.is_input)
+    still = frozenset(name for name, v in values if v is not None and never_moves(v))
+    return Check(ruleset, some, points, noise, still)

@@ -98,6 +98,8 @@ def _flow_without(check: Check, signal: str, module: str, point: int) -> tuple[f
     outside = {name for name, flags in observed.extrapolated.items() if flags[point]}
     inside = np.array([outside.isdisjoint(o.signals) for o in observers], dtype=bool)
     usable = observed.valid[:, point] & ~check.readers(signal) & inside
+    for other in check.still:
+        usable &= ~check.readers(other)  # a reading without noise proves no flow
     if not usable.any():
         return None
     table = free_flows(check.ruleset)

@@ -5,7 +5,7 @@ A column that does not match its header is read as what it is. Other invalid rea
 that the rest is judged without them.
 """
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +39,8 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 
+NOT_STUCK: Mapping[str, float] = {}
+
 WHY = {
     "dead": "dead at zero",
     "stuck": "stuck at one value",
@@ -64,12 +66,14 @@ def examine(
     by_model: bool = True,
     headers: bool = True,
     mended: Set[str] = frozenset(),
+    stuck_since: Mapping[str, float] = NOT_STUCK,
 ) -> Health:
     """Judge the sensors of a recording.
 
     `by_model` also compares readings with the ruleset's predictions; a plant not yet calibrated, or
     whose model is in doubt, predicts nothing. Without `headers` columns are trusted to match their
-    headers, as are those already `mended`.
+    headers, as are those already `mended`. `stuck_since` are the times since which readings are
+    known to be stuck, s, from rows before this recording.
     """
     if recording.unfit is not None:
         return Health((), recording)
@@ -78,7 +82,7 @@ def examine(
         saturated = [*_saturated(recording, ruleset)]
         found, below_end = found + saturated, without(recording, saturated)
     clean = without(recording, found)
-    stuck = [*_stuck_readings(clean, ruleset)]
+    stuck = [*_stuck_readings(clean, ruleset, stuck_since)]
     found, clean = found + stuck, without(clean, stuck)
     still = mended | {finding.signal for finding, _ in stuck}
     misread = _misread_of(below_end, clean, ruleset, still) if by_model and headers else None
@@ -178,8 +182,13 @@ def _saturated(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
             yield found_in(recording, slice(a, b), SATURATED, signal.id, text)
 
 
-def _stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
-    """Readings that lose their noise. Inputs are mostly set values: they must have some first."""
+def _stuck_readings(
+    recording: Recording, ruleset: Ruleset, stuck_since: Mapping[str, float]
+) -> Iterable[Found]:
+    """Readings that lose their noise. Inputs are mostly set values: they must have some first.
+
+    Those known to be stuck remain so, if the noise before is no longer in the recording.
+    """
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not np.isfinite(values).any():
@@ -189,10 +198,25 @@ def _stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
             u = median_of(systematic_u(signal, values) + np.zeros(len(values)))
         # Below the minimum the module is at standstill, and the reading is not used.
         low = signal.lowest if signal.minimum is None else signal.minimum
-        for a, b in standing_still(values, u, (low, signal.highest)):
+        runs = standing_still(values, u, (low, signal.highest))
+        if signal.id in stuck_since and not runs:
+            runs = _still_stuck(
+                values, int(np.searchsorted(recording.time, stuck_since[signal.id]))
+            )
+        for a, b in runs:
             if at_zero(signal, values[a : a + 1])[0]:
                 continue  # a clipped zero; the others decide whether it is dead
             yield stuck_in(recording, slice(a, b), signal, "even its noise is gone")
+
+
+def _still_stuck(values: Array, first: int) -> list[tuple[int, int]]:
+    """The run of equal readings from a row on, if too few others are left to show its noise."""
+    finite = np.isfinite(values)
+    moved = np.flatnonzero(finite[first:] & (values[first:] != values[first : first + 1]))
+    behind = first + int(moved[0]) if len(moved) else len(values)
+    others = finite[:first].sum() + finite[behind:].sum()
+    long = behind - first >= common.PERSISTENCE
+    return [(first, behind)] if long and others < 2 * recorded.STILL_RUN else []
 
 
 def without(recording: Recording, found: Iterable[Found]) -> Recording:
