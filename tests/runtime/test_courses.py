@@ -9,6 +9,7 @@ import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady import growing_faults, limits
 from rulec_runtime.diagnosis.steady.baseline import Learner, nothing_learned, remembered
+from rulec_runtime.diagnosis.steady.degree_course import Stack
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -230,3 +231,6 @@ def test_a_fault_that_no_estimate_shows_has_no_course(monkeypatch: Patch) -> Non
     monkeypatch.setattr(growing_faults, "may_fit", lambda *_: np.ones((count, 1), dtype=bool))
     stack: Any = Blind()
     assert [] == growing_faults._explaining(stack, [0], 1e-4)
+    # Also if it is asked for: its reading is missing in most of the stretches.
+    test: Any = SimpleNamespace(ruleset=ruleset("abc"), touched=lambda _: ())
+    assert Stack(test=test, time=np.arange(9.0), end=9.0).course(0) is None

@@ -306,8 +306,10 @@ class Stack:
     ) -> tuple[Array, Array, Array] | None:
         """Residuals with the fault undone, their slopes by the degree at each point, and the
         whitening matrix; `lenient`: with the tolerance of its law. None if the law has no value
-        there."""
+        there, or no estimate shows the fault."""
         spec, test = self.test.ruleset.faults[fault], self.test
+        if not test.touched((spec,)):
+            return None
         here = replace(test, present=degree[:, None], computed=None)
         search = DegreeSearch(test=here, faults=(spec,), touched=test.touched((spec,)))
         moved, slopes = search.moved_and_slopes(degree[None, :, None])
