@@ -75,11 +75,18 @@ def swapped(recording: Recording, ruleset: Ruleset, one: str, other: str) -> Rec
     return changed(recording, {one: recording.values[other], other: recording.values[one]})
 
 
-def at_the_end(recording: Recording, ruleset: Ruleset, name: str, current: float) -> Recording:
+def at_the_end(
+    recording: Recording, ruleset: Ruleset, name: str, current: float, noise: float = 0.0
+) -> Recording:
     """From half of it on the current in mA of a transmitter that has reached its end."""
     signal = ruleset.signal_by_id[name]
     reading = signal.lowest + (current - 4.0) / 16.0 * (signal.highest - signal.lowest)
-    return constant(recording, ruleset, name, reading, 0.5)
+    made = constant(recording, ruleset, name, reading, 0.5)
+    values = made.values[name]
+    size = noise / 16.0 * (signal.highest - signal.lowest) * (values == reading)
+    return changed(
+        made, {name: values + size * np.random.default_rng(0).standard_normal(len(values))}
+    )
 
 
 def times(made: Recording, ruleset: Ruleset, factor: float, *names: str) -> Recording:
@@ -94,6 +101,7 @@ CASES: dict[str, tuple[Callable[..., Recording], tuple[Any, ...], tuple[str, ...
     "broken wire": (below_zero, ("A.dp",), ("A.dp.range",), "F"),
     "saturated": (at_the_end, ("A.dp", 20.0), ("A.dp.saturated",), "C"),
     "saturated, NE 43": (at_the_end, ("A.dp", 20.5), ("A.dp.saturated",), "C"),
+    "saturated, with noise": (at_the_end, ("A.dp", 20.33, 0.04), ("A.dp.saturated",), "C"),
     "stuck": (constant, ("A.dp", None, 0.5), ("A.dp.stuck",), "F"),
     "power stuck from the first sample": (constant, ("A.P_el", None), ("A.P_el.stuck",), "F"),
     "given, frozen": (constant, ("A.n", None, 0.4), ("A.n.stuck",), "F"),
@@ -133,6 +141,7 @@ def test_a_sensor_that_fails_is_told(case: str, name: str) -> None:
     assert set(expected) == {s.id for s in found.sensors}
     assert {letter} == {s.condition.status for s in found.sensors}
     assert letter == found.status
+    assert len(found.sensors) == len(expected) or "saturated" not in case
     assert ((), ()) == (found.findings, found.unknown)
     assert all(s.signal in s.text and s.condition.action for s in found.sensors)
 

@@ -171,8 +171,12 @@ def _saturated(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
         with np.errstate(invalid="ignore"):
             at_end = np.abs(values - high) <= recorded.SAME_LEVEL * span
             above = values > high + common.BEYOND_RANGE * span
-            at_end |= above & (values < high + limits.FAILED_ABOVE * span)
-        for a, b in runs_where(at_end, common.PERSISTENCE):
+            valid = values < high + limits.FAILED_ABOVE * span
+            at_end |= above & valid
+            beyond = at_end | ((values > high) & valid)  # noise interrupts no run
+        for a, b in runs_where(beyond, common.PERSISTENCE):
+            if not runs_where(at_end[a:b], common.PERSISTENCE):
+                continue
             usual = median_of(values[a:b])
             shown, *ends = (f"{signal.shown(v):.4g}" for v in (usual, low, high))
             text = (
