@@ -204,3 +204,18 @@ def test_only_units_of_the_quantity_are_proposed(
     shown = capsys.readouterr().out
     assert (hint or "no mistakes") in shown
     assert ("KB050" in shown) == bool(hint)
+
+
+@pytest.mark.parametrize(
+    ("written", "wrong", "told"),
+    [
+        ("u: 0.1", "u: 5 %", "no percentage, but a number in the unit of this entry"),
+        ('accuracy: "5 %, sheet"', "accuracy: 5", "as in '5 %, ISO 9906:2012 grade 2B'"),
+    ],
+)
+def test_a_share_in_the_wrong_form_is_answered_with_the_right_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], written: str, wrong: str, told: str
+) -> None:
+    (tmp_path / "screw.yaml").write_text(SCREW.replace(written, wrong), encoding="utf-8")
+    assert main(["check", str(tmp_path)]) == 1
+    assert told in capsys.readouterr().out

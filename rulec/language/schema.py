@@ -102,8 +102,10 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
         case "type":
             types = " or ".join(_TYPES[t] for t in ([limit] if isinstance(limit, str) else limit))
             message = f"{part} must be {types}, not {_show(value)}"
-            needed = error.schema.get("required", ())
-            hint = _type_hint(limit, value)
+            needed, examples = error.schema.get("required", ()), ()
+            if limit == "string" and "pattern" in error.schema:
+                examples = error.schema.get("examples", ())
+            hint = _type_hint(limit, value) if not examples else f"as in '{examples[0]}'"
             if limit == "object" and len(needed) == 1 and isinstance(value, str):
                 hint = f"write {{{needed[0]}: {_clip(value)}}}"
             yield Diagnostic(where, "KB022", message, hint)
@@ -238,6 +240,8 @@ def _type_hint(kind: Any, value: Any) -> str:
         return "remove the quotes"
     if _is_number(value.replace(",", ".")):
         return "write a decimal point, not a comma"
+    if _is_number(value.rstrip("% ")):
+        return "no percentage, but a number in the unit of this entry"
     if _is_number(value.split(" ")[0]):
         return "the number alone; its unit has a key of its own"
     return ""
