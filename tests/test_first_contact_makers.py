@@ -206,6 +206,17 @@ def test_only_units_of_the_quantity_are_proposed(
     assert ("KB050" in shown) == bool(hint)
 
 
+def test_a_bare_number_is_answered_with_what_belongs_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = "parameters: {h0: 1.2}, reference: {Q: 3 gpm}"
+    folder = write_plant(tmp_path, {"pump": f"metered-centrifugal, {more}"})
+    assert main(["check", str(folder)]) == 1
+    shown = capsys.readouterr().out
+    assert "write {value: 1.2, unit: ..., u: ..., source: ...}" in shown
+    assert "the number alone, in the unit of the signal" in shown
+
+
 @pytest.mark.parametrize(
     ("written", "wrong", "told"),
     [

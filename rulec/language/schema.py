@@ -50,7 +50,7 @@ def check_schema(document: Document, kind: str, schema_folder: Path) -> tuple[Di
         path = tuple(error.absolute_path)
         empty = error.validator == "pattern" and ("minLength", path) in seen
         # A part with an unknown key, or of another type, may seem to lack what it should hold.
-        unsure = {("additionalProperties", path), ("type", path)} & seen
+        unsure = {("additionalProperties", path), ("type", path)} & seen - {(error.validator, path)}
         if not empty and not (unsure and "refusal" in error.schema):
             found += _diagnose(document, kind, error)
     return tuple(found)
@@ -106,8 +106,11 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             if limit == "string" and "pattern" in error.schema:
                 examples = error.schema.get("examples", ())
             hint = _type_hint(limit, value) if not examples else f"as in '{examples[0]}'"
-            if limit == "object" and len(needed) == 1 and isinstance(value, str):
-                hint = f"write {{{needed[0]}: {_clip(value)}}}"
+            is_first = len(needed) == 1 and isinstance(value, str)
+            is_value = needed[:1] == ["value"] and isinstance(value, int | float)
+            if limit == "object" and (is_first or is_value):
+                rest = "".join(f", {key}: ..." for key in needed[1:])
+                hint = f"write {{{needed[0]}: {_clip(value)}{rest}}}"
             yield Diagnostic(where, "KB022", message, hint)
         case "enum":
             hint = did_you_mean(str(value), map(str, limit))
