@@ -65,16 +65,23 @@ def test_a_plant_states_its_own_transmitter(tmp_path: Path) -> None:
     worse = signal_of(folder)
     assert worse.highest == other.highest
     assert worse.standard == pytest.approx(5 * other.standard)
+    stated = "metered-centrifugal, signals: {dp: {minimum: 2, unit: psi}}"
+    less = signal_of(write_plant(tmp_path / "plant", {"pump": stated}))
+    assert (less.minimum, less.highest) == (pytest.approx(2 * PSI), other.highest)
 
 
 def test_a_wrong_transmitter_is_refused_at_its_place(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    stated = "dp: {range: [16, 0], sensor: resistance-thermometer}, p: {range: [0, 1]}"
-    folder = write_plant(tmp_path, {"pump": f"metered-centrifugal, signals: {{{stated}}}"})
-    assert main(["check", str(folder)]) == 1
-    text = capsys.readouterr().out
-    assert [code in text for code in ("KB055", "KB033", "KB071")] == [True] * 3
+    for stated, codes in (
+        ("dp: {range: [16, 0], sensor: resistance-thermometer}, p: {range: [0, 1]}", "055 033 071"),
+        ("dp: {snsor: process-pressure}", "020"),
+        ("dp: {unit: psi, sensor: process-pressure}", "021"),
+    ):
+        folder = write_plant(tmp_path, {"pump": f"metered-centrifugal, signals: {{{stated}}}"})
+        assert main(["check", str(folder)]) == 1
+        text = capsys.readouterr().out
+        assert [code for code in codes.split() if f"KB{code} " not in text] == []
 
 
 def test_a_column_may_be_the_difference_of_two_gauges(
@@ -230,3 +237,12 @@ def test_a_share_in_the_wrong_form_is_answered_with_the_right_one(
     (tmp_path / "screw.yaml").write_text(SCREW.replace(written, wrong), encoding="utf-8")
     assert main(["check", str(tmp_path)]) == 1
     assert told in capsys.readouterr().out
+
+
+def test_the_unit_of_two_columns_is_not_doubted_as_that_of_one(
+    plant: Path, tmp_path: Path, recorded: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A difference has no header that could be wrong."""
+    wrong = {**recorded, "pump.dp [bar]": 0.1 * recorded["pump.dp [bar]"]}
+    main(["check", str(plant), str(write_columns(tmp_path / "two.csv", two_gauges(wrong)))])
+    assert "factor of 10" not in " ".join(capsys.readouterr().out.split())

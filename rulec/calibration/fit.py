@@ -246,16 +246,26 @@ def _usable_rows(
     """Points with all readings and a true flow; refuse if they are too few for `count`
     parameters."""
     usable = np.isfinite(readings.true.values)
+    lost: dict[str, int] = {}
     for name in readings_of(model, observer):
-        usable &= np.isfinite(readings.own.values.get(name, np.full(len(usable), np.nan)))
+        there = np.isfinite(readings.own.values.get(name, np.full(len(usable), np.nan)))
+        lost[name] = int(np.count_nonzero(~there))
+        usable &= there
     rows = np.flatnonzero(usable)
     needed = POINTS_PER_PARAMETER * max(count, 1)
     if len(rows) < needed:
         points = plural(len(rows), "settled point", "settled points")
         fitted = plural(count, "parameter", "parameters")
+        worst = max(lost, key=lambda name: lost[name], default="")
+        signal, why = model.type.signals.get(worst), ""
+        if signal is not None and lost[worst]:
+            why = f"; in {lost[worst]} of {len(usable)} {module.name}.{worst} has no usable reading"
+            if signal.minimum is not None:
+                least = f"{signal.unit.from_si(signal.minimum):.4g} {signal.unit.text}"
+                why += f", or one below its minimum of {least}"
         raise CalibrationRefused(
             f"{module.name}.{observer}: only {points} with all readings and {readings.true.name}; "
-            f"{needed} are needed for {fitted}: record more speeds or pressures"
+            f"{needed} are needed for {fitted}: record more speeds or pressures{why}"
         )
     return rows
 

@@ -96,7 +96,6 @@ class ModuleReader(Reader):
             quantity=part["quantity"],
             unit=unit,
             sensor=part["sensor"],
-            minimum=_si(unit, part.get("minimum")),
             reference=_si(unit, part.get("reference")),
             is_input=part.get("input", False),
             between=part.get("between", "hold"),
@@ -354,7 +353,7 @@ def _si(unit: Unit, value: float | None) -> float | None:
 def with_sensor(
     reader: Reader, path: Path_, signal: Signal, unit: Unit, sensors: Mapping[str, SensorClass]
 ) -> Signal:
-    """A signal with the sensor class and the range, in a unit, that the part at a path states.
+    """A signal with the sensor class, range and minimum, in a unit, that the part at a path states.
 
     What it does not state remains.
     """
@@ -364,6 +363,8 @@ def with_sensor(
         reader.check_range(low, high, *path, "range")
         lowest, highest, full_scale = unit.to_si(low), unit.to_si(high), (high - low) * unit.factor
         signal = replace(signal, lowest=lowest, highest=highest, full_scale=full_scale)
+    if "minimum" in part:
+        signal = replace(signal, minimum=unit.to_si(part["minimum"]))
     signal = replace(signal, sensor=part.get("sensor", signal.sensor))
     sensor = sensors.get(signal.sensor)
     if sensor is None:

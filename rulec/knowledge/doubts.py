@@ -110,21 +110,26 @@ def doubts_of_columns(
     for column in plant.columns:
         module, _, signal = column.signal.partition(".")
         readers.setdefault(column.column, []).append((module, signal))
+    shared: list[tuple[str, str]] = []
     for title, several in readers.items():
         spare = [one for one in several if _only_reference(plant.modules[one[0]].type, one[1])]
         first = next((one for one in several if one not in spare), several[0])
         others = [one for one in spare if one != first and one[0] in same_flow(first[0])]
         laws = [one for one in several if one not in spare and one[1] in _used(plant, one[0])]
-        given = " and ".join(map(".".join, others or laws[1:]))
-        if given:
-            kept = ".".join(first if others else laws[0])
+        if others:
+            kept, given = ".".join(first), " and ".join(map(".".join, others))
             message = (
                 f"'{title}' is {kept} and also {given}; rulec then finds no error of this meter"
             )
-            hint = f"if it reads wrong, errors of {kept} and {given} may be reported instead"
-            if others:
-                hint = f"leave {given} out of the map: the flow follows from {first[0]}"
+            hint = f"leave {given} out of the map: the flow follows from {first[0]}"
             yield Diagnostic(document.key("columns"), "KB146", message, hint, doubt=True)
+        elif len(laws) > 1:
+            shared.append((title, " and ".join(map(".".join, laws))))
+    if shared:
+        titles = " and ".join(f"'{title}'" for title, _ in shared)
+        message = f"several laws read {titles}; rulec then finds no error of such a meter"
+        hint = f"an error of '{shared[0][0]}' is reported, if at all, as one of {shared[0][1]}"
+        yield Diagnostic(document.key("columns"), "KB146", message, hint, doubt=True)
 
 
 def _used(plant: Plant, module: str) -> set[str]:

@@ -32,7 +32,7 @@ class Signal:
     full_scale: float | None = None
     lowest: float | None = None
     highest: float | None = None
-    minimum: float | None
+    minimum: float | None = None
     reference: float | None
     is_input: bool
     between: str = "hold"

@@ -7,6 +7,7 @@ fault of the plant explains them, and they agree when read differently.
 Source: own derivation.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -193,9 +194,12 @@ def _candidates(raw: Recording, check: Check, still: Set[str]) -> Iterator[Misre
             noise[name] = noise_of(column)
     recorded = {name for name in noise if np.isfinite(values[name]).any()}
     used = [s for s in ruleset.signals if s.id in (ruleset.observed & recorded) - still]
+    columns_of = Counter(column.signal for column in ruleset.columns)
     for group in of_one_dimension(used, ruleset.units):
         by_unit: dict[str, dict[str, Mixup]] = {}
         for signal in group:
+            if signal.id not in raw.scales and columns_of[signal.id] > 1:
+                continue  # a difference of two columns has no header of its own
             scale = raw.scales.get(signal.id, (signal.factor, signal.offset))
             for mixup in mixups(signal, scale, ruleset.units):
                 by_unit.setdefault(mixup.true, {})[signal.id] = mixup
