@@ -135,3 +135,33 @@ def test_a_leak_in_operation_is_told_in_litres_an_hour(leaky: Path, tmp_path: Pa
     assert "tank.leak" == found["fault"]
     assert 390.0 < found["degree"] < 670.0
     assert abs(found["since"] - 7200.0) < 300.0
+
+
+def switched(file: Path, every: int, seed: int, litres: float = 0.0) -> Path:
+    """A day, a row every so many seconds: a pump switches by the level, in between. From noon on so
+    many litres an hour leak."""
+    random, level, filling = np.random.default_rng(seed), 1.2, False
+    drawn = np.repeat(random.choice([0.0, 2.0, 3.0, 4.0], 48), 1800)
+    fed, levels = np.zeros(86400), np.zeros(86400)
+    for i in range(86400):
+        filling = level < 0.6 or (filling and level < 1.8)
+        fed[i], levels[i] = 12.0 * filling, level
+        lost = litres / 1000.0 * (i >= 43200)
+        level += (fed[i] - drawn[i] - lost) / 3600.0 / 3.14
+    rows = np.arange(0, 86400, every)
+    noise = 0.0005 * random.standard_normal(len(rows))
+    columns = {"feed.Q [m3/h]": fed[rows], "tank.L [m]": levels[rows] + noise}
+    return write_columns(file, {"t [s]": rows, **columns, "out.Q [m3/h]": drawn[rows]})
+
+
+@pytest.mark.parametrize("every", [20, 60])
+def test_a_pump_that_switches_between_two_rows_hides_no_leak(
+    leaky: Path, tmp_path: Path, every: int
+) -> None:
+    """In a minute it moves 0.06 m, which no row shows; that is neither a fault nor a misfit."""
+    sound = json_of("diagnose", leaky, switched(tmp_path / "sound.csv", every, 1))
+    assert [] == [*sound["findings"], *sound["unknown"]]
+    leak = switched(tmp_path / "leak.csv", every, 1, 60.0)
+    (found,) = json_of("diagnose", leaky, leak)["findings"]
+    assert "tank.leak" == found["fault"]
+    assert found["lower"] <= 60.0 <= found["upper"] < 80.0

@@ -248,15 +248,25 @@ class Weighed:
 def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     """Find the usual misfit, and judge all windows with it.
 
-    What one fault explains in all windows, with one degree, is no misfit of the balances.
+    What the moments of jumps explain, or one fault with one degree in all windows, is no misfit of
+    the balances.
     """
     model = model_of(ruleset, windows.noise, windows.level)
     known = Judge(model, np.ones(len(windows.noise)), model.dynamics.faults)
-    alone = replace(known, faults=()).judge(windows.members, learning=False)
+    single = replace(known, faults=())
+    alone, members = single.judge(windows.members, learning=False), windows.members
     misfit, correlation = _left([j.plain.error for j in alone if j.plain], windows.noise)
+    # Where the plant was at a jump tells what its moment does.
+    jumping = [
+        j.window if j.plain is None else model.with_jumps(j.window, j.plain.unknowns) for j in alone
+    ]
+    moved = single.judge(jumping, learning=False)
+    beside = _left([j.plain.error for j in moved if j.plain], windows.noise)
+    if (beside[0] * limits.BEHIND_A_MISFIT < misfit).any():
+        (misfit, correlation), alone, members = beside, moved, tuple(jumping)
     lasting, errors = known.lasting(alone)
     beside = _left(errors, windows.noise)
-    if lasting and (beside[0] * limits.LASTING_FAULT < misfit).any():
+    if lasting and (beside[0] * limits.BEHIND_A_MISFIT < misfit).any():
         misfit, correlation = np.minimum(misfit, beside[0]), beside[1]
     else:
         lasting = ""
@@ -264,7 +274,7 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     for last in range(limits.MISFIT_PASSES + 1):
         weights = replace(model, spread=misfit * np.sqrt(correlation))
         judge = Judge(weights, 1.0 / correlation, model.dynamics.faults)
-        judged = judge.judge(windows.members)
+        judged = judge.judge(members)
         ratios = [j.chi_beside(lasting) / j.freedom for j in judged if j.plain is not None]
         more = min(float(np.quantile(ratios, limits.USUAL_MISFIT)) if ratios else 0.0, left)
         if more < limits.MISFIT_TOO_SMALL or last == limits.MISFIT_PASSES:

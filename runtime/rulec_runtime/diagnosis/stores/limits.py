@@ -22,6 +22,13 @@ WINDOW_COMPLETE = 0.8
 """Share of the samples of a window in which given readings, and some measured one, must be there.
 Origin: assumed."""
 
+SAMPLES_A_JUMP = 8
+"""Samples of a window per jump of an input at least; what changes more often has no jumps. Origin:
+assumed."""
+
+MOST_OF_ALL = 0.9
+"""Share of the squares of all changes of an input that its jumps make up. Origin: assumed."""
+
 USUAL_MISFIT = 0.4
 """Share of windows whose misfit counts as usual: less than half, as a fault may begin in the
 middle. Origin: assumed."""
@@ -36,9 +43,9 @@ LARGEST_MISFIT = 5.0
 """Factor by which the misfit of windows that know of each other may exceed that of windows on their
 own: beyond it, something is wrong in most of them. Origin: assumed."""
 
-LASTING_FAULT = 2.0
-"""Factor by which one degree of a fault, the same in all windows, must lower the usual misfit to be
-what is wrong in all of them. Origin: assumed, three quarters of chi-square."""
+BEHIND_A_MISFIT = 2.0
+"""Factor by which the moments of jumps, or one degree of a fault in all windows, must lower the
+usual misfit to be what is behind it. Origin: assumed, three quarters of chi-square."""
 
 SLOW_ERROR = 1.5
 """Correlation length, in samples, from which on an error counts as slow. Origin: assumed."""

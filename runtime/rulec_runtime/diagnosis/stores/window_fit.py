@@ -26,7 +26,7 @@ from rulec_runtime.diagnosis.stores.free_balances import (
     start_of,
     with_free_states,
 )
-from rulec_runtime.diagnosis.stores.windows import Window
+from rulec_runtime.diagnosis.stores.windows import Window, jumps_of
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import Balances, RanAway
 
@@ -116,6 +116,11 @@ class Model:
         """Number of initial states, which come first among the unknowns; errors follow."""
         return len(self.balances.states)
 
+    @property
+    def _seeds(self) -> list[str]:
+        starts = [start_of(state) for state in self.balances.states]
+        return [*starts, *(error.input for error in self.errors)]
+
     def simulate(
         self, window: Window, unknowns: Array, faults: Sequence[str] = ()
     ) -> tuple[Array, Array, Array]:
@@ -123,10 +128,9 @@ class Model:
 
         `faults` are those whose degrees end the unknowns.
         """
-        starts = [start_of(state) for state in self.balances.states]
-        seeds = [*starts, *(e.input for e in self.errors), *(f"x.{fault}" for fault in faults)]
+        seeds = [*self._seeds, *(f"x.{fault}" for fault in faults)]
         values = {**self.dynamics.values, **dict(zip(seeds, unknowns.tolist(), strict=True))}
-        own = [(i, e, float(unknowns[i])) for i, e in enumerate(self.errors, len(starts))]
+        own = [(i, e, float(unknowns[i])) for i, e in enumerate(self.errors, self.states)]
         values |= {e.input: e.at(x) for _, e, x in own}
         held = np.ones(window.inputs.shape[1], dtype=np.bool_)
         time = window.time - window.time[0]
@@ -149,6 +153,8 @@ class Model:
         except RanAway:
             return None
         error = window.measured - shown
+        if window.bent is not None:
+            error[window.bent] = np.nan
         there, certain = np.isfinite(error), inverse(prior.covariance)
         rows, table = (error / self.spread)[there], (slopes / self.spread[:, None])[there]
         own = slice(self.states, self.states + len(self.errors))
@@ -157,9 +163,35 @@ class Model:
         if not chi < limits.LARGEST_CHI_SQUARE:
             return None
         information, pull = table.T @ table, table.T @ rows
+        if window.jumps is not None:
+            # The moments of the jumps are unknowns as well, but nobody asks for them.
+            by_jump = (window.jumps / self.spread[:, None])[there]
+            shared = by_jump.T @ np.column_stack([rows, table])
+            told = np.linalg.solve(np.eye(len(shared)) + by_jump.T @ by_jump, shared)
+            chi -= float(shared[:, 0] @ told[:, 0])
+            information -= shared[:, 1:].T @ told[:, 1:]
+            pull -= shared[:, 1:].T @ told[:, 0]
+            error[there] -= (window.jumps @ told[:, 0])[there]
         information[own, own] += certain
         pull[own] -= certain @ off
         return Fitted(unknowns, chi, error, states, information, pull)
+
+    def with_jumps(self, window: Window, unknowns: Array) -> Window:
+        """A window with what its jumps do to the outputs, each with its standard deviation, at some
+        unknowns."""
+        jumps = [] if window.slips is None else jumps_of(window.slips)
+        if not jumps or window.slips is None:
+            return window
+        try:
+            plain, _, _ = self.simulate(window, unknowns)
+            moved = []
+            for sample, column in jumps:
+                inputs = window.inputs.copy()
+                inputs[sample, column] += window.slips[sample, column]
+                moved.append(self.simulate(replace(window, inputs=inputs), unknowns)[0] - plain)
+        except RanAway:
+            return window
+        return replace(window, jumps=np.stack(moved, axis=2))
 
     def fit(
         self, window: Window, prior: ErrorEstimate, guess: Array, faults: Sequence[str] = ()

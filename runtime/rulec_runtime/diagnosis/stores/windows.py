@@ -24,12 +24,19 @@ class Window:
 
     `inputs`, shape (n, given), are finite; `measured`, shape (n, outputs), is NaN where a sensor
     shows nothing, or the end of its range; SI. `piece` numbers runs without a pause, `first` is the
-    first sample in it. If `because` is not empty, the window cannot be judged.
+    first sample in it. If `because` is not empty, the window cannot be judged. `slips` is how far
+    each input may be off until the next sample, as it may jump at any moment in between, standard
+    deviation of the shape of `inputs`; `jumps` is what that does to the outputs, shape (n, outputs,
+    jumps), where it was calculated. `bent` flags means of readings before and behind a jump, shape
+    (n,): the balances give the value in the middle.
     """
 
     time: Array
     inputs: Array
     measured: Array
+    slips: Array | None = None
+    jumps: Array | None = None
+    bent: np.ndarray | None = None
     piece: int = 0
     first: int = 0
     because: str = ""
@@ -65,8 +72,16 @@ class Windows:
         """All samples from the beginning of one window to the end of another of its piece."""
         piece = self.pieces[one.piece]
         part = slice(one.first, other.first + len(other.time))
-        inputs = _without_gaps(piece.inputs[part])
-        return replace(one, time=piece.time[part], inputs=inputs, measured=piece.measured[part])
+        assert piece.slips is not None
+        return replace(
+            one,
+            time=piece.time[part],
+            inputs=_without_gaps(piece.inputs[part]),
+            measured=piece.measured[part],
+            slips=piece.slips[part],
+            jumps=None,
+            bent=None,
+        )
 
 
 def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
@@ -81,7 +96,7 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
     return Windows(
         pieces=tuple(pieces),
         members=tuple(
-            _window(dynamics, pieces[number], number, first, length)
+            _window(dynamics, pieces[number], number, slice(first, first + length), factor > 1)
             for number in np.flatnonzero(is_long).tolist()
             for first in _firsts(len(pieces[number].time), length)
         ),
@@ -129,9 +144,26 @@ def _piece(
     there = {n: recording.values[n][part] if n in recording.values else blank for n in names}
     inputs = {name: there[name] for name in dynamics.inputs}
     measured = {n: _inside(ruleset.signal_by_id[n], there[n]) for n in dynamics.outputs}
+    # Anywhere between two samples: a third of the square of the step.
+    squares = {n: np.diff(values, append=values[-1:]) ** 2 / 3.0 for n, values in inputs.items()}
+    _, squares, _ = thinned(time, squares, {}, factor)
     time, inputs, measured = thinned(time, inputs, measured, factor)
-    tables = (_table(columns.values(), len(time)) for columns in (inputs, measured))
-    return Window(time=time, inputs=next(tables), measured=next(tables))
+    tables = (_table(columns.values(), len(time)) for columns in (inputs, measured, squares))
+    window = Window(time=time, inputs=next(tables), measured=next(tables))
+    return replace(window, slips=np.sqrt(np.nan_to_num(next(tables)) / factor))
+
+
+def jumps_of(slips: Array) -> list[tuple[int, int]]:
+    """Samples and inputs, by number, of jumps: the few changes that are most of what an input
+    changes. What changes all the time has none: there the moments average out."""
+    found, most = list[tuple[int, int]](), len(slips) // limits.SAMPLES_A_JUMP
+    for column, own in enumerate((slips**2).T):
+        order = np.argsort(-own, kind="stable")
+        share = np.cumsum(own[order])
+        count = 1 + int(np.searchsorted(share, limits.MOST_OF_ALL * share[-1]))
+        if share[-1] > 0.0 and count <= most:
+            found += [(sample, column) for sample in order[:count].tolist()]
+    return found
 
 
 def _inside(signal: SignalSpec, values: Array) -> Array:
@@ -159,11 +191,20 @@ def _firsts(count: int, length: int) -> list[int]:
     return firsts
 
 
-def _window(dynamics: Dynamics, piece: Window, number: int, first: int, length: int) -> Window:
-    rows = slice(first, first + length)
+def _window(dynamics: Dynamics, piece: Window, number: int, rows: slice, averaged: bool) -> Window:
     inputs, measured = piece.inputs[rows], piece.measured[rows]
+    assert piece.slips is not None
+    slips, bent = piece.slips[rows], np.zeros(len(inputs), dtype=bool)
+    for sample, _ in jumps_of(slips) if averaged else ():
+        bent[sample : sample + 2] = True
     window = Window(
-        time=piece.time[rows], inputs=inputs, measured=measured, piece=number, first=first
+        time=piece.time[rows],
+        inputs=inputs,
+        measured=measured,
+        slips=slips,
+        bent=bent,
+        piece=number,
+        first=rows.start,
     )
     given = np.isfinite(inputs).mean(axis=0) >= limits.WINDOW_COMPLETE
     because = [
