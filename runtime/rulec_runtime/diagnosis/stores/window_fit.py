@@ -26,7 +26,7 @@ from rulec_runtime.diagnosis.stores.free_balances import (
     start_of,
     with_free_states,
 )
-from rulec_runtime.diagnosis.stores.windows import Window, jumps_of
+from rulec_runtime.diagnosis.stores.windows import UNIFORM, Window, jumps_of
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import Balances, RanAway
 
@@ -177,18 +177,23 @@ class Model:
         return Fitted(unknowns, chi, error, states, information, pull)
 
     def with_jumps(self, window: Window, unknowns: Array) -> Window:
-        """A window with what its jumps do to the outputs, each with its standard deviation, at some
-        unknowns."""
-        jumps = [] if window.slips is None else jumps_of(window.slips)
-        if not jumps or window.slips is None:
+        """A window whose jumps happen in the middle between two samples, with what other moments do
+        to the outputs, each by its standard deviation, at some unknowns."""
+        slips = window.slips
+        jumps = [] if slips is None else jumps_of(slips)
+        if slips is None or not jumps:
             return window
+        inputs = window.inputs.copy()
+        for jump in jumps:
+            inputs[jump] += 0.5 / UNIFORM * slips[jump]
+        window = replace(window, inputs=inputs)
         try:
             plain, _, _ = self.simulate(window, unknowns)
             moved = []
-            for sample, column in jumps:
-                inputs = window.inputs.copy()
-                inputs[sample, column] += window.slips[sample, column]
-                moved.append(self.simulate(replace(window, inputs=inputs), unknowns)[0] - plain)
+            for jump in jumps:
+                changed = inputs.copy()
+                changed[jump] += slips[jump]
+                moved.append(self.simulate(replace(window, inputs=changed), unknowns)[0] - plain)
         except RanAway:
             return window
         return replace(window, jumps=np.stack(moved, axis=2))

@@ -15,6 +15,10 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.recordings.stationary import systematic_u
 
+UNIFORM = 1.0 / np.sqrt(12.0)
+"""Standard deviation of a moment between two samples, as a share of the time between them; it is
+half of that on average."""
+
 NO_READING = "{}: no reading, or none within its range"
 
 
@@ -25,10 +29,10 @@ class Window:
     `inputs`, shape (n, given), are finite; `measured`, shape (n, outputs), is NaN where a sensor
     shows nothing, or the end of its range; SI. `piece` numbers runs without a pause, `first` is the
     first sample in it. If `because` is not empty, the window cannot be judged. `slips` is how far
-    each input may be off until the next sample, as it may jump at any moment in between, standard
-    deviation of the shape of `inputs`; `jumps` is what that does to the outputs, shape (n, outputs,
-    jumps), where it was calculated. `bent` flags means of readings before and behind a jump, shape
-    (n,): the balances give the value in the middle.
+    each input may be off until the next sample, as it may jump at any moment in between: standard
+    deviation, with the sign of the jump, of the shape of `inputs`; `jumps` is what that does to the
+    outputs, shape (n, outputs, jumps), where they are considered. `bent` flags means of readings
+    before and behind a jump, shape (n,): the balances give the value in the middle.
     """
 
     time: Array
@@ -144,13 +148,14 @@ def _piece(
     there = {n: recording.values[n][part] if n in recording.values else blank for n in names}
     inputs = {name: there[name] for name in dynamics.inputs}
     measured = {n: _inside(ruleset.signal_by_id[n], there[n]) for n in dynamics.outputs}
-    # Anywhere between two samples: a third of the square of the step.
-    squares = {n: np.diff(values, append=values[-1:]) ** 2 / 3.0 for n, values in inputs.items()}
-    _, squares, _ = thinned(time, squares, {}, factor)
+    steps = {n: np.diff(values, append=values[-1:]) for n, values in inputs.items()}
+    _, squares, _ = thinned(time, {n: step**2 for n, step in steps.items()}, {}, factor)
+    _, steps, _ = thinned(time, steps, {}, factor)
     time, inputs, measured = thinned(time, inputs, measured, factor)
-    tables = (_table(columns.values(), len(time)) for columns in (inputs, measured, squares))
-    window = Window(time=time, inputs=next(tables), measured=next(tables))
-    return replace(window, slips=np.sqrt(np.nan_to_num(next(tables)) / factor))
+    columns = (inputs, measured, squares, steps)
+    tables = [_table(each.values(), len(time)) for each in columns]
+    slips = UNIFORM * np.sign(tables[3]) * np.sqrt(tables[2] / factor)
+    return Window(time=time, inputs=tables[0], measured=tables[1], slips=np.nan_to_num(slips))
 
 
 def jumps_of(slips: Array) -> list[tuple[int, int]]:
