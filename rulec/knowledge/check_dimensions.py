@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
+from rulec.knowledge.knowledge import FaultType
 from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place
 from rulec.language.dimension import dimension
@@ -32,7 +33,12 @@ def provided_names(
     return result
 
 
-def check_equations(reader: Reader, module: ModuleType, provided: Mapping[str, Dimension]) -> None:
+def check_equations(
+    reader: Reader,
+    module: ModuleType,
+    provided: Mapping[str, Dimension],
+    faults: Mapping[str, FaultType],
+) -> None:
     """Check the dimensions in a module type, if its document has no mistakes so far; `provided`
     gives those of downstream sums."""
     if reader.is_refused:
@@ -68,6 +74,12 @@ def check_equations(reader: Reader, module: ModuleType, provided: Mapping[str, D
                 path = ("regimes", regime.name, "when", i)
                 message = f"'{condition.text}' compares what is of different kinds"
                 reader.report(path, "KB127", message, "check each factor")
+    for use in module.faults:
+        fault, own = faults[use.fault], dimensions.get(use.target, UNKNOWN)
+        if reader.units.quantities.get(fault.not_of) == own:
+            message = f"'{fault.name}' acts on no {fault.not_of}, but '{use.target}' is one"
+            hint = f"its degree is the {fault.variants[0].meaning}; take what that is true of"
+            reader.found.append(Diagnostic(use.place, "KB048", message, hint))
 
 
 def _declared(kind: ModuleType) -> dict[str, Dimension]:

@@ -45,6 +45,8 @@ def check_fault(reader: Reader) -> FaultType:
             path = ("variants", name, "degree") if name else ("degree",)
             message = "how large this fault usually is is missing"
             reader.report_key(path, "KB108", message, USUAL_HINT)
+    if "not_of" in data:
+        reader.quantity("not_of")
     return FaultType(
         name=data["fault"],
         title=data["title"],
@@ -57,6 +59,7 @@ def check_fault(reader: Reader) -> FaultType:
         origin=reader.origin("fault", source=data["source"]),
         frequency=frequency_at(reader, (), data),
         liquid=read_liquid(reader),
+        not_of=data.get("not_of", ""),
     )
 
 

@@ -37,7 +37,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
     elsewhere = provided_names(sources.by_kind.get("provider", ()), units, [])
     provided = {**elsewhere, **provided_names(table["module"], units, found)}
     for d in table["module"]:
-        check_equations(Reader(d, units, found), modules[d.data["module"]], provided)
+        check_equations(Reader(d, units, found), modules[d.data["module"]], provided, faults)
     if found:
         raise Refused(found)
     return Knowledge(

@@ -83,7 +83,7 @@ class FaultType:
     """What a fault does; sign, gain, rule and matrix row are derived from it.
 
     `frequency` is None if not stated. `liquid` describes a fault of the liquid, which acts on all
-    modules at once.
+    modules at once. It cannot act on the quantity `not_of`.
     """
 
     name: str
@@ -97,6 +97,7 @@ class FaultType:
     origin: Origin
     frequency: Frequency | None = None
     liquid: Liquid | None = None
+    not_of: str = ""
 
     def title_at(self, target: str, variant: Variant) -> str:
         """Title of one of its variants, acting on `target`."""
