@@ -131,7 +131,7 @@ def why_not(candidate: Candidate, network: Network) -> str:
         ):
             return (
                 f"a module type reads its own signals and sums over what lies downstream; "
-                f"{source} is neither for {candidate.module}"
+                f"{source} is neither for {candidate.module}, so give its type a signal for it"
             )
     return ""
 

@@ -104,6 +104,7 @@ def analyse(
     recalibrated = _strain(found, {p.id: p.value for p in plain.parameters})
     instead = all(strain.is_believable for strain in recalibrated)
     refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead, repair.curves)
+    unwritable = "" if repair.joined else "; ".join(dict.fromkeys(w for _, w in refits.left_out))
     replayed = None
     if power is not None:
         tell("replaying the recording")
@@ -115,7 +116,7 @@ def analyse(
     verdict, headline, then = with_misread(
         verdict,
         headline_of(verdict, findings, locations, doubt, fits, beyond)
-        + remainder_of(verdict, fits, doubt.unbelievable),
+        + remainder_of(verdict, fits, doubt.unbelievable, not unwritable),
         next_step(
             verdict,
             findings,
@@ -125,6 +126,7 @@ def analyse(
             locations,
             standing,
             curves=bool(repair.curves),
+            unwritable=unwritable,
         ),
         misread,
     )

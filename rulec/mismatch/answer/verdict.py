@@ -175,15 +175,17 @@ def _inside(text: str) -> str:
     return text if "." in text.split()[0] else f"{text[0].lower()}{text[1:]}"
 
 
-def remainder_of(verdict: str, fits: Sequence[Fit], strain: Sequence[Strain] = ()) -> str:
+def remainder_of(
+    verdict: str, fits: Sequence[Fit], strain: Sequence[Strain] = (), written: bool = True
+) -> str:
     """How far off the repaired model still is, and its values that are not credible; else empty.
 
     A named explanation may be incomplete or wrong, which must be known before the repair is
-    adopted.
+    adopted. If nothing of it is `written`, the errors are those of the explanation.
     """
     if verdict in ("none", "unsure", "cannot judge"):
         return ""
-    most, signal = _farthest(fits)
+    most, signal = _farthest(fits, written)
     far = most >= limits.FAR_OFF and verdict != "unnamed"
     but = [f"{signal} is still off by {most:.0f} times its noise"] * far
     if strain:
@@ -214,10 +216,12 @@ def _nothing(fits: Sequence[Fit]) -> str:
     )
 
 
-def _farthest(fits: Sequence[Fit]) -> tuple[float, str]:
-    """The largest error of the repaired model in units of the noise, and its signal."""
-    far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
-    return max(far, default=(0.0, ""))
+def _farthest(fits: Sequence[Fit], written: bool = True) -> tuple[float, str]:
+    """The largest error of the repaired model, or of an explanation that is not written, in units
+    of the noise, and its signal."""
+    every = [(f.heldout.repaired if written else f.heldout.explained, f) for f in fits]
+    far = [(off / f.heldout.noise, f.signal) for off, f in every if f.heldout.noise > 0]
+    return max((own for own in far if own[0] >= 0.0), default=(0.0, ""))
 
 
 def next_step(
@@ -229,9 +233,11 @@ def next_step(
     locations: Sequence[Location] = (),
     standing: Sequence[CandidateSet] = (),
     curves: bool = False,
+    unwritable: str = "",
 ) -> str:
     """What to do next: adopt, act, or measure; `refused` says why nothing should be adopted,
-    `curves` that a plant can hold what has no name."""
+    `curves` that a plant can hold what has no name, `unwritable` why it holds nothing of what has
+    one."""
     if latent is not None and latent.switches:
         return (
             f"Look at what happens at {latent.module}.{latent.place} where it changes. Go to the "
@@ -252,6 +258,9 @@ def next_step(
         apart = "Record a part in which the drivers of these explanations vary independently, or"
         plan = f"{EXPERIMENT} Or" if len(standing) > 1 else apart
         return f"{plan} add a sensor that only one of them depends on."
+    if verdict == "named" and unwritable and first is not None:
+        act = f"{first.action[0].upper()}{first.action[1:]}"
+        return f"{act}. `rulec adopt` cannot write it: {unwritable}. {PLAIN}"
     if verdict == "named":
         adopt = "Write the repaired module types with `rulec adopt`, and diagnose with them."
         return f"{NOT_YET}: {refused}. {PLAIN}" if refused else adopt

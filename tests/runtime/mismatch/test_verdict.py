@@ -121,6 +121,19 @@ def test_what_is_left_is_told_of_what_has_a_name() -> None:
     assert [off, "", "", ""] == [remainder_of(v, [fit_of(noise=noise)]) for v, noise in reports]
 
 
+def test_an_explanation_that_no_plant_can_hold_is_judged_by_itself() -> None:
+    """Ageing, or a law whose driver belongs to another module: adopt writes nothing of it."""
+    fit = fit_of(noise=0.1)
+    held = replace(fit.heldout, explained=fit.heldout.noise)
+    whole = replace(fit, heldout=held)
+    assert remainder_of("named", [fit_of(noise=0.1), whole])
+    assert "" == remainder_of("named", [fit_of(noise=0.1), whole], written=False)
+    step = next_step("named", (SURE,), None, (), unwritable="a module type knows no time")
+    assert step.startswith(SURE.action[0].upper() + SURE.action[1:])
+    assert "Write the repaired" not in step
+    assert "cannot write it: a module type knows no time" in step
+
+
 def test_a_value_that_nobody_believes_is_told_with_what_has_a_name() -> None:
     """A tank without a cross-section fits swapped columns."""
     said = "far from the sheet: V.Kv 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u."
