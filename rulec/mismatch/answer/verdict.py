@@ -200,9 +200,19 @@ def _unsure(doubt: Doubt, standing: Sequence[CandidateSet]) -> str:
     if off or strained or doubt.nothing < limits.MENTIONED:
         why = off or strained or f"only {percent(doubt.nothing)} that nothing is missing"
         text = f"Something is missing, but this recording does not say what: {why}."
-    likely = [s for s in standing if s.titles and s.probability >= limits.MENTIONED]
-    titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
-    return f"{text} Possible explanations: {'; '.join(titles)}." if titles else text
+    if likely := _likely(standing):
+        titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
+        return f"{text} Possible explanations: {'; '.join(titles)}."
+    if strained and (likely := _likely([s for s in standing if s.titles])):
+        titles = [_inside(" and ".join(s.titles)) for s in likely]
+        return f"{text} If the sheet is right: perhaps {' or '.join(titles)}."
+    return text
+
+
+def _likely(standing: Sequence[CandidateSet]) -> list[CandidateSet]:
+    """Explanations of a share of the total probability that is worth mentioning."""
+    least = limits.MENTIONED * sum(s.probability for s in standing)
+    return [s for s in standing if s.titles and s.probability >= least]
 
 
 def _nothing(fits: Sequence[Fit]) -> str:
@@ -250,7 +260,7 @@ def next_step(
         return "Nothing to do."
     if verdict == "unsure":
         check = "Check the data sheets, and record other operating points."
-        return f"{EXPERIMENT if len(standing) > 1 else check} {NOT_YET}."
+        return f"{EXPERIMENT if _likely(standing) else check} {NOT_YET}."
     if verdict == "cannot judge":
         return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)

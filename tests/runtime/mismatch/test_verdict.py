@@ -157,6 +157,11 @@ def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
     for verdict, findings in (("unsure", ()), ("ambiguous", (UNSURE,))):
         step = next_step(verdict, findings, None, (), standing=sets)
         assert "`rulec experiment`" in step
+    unlikely = tuple(
+        replace(s, probability=p) for s, p in zip(sets, (0.05, 0.93, 0.02), strict=True)
+    )
+    step = next_step("unsure", (), None, (), standing=unlikely)
+    assert step.startswith("Check the data sheets")  # no experiment separates what nobody names
 
 
 @pytest.mark.parametrize(
@@ -172,6 +177,12 @@ def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> N
     headline = headline_of("unsure", (), (), doubt)
     assert headline == f"Something is missing, but this recording does not say what: {said}."
     assert "Do not adopt" in next_step("unsure", (), None, ())
+    # The most likely ones that would spare the sheet, however unlikely beside a wrong sheet.
+    rest: Any = {"joined": (), "values": {}, "fixed": {}, "periods": (), "terms": ()}
+    named = ((0.9, ()), (0.06, ("Missing head in A",)), (0.001, ("Wear in A",)))
+    sets = [CandidateSet(names=t, titles=t, probability=p, **rest) for p, t in named]
+    sheet = " If the sheet is right: perhaps missing head in A." if doubt.strain else ""
+    assert headline_of("unsure", (), (), doubt, standing=sets) == headline + sheet
     near = replace(STRAINED, value=18.0)
     assert "none" == verdict_of((), False, Doubt(0.95, (), (near,)))
 
