@@ -250,16 +250,17 @@ def test_what_has_no_name_is_written_as_a_curve(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("location", "points", "expected"),
+    ("location", "driver", "points", "expected"),
     [
-        ("definition:A.gone", [[1.0, 0.0], [2.0, 1.0]], "does not fit abc"),
-        ("definition:A.P_law", [[2.0, 0.0], [1.0, 1.0]], "do not go up"),
+        ("definition:A.gone", "A.n", [[1.0, 0.0], [2.0, 1.0]], "does not fit abc"),
+        ("definition:A.P_law", "A.gone", [[1.0, 0.0], [2.0, 1.0]], "does not fit abc"),
+        ("definition:A.P_law", "A.n", [[2.0, 0.0], [1.0, 1.0]], "do not go up"),
     ],
 )
 def test_a_curve_that_does_not_fit_is_refused(
-    location: str, points: list[list[float]], expected: str, tmp_path: Path
+    location: str, driver: str, points: list[list[float]], expected: str, tmp_path: Path
 ) -> None:
-    curve = {"place": location, "driver": "A.n", "points": points}
+    curve = {"place": location, "driver": driver, "points": points}
     data, _ = mismatch(PLANTS / "abc", [], curves=[curve])
     with pytest.raises(AdoptRefused, match=expected):
         adopted(tmp_path, data)

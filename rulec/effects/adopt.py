@@ -66,9 +66,11 @@ class Adoption:
 def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
     """The new types of all modules; raises `AdoptRefused` if the plant has changed since."""
     network = builder.network
+    modules = network.plant.modules.values()
+    known = {f"{m.name}.{name}" for m in modules for name in (*m.type.signals, *m.type.states)}
     for curve in repair.curves:
-        location = builder.location_by_id.get(curve.place)
-        if location is None or not location.may_follow(curve.driver):
+        location, driver = builder.location_by_id.get(curve.place), curve.driver
+        if location is None or driver not in known or not location.may_follow(driver):
             message = f"a curve at '{curve.place}' does not fit {network.plant.name}"
             raise AdoptRefused(f"{message}; run rulec mismatch again")
     curves = map(builder.curve_term, repair.curves)
@@ -97,7 +99,7 @@ def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
             taken,
             repair,
         )
-        for module in network.plant.modules.values()
+        for module in modules
     }
     types = held_back(network, {name: own.type for name, own in instances.items()})
     instances = {name: replace(own, type=types[name]) for name, own in instances.items()}
