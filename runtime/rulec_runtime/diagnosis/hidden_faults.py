@@ -18,7 +18,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.detectable_faults import visible_of
-from rulec_runtime.diagnosis.steady.points import is_bad
+from rulec_runtime.diagnosis.steady.points import at_rest, is_bad
 from rulec_runtime.recordings.columns import runs_where
 from rulec_runtime.recordings.plant_calendar import ENDED, TO_THE_END
 from rulec_runtime.recordings.recording import Recording
@@ -133,16 +133,6 @@ def _blind_runs(
             elif gone.issuperset(begun[fault][3]):  # its module stands, its readings still fail
                 begun[fault] = (fault, begun[fault][1], last, begun[fault][3])
     yield from begun.values()
-
-
-def at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
-    """Estimates with a signal below its minimum; for an input, all of its module."""
-    modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
-    return frozenset(
-        o.id
-        for o in ruleset.observers
-        if low and (o.module in modules or not low.isdisjoint(o.signals))
-    )
 
 
 def _segments(

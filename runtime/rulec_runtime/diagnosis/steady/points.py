@@ -155,6 +155,16 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
     return why
 
 
+def at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
+    """Estimates with a signal below its minimum; for an input, all of its module."""
+    modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
+    return frozenset(
+        o.id
+        for o in ruleset.observers
+        if low and (o.module in modules or not low.isdisjoint(o.signals))
+    )
+
+
 def is_bad(signal: SignalSpec, values: Array) -> np.ndarray:
     """Flags of readings that cannot be right, shape (n,)."""
     return np.asarray(~np.isfinite(values) | outside_range(signal, values))

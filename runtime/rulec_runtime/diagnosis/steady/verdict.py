@@ -7,9 +7,9 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import ObserverSpec
 from rulec_runtime.contract.threshold import threshold_of
-from rulec_runtime.diagnosis.hidden_faults import at_rest
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.observe import NOT_RECORDED, below_minimum, reason, too_vague
+from rulec_runtime.diagnosis.steady.points import at_rest
 
 Off = tuple[str, float, float]
 """A residual with its size and its threshold, as shares of a flow."""
