@@ -89,7 +89,11 @@ REFUSED = [
     (f'{CURVE} --columns "Q [m3/h],H,,,P_el [kW],,n [rpm]"', 1, "column 'H' names no unit"),
     (f'{CURVE} --columns "Q [m3/h],H [furlong],,,,,n [rpm]"', 1, "unknown unit 'furlong'"),
     (f'{CURVE} --columns "dp [bar],n [m],,,,,Q [m3/h]"', 1, "are two columns swapped?"),
-    (f'{CURVE} --columns "Q [m3/h],H [m],,P1 [W],P_el [W],,n [rpm]"', 1, "each could be P_el"),
+    (
+        f'{CURVE} --columns "Q [m3/h],H [m],,P1 [kW],input power [kW],,n [rpm]"',
+        1,
+        "each could be P_el",
+    ),
     (f'{CURVE} --columns "Q [m3/h],H [m],,,P_el [kW],,"', 1, "dp_law lacks n [rpm]"),
     (f'{CURVE} --columns "Q [m3/h],,,,,,"', 1, "no law of metered-centrifugal can be fitted"),
     (f"{HEAD} --grade 9Z", 1, "give 1B, 2B, 3B, or a share"),
