@@ -78,6 +78,17 @@ def test_nothing_grows_in_a_sound_plant(interval: float) -> None:
         assert "ok" == said("", 0.0 * SHARE, 8410 + seed, interval).status
 
 
+@pytest.mark.parametrize("seed", [8420, 8421, 8422])
+def test_a_fault_that_grew_until_it_was_repaired_has_ended(seed: int) -> None:
+    """A filter that was cleaned: each stretch hardly differs from the one before, but for one."""
+    repaired = 600
+    degree = np.where(np.arange(720) < repaired, 0.1 * SHARE, 0.0)
+    (finding,) = said("A.clogging", degree, seed, interval=600.0).findings
+    assert ("A.clogging", False) == (finding.fault.id, finding.active)
+    assert finding.lower <= degree[repaired - 1] <= finding.upper
+    assert finding.until == pytest.approx(600.0 * repaired, abs=600.0 * 15)
+
+
 def test_steps_stay_findings_of_their_own() -> None:
     """Each step has its degree; the last one says how it goes up."""
     findings = said("A.leakage", 0.1 * np.floor(4.99 * SHARE), 8403).findings

@@ -3,8 +3,8 @@
 A fault that grows by less from stretch to stretch than sensors may drift looks like a drifting
 sensor if only neighbours are compared. So all stretches are explained together: lasting errors by
 their classes and the calibration, the degree by a course, which begins somewhere, perhaps with a
-jump, and then grows along a line that may bend, or in steps. Its onset and its bends are unknown;
-each possibility counts by its evidence.
+jump, and then grows along a line that may bend, or in steps, and perhaps ends at once, as by a
+repair. Its onset and its bends are unknown; each possibility counts by its evidence.
 
 Source: own derivation, docs/method.md; linear Gaussian models compared by their evidence (MacKay
 1992).
@@ -42,7 +42,7 @@ class Course:
     now, rate : degree at the end, and its growth per second, unless it goes in steps.
     ahead : times from the end on, s, with the degree then and its standard uncertainty: (3, times).
     steps : times, s, and sizes of steps, if these explain it better than growth does.
-    onset : place among the points where it begins.
+    onset, ended : places among the points: where it begins, and the first without it.
     evidence : log-likelihood, exceeding that of a sound plant by `gain`.
     left : chi-square left.
     """
@@ -56,6 +56,7 @@ class Course:
     ahead: Array
     steps: tuple[Moments, ...]
     onset: int
+    ended: int
     evidence: float
     gain: float
     left: float
@@ -73,6 +74,7 @@ class Shapes:
     Attributes
     ----------
     time : shape (points,), s; `end`, s, is when the last stretch ends.
+    ended : time, s, from which on the degree is 0.
     columns : components of a course, shape (courses, parts), by their places among the columns of
         `table`.
     spread : their standard deviations, shape (courses, parts); `prior` the logarithms of
@@ -82,6 +84,7 @@ class Shapes:
 
     time: Array
     end: float
+    ended: float
     columns: np.ndarray
     spread: Array
     prior: Array
@@ -92,7 +95,7 @@ class Shapes:
         whole = self.time[-1] - self.time[0]
         since = np.maximum((time[:, None] - self.time) / whole, 0.0)
         begun = (time[:, None] >= self.time).astype(float)
-        return np.hstack([begun, since, since**2])
+        return np.where(time[:, None] < self.ended, np.hstack([begun, since, since**2]), 0.0)
 
     def rates(self) -> Array:
         """Growth of each column per second at the end, shape (3 * points,)."""
@@ -101,19 +104,24 @@ class Shapes:
         return np.concatenate([0.0 * since, since > 0.0, 2.0 * since]) / whole
 
 
-def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shapes:
-    """Courses that begin at some points, of a degree with typical size `scale`."""
+def shapes_of(time: Array, end: float, ended: int, onsets: np.ndarray, scale: float) -> Shapes:
+    """Courses that begin at some points and are over at point `ended`, of a degree with typical
+    size `scale`."""
     count, knots = len(time), limits.BENDS_OF_A_COURSE
+    over, repaired = np.inf, 0.0
+    if ended < count:
+        end, over, repaired = float(time[ended - 1]), float(time[ended]), -float(np.log(count))
+        onsets = onsets[onsets < ended]
     rows: list[tuple[list[int], list[float], float, bool]] = []
     for onset in onsets.tolist():
-        where = limits.FAULT_FROM_START if onset == 0 else -np.log(len(onsets))
-        bent = np.linspace(onset, count - 1, knots + 1).round().astype(int)[:-1]
+        where = repaired + (limits.FAULT_FROM_START if onset == 0 else -np.log(len(onsets)))
+        bent = np.linspace(onset, ended - 1, knots + 1).round().astype(int)[:-1]
         parts = [onset, count + onset, *(2 * count + bent)]
         rows.append((parts, [scale, *[0.0] * (knots + 1)], where - np.log(2.0), True))
-        behind = count - onset
+        behind = ended - onset
         if behind < limits.POINTS_THAT_GROW:
             continue
-        whole = float((time[-1] - time[0]) / (time[-1] - time[onset]))
+        whole = float((time[-1] - time[0]) / (time[ended - 1] - time[onset]))
         # With as many bends as points a course would pass through all of them.
         free = np.arange(knots) % (1 + 4 * knots // behind) == 0
         ways = [(jump, bend) for jump in (0.0, scale) for bend in limits.BENDING]
@@ -122,7 +130,15 @@ def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shap
             chance = where - np.log(2.0 * len(ways))
             rows.append((parts, [jump, scale * whole, *curved], chance, False))
     at, spreads, prior, constant = map(np.array, zip(*rows, strict=True))
-    return Shapes(time=time, end=end, columns=at, spread=spreads, prior=prior, constant=constant)
+    return Shapes(
+        time=time,
+        end=end,
+        ended=over,
+        columns=at,
+        spread=spreads,
+        prior=prior,
+        constant=constant,
+    )
 
 
 class _Weighed(NamedTuple):
@@ -232,6 +248,18 @@ class Stack:
         assert white is not None, "checked when the stack was made"
         return white @ self.test.residuals[0], white
 
+    @cached_property
+    def repaired(self) -> int:
+        """The point that differs most from what those before it predict."""
+        each = self.sound[0].reshape(len(self.time), -1)
+        first = limits.POINTS_THAT_GROW
+        return first + int(np.argmax(np.sum(each[first:] ** 2, axis=1))) if len(each) > first else 0
+
+    def ends(self) -> tuple[int, ...]:
+        """First points without a fault that are tried: after the last, and where it may have been
+        repaired."""
+        return (len(self.time), self.repaired) if self.repaired else (len(self.time),)
+
     def gain_at_first(self, fault: int) -> float:
         """Log-likelihood gain over a sound plant, to first order; -inf if no estimate shows the
         fault."""
@@ -240,18 +268,21 @@ class Stack:
         if not slopes.any():
             return -np.inf
         few = np.arange(0, len(self.time), limits.ONSETS_AT_FIRST)
-        _, every = _growing(self.shapes(fault, few), white @ slopes, residuals)
-        return _any_of(every.gain)
+        every = (self.shapes(fault, few, ended) for ended in self.ends())
+        return max(_any_of(_growing(s, white @ slopes, residuals)[1].gain) for s in every)
 
-    def shapes(self, fault: int, onsets: np.ndarray) -> Shapes:
+    def shapes(self, fault: int, onsets: np.ndarray, ended: int) -> Shapes:
         """Possible courses of the degree of a fault that begin at some points."""
         usual = limits.USUAL_DEGREE * self.test.ruleset.faults[fault].scale
-        return shapes_of(self.time, self.end, onsets, usual)
+        return shapes_of(self.time, self.end, ended, onsets, usual)
 
-    def course(self, fault: int, onsets: np.ndarray | None = None) -> Course | None:
-        """The course that explains most; None if no credible one exists."""
+    def course(
+        self, fault: int, onsets: np.ndarray | None = None, ended: int | None = None
+    ) -> Course | None:
+        """The course that explains most, over at point `ended`; None if no credible one exists."""
         spec, time = self.test.ruleset.faults[fault], self.time
-        shapes = self.shapes(fault, np.arange(0, len(time), 2) if onsets is None else onsets)
+        ended, begun = ended or len(time), np.arange(0, len(time), 2) if onsets is None else onsets
+        shapes = self.shapes(fault, begun, ended)
         table, degree = shapes.table(time), np.zeros(len(time))
         for _ in range(limits.FIT_STEPS):
             if (undone := self._undone(fault, degree)) is None:
@@ -271,7 +302,7 @@ class Stack:
         without = white @ (residuals - slopes @ degree)
         _, lenient, _ = _weighed(shapes, white @ slopes, without)
         evidence = _log_density(without, white) + _any_of(lenient.gain)
-        (now,), (u_now,) = weighed.moments(shapes.table(np.array([self.end])))
+        (now,), (u_now,) = weighed.moments(shapes.table(np.array([shapes.end])))
         (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
         lowest = np.append(mean + common.COVERAGE * u, now + common.COVERAGE * u_now).min()
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
@@ -283,7 +314,7 @@ class Stack:
             sure = np.abs(weighed.parts[0]) > least
             onset = int(weighed.columns[0][sure if sure.any() else slice(None)].min())
         ahead = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
-        later = self.end + (self.end - time[min(onset, len(time) - 2)]) * ahead
+        later = shapes.end + (shapes.end - time[min(onset, ended - 2)]) * ahead
         then, u_then = weighed.moments(shapes.table(later))
         wide = max(left / len(residuals), 1.0) ** 0.5
         return Course(
@@ -296,6 +327,7 @@ class Stack:
             ahead=np.stack([later, then, wide * u_then]),
             steps=steps,
             onset=onset,
+            ended=ended,
             evidence=evidence,
             gain=evidence - _log_density(*self.sound),
             left=left,

@@ -20,6 +20,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.findings import (
     Finding,
     Found,
+    Period,
     behind_of,
     finding_of,
     findings_of,
@@ -27,6 +28,7 @@ from rulec_runtime.diagnosis.steady.findings import (
 from rulec_runtime.diagnosis.steady.growth import Growth, growth_of
 from rulec_runtime.diagnosis.steady.isolate import accepted, shares
 from rulec_runtime.diagnosis.steady.screen import may_fit
+from rulec_runtime.recordings.plant_calendar import ENDED as OVER
 from rulec_runtime.recordings.stationary import Timeline
 
 
@@ -48,8 +50,8 @@ def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -
     if stack is not None and courses and not _is_reported(found, own.faults, courses[0]):
         one = _of_course(timeline, ruleset, evaluated, stack, courses)
         # In place of all that was reported during it.
-        findings = [*(f for f in findings if f.until < one.since), one]
-        found = replace(found, unknown=[p for p in found.unknown if p.until < one.since])
+        findings = [*(f for f in findings if _is_apart(f, one)), one]
+        found = replace(found, unknown=[p for p in found.unknown if _is_apart(p, one)])
     elif courses:
         fault = own.faults[courses[0].fault]
         growth = growth_of(fault, courses[0], end)
@@ -59,6 +61,10 @@ def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -
         ]
     followed = [_followed(timeline, evaluated, findings, one, index) for one in findings]
     return replace(found, findings=followed)
+
+
+def _is_apart(other: Finding | Period, one: Finding) -> bool:
+    return other.until < one.since or other.since > one.until
 
 
 def _now(one: Finding, growth: Growth | None = None) -> Growth:
@@ -100,9 +106,13 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
     # Faults that move the same readings gain the same to first order: rounding must not choose.
     last = gain_of(some[: limits.COURSES_TRIED][-1]) - limits.TIED if some else np.inf
     asked = dict.fromkeys((*(i for i in some if gain_of(i) > last), *named))
-    tried = [stack.course(i) for i in asked if i in some]
+    tried = [stack.course(i, ended=ended) for i in asked if i in some for ended in stack.ends()]
     sound = [c for c in tried if c is not None and c.left <= limit]
     sound.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
+    best: dict[int, Course] = {}
+    for course in sound:
+        best.setdefault(course.fault, course)
+    sound = list(best.values())
     return sound if sound and sound[0].gain >= least else []
 
 
@@ -114,7 +124,8 @@ def _of_course(
     courses: Sequence[Course],
 ) -> Finding:
     """The growing fault that explains all stretches best."""
-    faults, best, last = evaluated.part.ruleset.faults, courses[0], int(stack.points[-1])
+    faults, best = evaluated.part.ruleset.faults, courses[0]
+    last = int(stack.points[best.ended - 1])
     prior = np.log([faults[c.fault].odds for c in courses])
     evidence = np.array([c.evidence for c in courses])
     chance, alone = (shares(e[:, None])[:, 0].tolist() for e in (evidence + prior, evidence))
@@ -127,6 +138,8 @@ def _of_course(
     plain = replace(evaluated, observed=evaluated.plain, baselines=blank)
     times = float(timeline.since[stack.points[best.onset]]), float(timeline.until[last])
     one = finding_of(ruleset, plain, cause, [last], times)
+    if best.ended < len(stack.time):
+        return replace(one, behind=OVER)
     growth = growth_of(faults[best.fault], best, stack.end)
     return replace(one, behind=behind_of(timeline, evaluated, [last]), growth=growth)
 
