@@ -246,3 +246,23 @@ def test_the_unit_of_two_columns_is_not_doubted_as_that_of_one(
     wrong = {**recorded, "pump.dp [bar]": 0.1 * recorded["pump.dp [bar]"]}
     main(["check", str(plant), str(write_columns(tmp_path / "two.csv", two_gauges(wrong)))])
     assert "factor of 10" not in " ".join(capsys.readouterr().out.split())
+
+
+def test_errors_of_a_meter_that_is_not_there_are_not_missed(tmp_path: Path) -> None:
+    """One meter, two modules of its flow: the valve has none of its own."""
+    own = "parameters: {Kv: {value: 2, unit: m3/h, u: 0.1, source: sheet}}, reference: {Q: 0.7}"
+    modules = {"pump": "metered-centrifugal", "valve": f"equal-percentage-valve, {own}"}
+    folder = write_plant(tmp_path / "line", modules, "pump -> valve")
+    random, there = np.random.default_rng(1), compile_plant(folder).signals
+    mapped = [f"  {s.id}: {{from: {s.id}, unit: '{s.unit}'}}" for s in there if s.id != "valve.Q"]
+    (folder / "columns.yaml").write_text("\n".join(["columns:", *mapped]), encoding="utf-8")
+    write_plant(folder, modules, "pump -> valve", columns="columns.yaml")
+    rows = {
+        f"{s.id} [{s.unit}]": s.shown(s.reference) * (1.0 + 1e-3 * random.standard_normal(60))
+        for s in there
+        if s.id != "valve.Q"
+    }
+    file = write_columns(tmp_path / "run.csv", {"t [s]": np.arange(60), **rows})
+    told = json_of("diagnose", folder, file)
+    assert told["judged"] > 50
+    assert (told["status"], told["not_judged"], told["blind"]) == ("ok", [], [])

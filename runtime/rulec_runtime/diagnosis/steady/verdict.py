@@ -119,11 +119,19 @@ def _unusable(evaluated: EvaluatedPoints, point: int) -> Iterator[ObserverSpec]:
 
 
 def partly_blind(evaluated: EvaluatedPoints, point: int) -> str:
-    """Which faults a judged point could not show, and why; empty if all."""
-    isolation = evaluated.isolation
+    """Which faults a judged point could not show, and why; empty if all.
+
+    Errors of readings that the recording has not at all are none of them.
+    """
+    isolation, ruleset = evaluated.isolation, evaluated.part.ruleset
     because = why_blind(evaluated, point) if isolation.judged[point] else ""
-    floors = zip(evaluated.part.ruleset.faults, isolation.floor[:, point], strict=True)
-    unseen = [f.id for f, x in floors if not (f.unlisted or threshold_of(x) < f.highest)]
+    absent = ruleset.observed - evaluated.observed.points.values.keys()
+    unseen = [
+        f.id
+        for f, x in zip(ruleset.faults, isolation.floor[:, point], strict=True)
+        if not (f.unlisted or threshold_of(x) < f.highest)
+        and not (f.in_sensor and absent.issuperset(f.scales))
+    ]
     if not because or not unseen:
         return ""
     names = ", ".join(unseen[:NAMED]) + (", ..." if len(unseen) > NAMED else "")
