@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
@@ -266,3 +267,24 @@ def test_errors_of_a_meter_that_is_not_there_are_not_missed(tmp_path: Path) -> N
     told = json_of("diagnose", folder, file)
     assert told["judged"] > 50
     assert (told["status"], told["not_judged"], told["blind"]) == ("ok", [], [])
+
+
+@pytest.mark.parametrize("layout", ["wide", "quality", "long"])
+def test_a_column_of_two_signals_is_converted_once_for_each(tmp_path: Path, layout: str) -> None:
+    """In each layout; a thermometer in degF of two modules showed 855 K."""
+    modules = {"pump": "metered-centrifugal", "other": "metered-centrifugal"}
+    folder = write_plant(tmp_path / "plant", modules, columns="columns.yaml")
+    both = "".join(f"  {name}.T: {{from: TI, unit: degF}}\n" for name in modules)
+    more = "  pump.Q: {from: FI, unit: gpm}\n"
+    (folder / "columns.yaml").write_text(f"columns:\n{both}{more}", encoding="utf-8")
+    lines = {
+        "wide": ["time [s],TI,FI", *(f"{i},{60 + i},3" for i in range(9))],
+        "quality": ["time [s],TI,TI Quality,FI", *(f"{i},{60 + i},Good,3" for i in range(9))],
+        "long": ["tag,time,value", *(f"TI,{i},{60 + i}\nFI,{i},3" for i in range(9))],
+    }
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join(lines[layout]) + "\n", encoding="utf-8")
+    values = read_recording(file, compile_plant(folder)).values
+    kelvin = (60 + np.arange(9) + 459.67) * 5 / 9
+    for name in modules:
+        assert values[f"{name}.T"] == pytest.approx(kelvin)

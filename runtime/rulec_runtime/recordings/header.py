@@ -40,10 +40,11 @@ class Header:
 
 
 def summed(targets: Iterable[Target], parts: Iterable[Array]) -> dict[str, Array]:
-    """Readings by signal from those of its columns, each of shape (n,)."""
+    """Readings by signal from those of its columns, each of shape (n,) and changed in place."""
     values: dict[str, Array] = {}
     for target, part in zip(targets, parts, strict=True):
-        values[target.signal] = values[target.signal] + part if target.signal in values else part
+        if values.setdefault(target.signal, part) is not part:
+            values[target.signal] += part
     return values
 
 

@@ -3,6 +3,7 @@
 Readings in memory, by the titles that a file would have, are treated like a file of them.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -28,6 +29,7 @@ from rulec_runtime.recordings.formats import (
     opened_sheet,
 )
 from rulec_runtime.recordings.header import Header, Target, assign, foreign, summed
+from rulec_runtime.recordings.larger_than_memory import copied
 from rulec_runtime.recordings.table import Dates, Table
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
@@ -124,8 +126,10 @@ def _file(
             raise
         raise foreign(str(path), ruleset) from None  # a foreign file is not quoted
     parts = list[Array]()
+    readers_of = Counter(target.index for target in header.targets)
     for column, target in zip(table.columns, header.targets, strict=True):
-        part, remarks = readings_of(column, target, ruleset)
+        shared = readers_of[target.index] > 1
+        part, remarks = readings_of(column, target, ruleset, shared=shared)
         parts.append(part)
         notes += (f"{path.name}: {text}" for _, text in remarks)
     values = summed(header.targets, parts)
@@ -152,9 +156,10 @@ def largest_reading(signal: SignalSpec) -> float:
 
 
 def readings_of(
-    column: Column, target: Target, ruleset: Ruleset, placed: bool = True
+    column: Column, target: Target, ruleset: Ruleset, placed: bool = True, shared: bool = False
 ) -> tuple[Array, list[tuple[str, str]]]:
-    """The numbers of a column in SI, changed in place, and remarks, each with what it is about.
+    """The numbers of a column in SI, changed in place unless others read it too (`shared`), and
+    remarks, each with what it is about.
 
     NaN where a cell is one of the `words`, `absurd` (beyond any sensor), or `missing` by the column
     map. Remarks name the first row if its number is that in a file (`placed`).
@@ -175,7 +180,7 @@ def readings_of(
         place = f", in data row {row}" if placed else ""
         more = f" (the first{place}: '{word}'{others}); there it has no reading"
         note("words", column.words, "is a word", "are words", more)
-    values = column.numbers()
+    values = copied(column.numbers()) if shared else column.numbers()
     if missing and (absent := np.isin(values, missing)).any():
         shown = " or ".join(f"{number:g}" for number in missing)
         more = f" {shown}, which the column map calls missing"
