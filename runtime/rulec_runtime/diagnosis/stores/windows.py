@@ -31,8 +31,7 @@ class Window:
     first sample in it. If `because` is not empty, the window cannot be judged. `slips` is how far
     each input may be off until the next sample, as it may jump at any moment in between: standard
     deviation, with the sign of the jump, of the shape of `inputs`; `jumps` is what that does to the
-    outputs, shape (n, outputs, jumps), where they are considered. `bent` flags means of readings
-    before and behind a jump, shape (n,): the balances give the value in the middle.
+    outputs, shape (n, outputs, jumps), where they are considered. See `bent_by`.
     """
 
     time: Array
@@ -113,6 +112,15 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
             if not long
         ),
     )
+
+
+def bent_by(slips: Array) -> np.ndarray:
+    """Flags of samples, shape (n,), whose readings are means over times before and behind a jump:
+    the balances give the value in the middle."""
+    bent = np.zeros(len(slips), dtype=bool)
+    for sample, _ in jumps_of(slips):
+        bent[sample : sample + 2] = True
+    return bent
 
 
 def rows_of_a_finding(count: int) -> int:
@@ -199,15 +207,13 @@ def _firsts(count: int, length: int) -> list[int]:
 def _window(dynamics: Dynamics, piece: Window, number: int, rows: slice, averaged: bool) -> Window:
     inputs, measured = piece.inputs[rows], piece.measured[rows]
     assert piece.slips is not None
-    slips, bent = piece.slips[rows], np.zeros(len(inputs), dtype=bool)
-    for sample, _ in jumps_of(slips) if averaged else ():
-        bent[sample : sample + 2] = True
+    slips = piece.slips[rows]
     window = Window(
         time=piece.time[rows],
         inputs=inputs,
         measured=measured,
         slips=slips,
-        bent=bent,
+        bent=bent_by(slips) if averaged else None,
         piece=number,
         first=rows.start,
     )
