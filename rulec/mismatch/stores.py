@@ -67,7 +67,7 @@ def explain(
     best, accepted = found.best, found.accepted
     proofs = prove(found.plain, best)
     dropped: tuple[str, ...] = ()
-    if accepted and _gained(best, proofs) <= _least(proofs):
+    if accepted and not _gains(best, proofs):
         # The named explanations fail on data to which they were not fitted.
         dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
@@ -76,8 +76,11 @@ def explain(
     if found.has_unnamed:
         tell("drawing what has no name")
         unnamed = likeliest_curve(found)
-        if unnamed is not None:
+        if unnamed is not None and _gains(unnamed.fitted, prove(found.plain, unnamed.fitted)):
             locations = (location_of_curve(model, unnamed.curve, unnamed.share),)
+        elif unnamed is not None and not accepted:
+            at = unnamed.curve.location
+            dropped = (*dropped, f"A curve without a name at {at.module}.{at.place}")
     result = explanation(recording, model, found, accepted, locations, dropped)
     return result if dropped else replace(result, curves=curves_of(found))
 
@@ -256,8 +259,13 @@ def _worse(proof: Proof) -> float:
     return errors.recalibrated / max(errors.noise, 1e-300)
 
 
+def _gains(best: Fitted, proofs: Sequence[Proof]) -> bool:
+    """Whether explanations hold on data to which they were not fitted."""
+    return _gained(best, proofs) > _least(proofs)
+
+
 def _gained(best: Fitted, proofs: Sequence[Proof]) -> float:
-    """Gain of named explanations in log likelihood on blocks that were not used to find them;
+    """Gain of explanations in log likelihood on blocks that were not used to find them;
     infinite if no reading has a value there, which rejects nothing."""
     # A reading without one must not hide what the others say.
     found = [(best.noise[p.fit.signal].correlation_time, p.fit.heldout) for p in proofs]

@@ -91,10 +91,12 @@ def search(problem: SimulationProblem, progress: Progress) -> Found:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """A curve that no entry explains, and the share of the squared errors that it explains."""
+    """A curve that no entry explains, the share of the squared errors that it explains, and the
+    model with it."""
 
     curve: CurveFound
     share: float
+    fitted: Fitted
 
 
 def likeliest_curve(found: Found) -> Unnamed | None:
@@ -123,7 +125,7 @@ def likeliest_curve(found: Found) -> Unnamed | None:
         lost=_lost(found, first, after),
     )
     share = 1.0 - float(np.sum(after) / max(np.sum(before), 1e-300))
-    return Unnamed(curve, max(share, 0.0))
+    return Unnamed(curve, max(share, 0.0), first.fitted)
 
 
 def curves_of(found: Found) -> tuple[CurveTerm, ...]:

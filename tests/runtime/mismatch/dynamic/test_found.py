@@ -267,6 +267,23 @@ def test_a_reading_that_no_entry_names_is_a_curve_for_a_plant_file() -> None:
     assert max(shown) - 0.5 * (shown[0] + shown[-1]) == pytest.approx(0.6, abs=0.15)
 
 
+@pytest.mark.parametrize("holds", [True, False])
+def test_a_curve_that_gains_nothing_where_it_was_not_drawn_is_no_mismatch(
+    monkeypatch: pytest.MonkeyPatch, holds: bool
+) -> None:
+    missed = 0.6 * TRUE["pump.k"] * np.maximum(voltage(384, 1) - 3.0, 0.0)
+    recording = made(384, errors={"definition:upper.outflow": missed})
+    found = searched(problem_of(recording), LOSS)
+    unnamed = likeliest_curve(found)
+    monkeypatch.setattr(simulated.Found, "has_unnamed", True)
+    monkeypatch.setattr(stores, "search", lambda problem, tell: found)
+    drawn = unnamed if holds else replace(unnamed, fitted=found.plain)
+    monkeypatch.setattr(stores, "likeliest_curve", lambda found: drawn)
+    said = stores.explain(recording, *tanks(), (), lambda text: None)
+    assert isinstance(said, Explanation)
+    assert (holds, not holds) == (bool(said.locations), bool(said.dropped))
+
+
 SAMPLES = 640
 FLAP = "lower.sticking-flap@outflow"
 HELD_BACK, NEAR, WIDE = 0.3, 0.10, 0.025
