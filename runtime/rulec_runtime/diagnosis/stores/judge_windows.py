@@ -264,6 +264,15 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     beside = _left([j.plain.error for j in moved if j.plain], windows.noise)
     if (beside[0] * limits.BEHIND_A_MISFIT < misfit).any():
         (misfit, correlation), alone, members = beside, moved, tuple(jumping)
+    else:
+        # In windows that only their jumps explain, as few of many have one.
+        weights = replace(model, spread=misfit * np.sqrt(correlation))
+        usual = replace(single, model=weights, share=1.0 / correlation)
+        each = (usual.judge(of, learning=False) for of in (members, jumping))
+        members = tuple(
+            other.window if one.deviating and not other.deviating else one.window
+            for one, other in zip(*each, strict=True)
+        )
     lasting, errors = known.lasting(alone)
     beside = _left(errors, windows.noise)
     if lasting and (beside[0] * limits.BEHIND_A_MISFIT < misfit).any():
