@@ -199,6 +199,10 @@ SAME_LEVEL = 1e-9
 LEAST_NOISE = 1e-300
 """Keeps divisions by the noise of a reading that has none. Origin: numerical."""
 
+FLICKERS = 10
+"""Fewest samples between two equal ones that differ from these, of a display that flickers: one may
+be a pulse of a set point. Origin: assumed."""
+
 COARSE_LEVELS = 4
 """Fewest levels of a coarse display. Origin: assumed."""
 

@@ -92,6 +92,19 @@ def noise_of(values: Array) -> float:
     return white_noise(np.diff(values[np.isfinite(values)], 2), 2)
 
 
+def flicker_of(values: Array) -> float:
+    """Standard deviation of samples between two equal ones; 0 if few differ from these.
+
+    It is the noise of a coarse display that mostly shows the same number, whose second differences
+    are mostly 0. Neither steps nor slopes change it.
+    """
+    step = np.abs(values[1:-1] - values[:-2])[values[2:] == values[:-2]]
+    other = step > 0.0
+    if other.sum() < limits.FLICKERS:
+        return 0.0
+    return float(np.median(step[other]) * np.sqrt(np.mean(other)))
+
+
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
     """Settled stretches, and the noise of every reading within them, SI."""
     noise = noise_at_work(recording, ruleset)

@@ -212,12 +212,17 @@ def test_the_noise_of_an_input_shows_on_a_coarse_display_too() -> None:
         assert np.sqrt(np.mean((off / means.noise[name]) ** 2)) < 1.5
 
 
-def test_means_are_rounded_as_their_samples_are() -> None:
-    """A display with steps beyond the noise shows one number during a state."""
+@pytest.mark.parametrize(("speeds", "noise"), [((0.6, 1.25), 0.0), ((1.0, 1.06), 0.2)])
+def test_means_are_rounded_as_their_samples_are(speeds: tuple[float, float], noise: float) -> None:
+    """A display with steps beyond the noise shows one number during a state, or two in turns; it
+    may show few numbers in all."""
     plant, samples, step = loaded("abc"), 240, 0.05e5
-    run = recorded(plant, tour(plant[0], samples, dwell=12), seed=None)
-    names = ("A.dp", "B.dp")
-    shown = {name: step * np.round(run.values[name] / step) for name in names}
+    run = recorded(plant, tour(plant[0], samples, *speeds, dwell=12), seed=None)
+    names, draw = ("A.dp", "B.dp"), np.random.default_rng(3)
+    shown = {
+        name: step * np.round(run.values[name] / step + draw.normal(0.0, noise, samples))
+        for name in names
+    }
     means = averaged(rows_at(plant, changed(run, shown)).system, np.zeros(0))
     for name in names:
         off = means.values[name] - run.values[name][means.time.astype(int)]
