@@ -59,7 +59,7 @@ class Agreement:
 @dataclass(frozen=True)
 class Check:
     """Settled stretches whose estimates are compared; `noise` per signal, SI; readings that stand
-    `still` all the time, other than inputs, which may be set."""
+    `still` all the time where others move, but for inputs, which may be set."""
 
     ruleset: Ruleset
     stretches: Stretches
@@ -147,6 +147,6 @@ def check_of(recording: Recording, ruleset: Ruleset) -> Check | None:
     chosen = np.unique(np.linspace(0, len(stretches) - 1, most).astype(int))
     some = Stretches(stretches.first[chosen], stretches.last[chosen])
     points = points_of_stretches(recording, ruleset, some, noise)
-    values = ((s.id, recording.values.get(s.id)) for s in ruleset.signals if not s.is_input)
-    still = frozenset(name for name, v in values if v is not None and never_moves(v))
-    return Check(ruleset, some, points, noise, still)
+    shown = {s.id for s in ruleset.signals if not s.is_input} & recording.values.keys()
+    still = frozenset(name for name in shown if never_moves(recording.values[name]))
+    return Check(ruleset, some, points, noise, still if still < shown else frozenset())

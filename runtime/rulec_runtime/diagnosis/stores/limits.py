@@ -104,3 +104,7 @@ assumed."""
 SIGNATURE_SWING, SIGNATURE_PACE, SIGNATURE_PACES_APART = 0.2, 40.0, 17.0
 """Share of its reference by which each given reading swings in that course, seconds per radian of
 the first of them, and by how many each further one is slower. Origin: assumed."""
+
+UNIFORM = 12.0**-0.5
+"""Standard deviation of a moment between two samples, as a share of the time between them; it is
+half of that time on average. Origin: distribution, uniform."""

@@ -26,7 +26,7 @@ from rulec_runtime.diagnosis.stores.free_balances import (
     start_of,
     with_free_states,
 )
-from rulec_runtime.diagnosis.stores.windows import UNIFORM, Window, jumps_of
+from rulec_runtime.diagnosis.stores.windows import Window, jumps_of
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import Balances, RanAway
 
@@ -185,7 +185,7 @@ class Model:
             return window
         inputs = window.inputs.copy()
         for jump in jumps:
-            inputs[jump] += 0.5 / UNIFORM * slips[jump]
+            inputs[jump] += 0.5 / limits.UNIFORM * slips[jump]
         window = replace(window, inputs=inputs)
         try:
             plain, _, _ = self.simulate(window, unknowns)

@@ -15,10 +15,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import white_noise
 from rulec_runtime.recordings.stationary import systematic_u
 
-UNIFORM = 1.0 / np.sqrt(12.0)
-"""Standard deviation of a moment between two samples, as a share of the time between them; it is
-half of that on average."""
-
 NO_READING = "{}: no reading, or none within its range"
 
 
@@ -162,7 +158,7 @@ def _piece(
     time, inputs, measured = thinned(time, inputs, measured, factor)
     columns = (inputs, measured, squares, steps)
     tables = [_table(each.values(), len(time)) for each in columns]
-    slips = UNIFORM * np.sign(tables[3]) * np.sqrt(tables[2] / factor)
+    slips = limits.UNIFORM * np.sign(tables[3]) * np.sqrt(tables[2] / factor)
     return Window(time=time, inputs=tables[0], measured=tables[1], slips=np.nan_to_num(slips))
 
 
