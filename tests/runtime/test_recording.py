@@ -11,7 +11,7 @@ import pytest
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
-from rulec_runtime.recordings.stationary import find_stretches, flicker_of, noise_of
+from rulec_runtime.recordings.stationary import find_stretches, noise_of
 
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import changed
@@ -304,13 +304,12 @@ def test_the_noise_of_a_coarse_display_is_that_of_its_flicker() -> None:
     """Three samples of four show the same number; set points are held, and are no noise."""
     draw, held = np.random.default_rng(4), np.repeat([40.0, 52.0, 47.0, 40.0], 100)
     shown = np.round(held + draw.normal(0.1, 0.3, len(held)))
-    assert 0.0 == noise_of(shown)
-    assert flicker_of(shown) == pytest.approx(np.std(shown - held), rel=0.25)
+    assert noise_of(shown) == pytest.approx(np.std(shown - held), rel=0.25)
     shown[50] += 20.0
-    assert flicker_of(shown) == pytest.approx(0.3, rel=0.25)
+    assert noise_of(shown) == pytest.approx(0.3, rel=0.25)
     held[[50, 150, 250]] += 8.0
-    assert 0.0 == flicker_of(held)
-    assert 0.0 == flicker_of(np.array([1.0, np.nan]))
+    assert 0.0 == noise_of(held)
+    assert 0.0 == noise_of(np.array([1.0, np.nan]))
 
 
 LONG = Sheet(SHEET.header, SHEET.rows * 2 + SHEET.rows[:30]).mapped("time", lambda k, _: str(k))

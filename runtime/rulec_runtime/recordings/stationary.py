@@ -88,16 +88,13 @@ def long_pause(time: Array) -> float:
 
 def noise_of(values: Array) -> float:
     """Standard deviation of white noise in a record, by second differences of its readings, which
-    steps and slopes hardly affect."""
-    return white_noise(np.diff(values[np.isfinite(values)], 2), 2)
+    steps and slopes hardly affect; of a coarse display that mostly shows the same number, whose
+    differences are mostly 0, that of its flicker."""
+    return white_noise(np.diff(values[np.isfinite(values)], 2), 2) or _flicker_of(values)
 
 
-def flicker_of(values: Array) -> float:
-    """Standard deviation of samples between two equal ones; 0 if few differ from these.
-
-    It is the noise of a coarse display that mostly shows the same number, whose second differences
-    are mostly 0. Neither steps nor slopes change it.
-    """
+def _flicker_of(values: Array) -> float:
+    """Standard deviation of samples between two equal ones; 0 if few differ from these."""
     step = np.abs(values[1:-1] - values[:-2])[values[2:] == values[:-2]]
     other = step > 0.0
     if other.sum() < limits.FLICKERS:

@@ -15,7 +15,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
     Stretches,
     find_stretches,
-    flicker_of,
     noise_at_work,
     systematic_u,
 )
@@ -82,10 +81,7 @@ def prepare(
     Failed readings are removed without regard to the model, which is what is in doubt here.
     """
     recording = examine(recording, ruleset, by_model=False).recording
-    noise = {
-        name: own or flicker_of(recording.values[name])
-        for name, own in noise_at_work(recording, ruleset).items()
-    }
+    noise = noise_at_work(recording, ruleset)
     of_rows = is_point_table(recording, ruleset)
     if of_rows:
         stretches = each_row(recording)
