@@ -155,11 +155,7 @@ def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
     """The data with inputs that are held during states at their means, and the names of these.
 
     Otherwise each sample could have its own true input, and a law that makes a reading independent
-    of an input, as an open relief valve does, would explain the noise of the input. An input is
-    held if its successive values differ as much as independent ones. Their differences also show
-    the noise of a coarse display, which is underestimated if most samples show the same number.
-
-    Source: von Neumann 1941, ratio of the mean square successive difference to the variance.
+    of an input, as an open relief valve does, would explain the noise of the input.
     """
     data, state = system.data, states_of(system)
     new = np.diff(state, prepend=-1) != 0
@@ -176,16 +172,11 @@ def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
             (np.bincount(visit, v) / np.bincount(visit))[visit]
             for v in (values[name], data.noise[name])
         )
-        scatter = _root_mean_square(values[name] - usual)
-        steps = _root_mean_square(np.diff(values[name])[~new[1:]]) / np.sqrt(2.0)
-        if scatter <= limits.HELD * max(steps, float(np.median(noise))):
-            values[name], noises[name] = usual, np.maximum(noise, steps) / np.sqrt(count)
+        left = (values[name] - usual) / np.maximum(noise, 1e-300)
+        if float(np.sqrt(np.mean(left**2))) < limits.HELD:
+            values[name], noises[name] = usual, noise / np.sqrt(count)
             held.add(name)
     return replace(data, points=replace(data.points, values=values), noise=noises), frozenset(held)
-
-
-def _root_mean_square(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def with_wobble(rows: Rows) -> Data:
