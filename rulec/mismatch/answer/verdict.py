@@ -219,7 +219,10 @@ def _nothing(fits: Sequence[Fit]) -> str:
     """No explanation is probable; an inexact law may nevertheless be far off."""
     most, signal = _farthest(fits)
     if most < limits.FAR_OFF:
-        return "The model is complete: after recalibration only noise remains."
+        return (
+            "The model is complete: recalibrated, it agrees with the recording within noise and the "
+            "accuracy of its laws."
+        )
     return (
         f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, which is "
         "within the accuracy of its law."

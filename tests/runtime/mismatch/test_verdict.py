@@ -46,7 +46,7 @@ def fit_of(repaired: float = 0.4, noise: float = 0.1, signal: str = "A.Q", **mor
 @pytest.mark.parametrize(
     ("findings", "left", "verdict", "headline"),
     [
-        ((), False, "none", "The model is complete: after recalibration only noise"),
+        ((), False, "none", "The model is complete: recalibrated, it agrees"),
         ((), True, "unnamed", "Something is missing at the plant that no known effect"),
         ((SURE,), True, "named", "The model lacks gap flow that follows the temperature in A"),
         ((AGEING,), False, "named", "The model lacks wear in A."),
@@ -92,8 +92,8 @@ NEARLY = (SENSOR, replace(SURE, probability=0.7))
     ("verdict", "findings", "noise", "expected", "never"),
     [
         # Else the law's form may be wrong, or the name is not all.
-        ("none", (), 0.3, "only noise remains", "off by"),
-        ("none", (), 0.1, "A.Q is off by 4 times its noise", "only noise remains"),
+        ("none", (), 0.3, "it agrees with the recording", "off by"),
+        ("none", (), 0.1, "A.Q is off by 4 times its noise", "it agrees with the recording"),
         ("named", (SURE, replace(FAULT, probability=0.4)), 1, "; not sure: flow lost in A.", "has"),
         ("ambiguous", NEARLY, 1, "Not sure enough to be named: gap flow", "law"),
         ("ambiguous", NEARLY, 1, " Certain: reading shifted in A.", "law"),

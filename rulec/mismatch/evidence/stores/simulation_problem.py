@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.diagnosis.stores.windows import bent_by
 from rulec_runtime.recordings.columns import filled, glitches_in, resolution, thinned
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust_statistics import Flags, white_noise
@@ -89,10 +88,6 @@ def record_of(
     inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
     if any(n not in inputs for n in dynamics.inputs) or len(time) < common.BLOCKS:
         return None
-    if factor > 1:
-        steps = [np.diff(inputs[n], append=inputs[n][-1:]) for n in dynamics.inputs]
-        bent = bent_by(np.array(steps).reshape(len(steps), -1).T)
-        measured = {n: np.where(bent, np.nan, v) for n, v in measured.items()}
     part = _split(time, inputs, heldout)
     open_ = part != HELDOUT
     measured = {n: v for n, v in measured.items() if np.isfinite(v[open_]).sum() > common.BLOCKS}
