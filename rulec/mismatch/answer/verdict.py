@@ -220,8 +220,8 @@ def _nothing(fits: Sequence[Fit]) -> str:
     most, signal = _farthest(fits)
     if most < limits.FAR_OFF:
         return (
-            "The model is complete: recalibrated, it agrees with the recording within noise and the "
-            "accuracy of its laws."
+            "The model is complete: recalibrated, it agrees with the recording within noise and "
+            "the accuracy of its laws."
         )
     return (
         f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, which is "
