@@ -18,7 +18,7 @@ from rulec.cli import main
 from tests.conftest import ROOT, compiled
 from tests.method.readings import calibrated
 from tests.rig.follower.plants import first_rows, part_of
-from tests.written import json_of, write_columns, write_plant
+from tests.written import json_of, write_columns, write_exact, write_plant
 
 HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
 """Head of the pump; usually known to 1.5 %."""
@@ -32,7 +32,9 @@ def plant(folder: Path, head: float = 1.0, doubt: float = 0.015) -> Path:
         f"{k}: {{value: {head * v:.9g}, unit: {u}, u: {doubt * v:.9g}, source: sheet}}"
         for k, (v, u) in HEAD.items()
     )
-    return write_plant(folder, {"pump": f"metered-centrifugal, parameters: {{{sheet}}}"})
+    return write_exact(
+        write_plant(folder, {"pump": f"metered-centrifugal, parameters: {{{sheet}}}"})
+    )
 
 
 def recorded(folder: Path, head: float = 1.0, fault: str = "") -> Path:

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from rulec.cli import main
+
+KB = Path(__file__).parent.parent / "kb" / "modules"
 
 
 def write_plant(
@@ -20,6 +23,21 @@ def write_plant(
     text += "".join(f"{key}: {value}\n" for key, value in more.items())
     folder.mkdir(exist_ok=True)
     (folder / "plant.yaml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def write_exact(folder: Path) -> Path:
+    """A plant of shipped types whose laws hold exactly, as those of simulated recordings do."""
+    file, modules = folder / "plant.yaml", {}
+    plant = yaml.safe_load(file.read_text(encoding="utf-8"))
+    for name, module in plant["modules"].items():
+        kind = yaml.safe_load((KB / f"{module['type']}.yaml").read_text(encoding="utf-8"))
+        misfit = {observer: {"value": 0, "unit": "l/h"} for observer in kind["observers"]}
+        modules[name] = {"type": module["type"], "misfit": misfit}
+    calibration = {"calibration": plant["plant"], "modules": modules}
+    (folder / "exact.yaml").write_text(yaml.safe_dump(calibration), encoding="utf-8")
+    plant["calibration"] = ["exact.yaml", *plant.get("calibration", ())]
+    file.write_text(yaml.safe_dump(plant, sort_keys=False), encoding="utf-8")
     return folder
 
 

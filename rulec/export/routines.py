@@ -8,7 +8,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import rulec_runtime.limits as runtime_limits
-from rulec_runtime.contract.ruleset import ObserverSpec, ResidualSpec, Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import (
+    FORM,
+    MISFIT,
+    ObserverSpec,
+    ResidualSpec,
+    Ruleset,
+    SignalSpec,
+)
 from rulec_runtime.recordings.recording_file import largest_reading
 
 from rulec.algebra.graph import Graph
@@ -221,8 +228,11 @@ class Observe:
         bare, unit = self._short(error), FLOW
         if error in self.readings:
             unit, what = f"{FLOW} per SI", f"slope of {short} by {error}"
-        elif error in self.ruleset.misfits:
+        elif error == f"{id_}{MISFIT}":
             bare, what = "misfit", f"standard uncertainty of {short} by its own misfit"
+        elif error.removesuffix(MISFIT).endswith(FORM):
+            bare = f"{'new_' * error.endswith(MISFIT)}{bare.removesuffix(MISFIT).replace('.', '_')}"
+            what = f"standard uncertainty of {short} by the form of a law"
         else:
             what = f"slope of {short} by parameter {error}, per standard uncertainty"
         return self.draft.output(f"{short}_by_{bare}", id_, what, unit)

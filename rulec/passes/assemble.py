@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import sympy
-from rulec_runtime.contract.ruleset import MISFIT
+from rulec_runtime.contract.ruleset import FORM, MISFIT
 
 from rulec.algebra.derivative import derivative
 from rulec.algebra.graph import Graph, Node
@@ -20,6 +20,7 @@ from rulec.knowledge.plant import Module
 from rulec.passes.corrected_observers import liquid_affects, undo_graph
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
+from rulec.passes.limits import FORM_COMMON
 from rulec.passes.link import Network
 
 Gradient = Mapping[str, Node]
@@ -206,12 +207,23 @@ class _Instance:
             key = self.id(name)
             observers[key] = self.lower(expression)
             gradient = self.gradient(expression)
-            misfit = self.module.misfit.get(name, 0.0)
-            if misfit:
-                node = self.graph.mul(self.graph.constant(misfit), self.graph.input(MODEL))
-                gradient[f"{key}{MISFIT}"] = node
+            misfit = self.module.misfit.get(name)
+            if misfit is not None:
+                gradient |= self._of_model(f"{key}{MISFIT}", self.graph.constant(misfit), 1.0)
+            else:
+                # Nobody calibrated it: its laws are as accurate as their author says.
+                for law, form in self.model.forms[name].items():
+                    whole, own = self.lower(form), f"{self.id(law)}{FORM}"
+                    gradient |= self._of_model(own, whole, FORM_COMMON)
+                    gradient |= self._of_model(f"{own}{MISFIT}", whole, 1.0 - FORM_COMMON)
             gradients[key] = gradient
             guards[key] = tuple((text, self.lower(e)) for text, e in self.model.guards[name])
+
+    def _of_model(self, error: str, u: Node, share: float) -> dict[str, Node]:
+        """An error of a law whose variance is a `share` of u squared, as part of a gradient."""
+        node = self.graph.mul(self.graph.constant(share**0.5), u)
+        node = self.graph.mul(node, self.graph.input(MODEL))
+        return {} if self.graph.is_zero(node) else {error: node}
 
     def lower_targets(self, targets: dict[str, TargetNodes]) -> None:
         for name, target in self.model.targets.items():

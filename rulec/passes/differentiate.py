@@ -30,6 +30,7 @@ from rulec.knowledge.plant import Plant
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.expression import Expression
 from rulec.language.symbolic import invert, to_sympy
+from rulec.limits import ASSUMED_ACCURACY
 from rulec.passes.liquid import ByTarget, liquid_id, moved_by
 
 GATHERED = "downstream."
@@ -103,7 +104,8 @@ class TypeModel:
 
     `guards` are the values that must be positive for an observer to be defined, with their text.
     `unlisted` are errors of readings that only the sensor classes list. `margins` are those of the
-    conditions of its regimes, such as ``reverse-flow:0``.
+    conditions of its regimes, such as ``reverse-flow:0``. `forms` are, by observer and law, the
+    change of the observer's flow by one standard uncertainty of the law's form.
     """
 
     type: ModuleType
@@ -114,6 +116,7 @@ class TypeModel:
     faults: tuple[TypeFault, ...]
     undone: Undone
     margins: Mapping[str, sympy.Expr]
+    forms: Mapping[str, Mapping[str, sympy.Expr]]
     unlisted: tuple[TypeFault, ...] = ()
 
     def gradient(self, expression: sympy.Expr) -> Gradient:
@@ -196,6 +199,7 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         faults=faults,
         undone=_undone(kind, faults, unlisted, symbols, knowledge),
         margins=dict(_margins(kind, symbols)),
+        forms=_forms(kind, symbols, over),
         unlisted=unlisted,
     )
 
@@ -220,6 +224,24 @@ def _margins(
         for i, condition in enumerate(regime.when):
             if not condition.signal:
                 yield f"{regime.name}:{i}", _translated(kind, condition.margin, table)
+
+
+def _forms(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol], over: ByTarget
+) -> dict[str, dict[str, sympy.Expr]]:
+    """What `TypeModel.forms` holds: no law obeys its formula exactly."""
+    table = {**written_out(kind, symbols), **_observers(kind, symbols)}
+    found: dict[str, dict[str, sympy.Expr]] = {name: {} for name in kind.observers}
+    for (group, law), accuracy in kind.laws().items():
+        size = 0.5 * (accuracy.share if accuracy else ASSUMED_ACCURACY) * table[law]
+        if group == "observers":
+            found[law][law] = size
+        elif size:
+            own, observers = over(law)
+            for name, flow in observers.items():
+                if own in symbols_in(flow):
+                    found[name][law] = derivative(flow, own).xreplace({own: table[law]}) * size
+    return found
 
 
 def _symbol(name: str) -> sympy.Symbol:

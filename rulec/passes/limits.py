@@ -8,6 +8,11 @@ DIGITS = 9
 """Significant digits of figures at the reference point. Origin: numerical, fewer than a solver's
 last ones."""
 
+FORM_COMMON = 0.61
+"""Share of the variance of a law's form that two of its points have in common; the rest is new at
+each. Origin: distribution (points spread evenly over the range of a Gaussian process whose length
+is a third of it, as in `rulec mismatch`)."""
+
 LIQUID_SEEN = 0.05
 """Share of the largest shift of a residual by a change of the liquid from which on another one is
 expected to move as well. Origin: assumed; what it moves less follows laws known to a factor."""

@@ -11,7 +11,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.passes.pipeline import compile_plant
 from tests.dosing import RIGS, fault_replay, record, write_csv
-from tests.written import write_plant
+from tests.written import write_exact, write_plant
 
 FOLDER = Path(__file__).parent / "faults"
 TYPES = ("dosing-pcp", "dosing-membrane", "dosing-centrifugal")
@@ -30,7 +30,7 @@ def _diagnosed(given: dict[str, Any], folder: Path) -> Diagnosis:
     run = fault_replay(RIGS[given["rig"]], given["fault"], degrees=(0.0, given["degree"]))
     write_csv(folder / "recording.csv", record(run, seed=SEED).readings)
     types = {"A": PUMPS[given["rig"]], "B": "dosing-pcp", "C": "static-mixer"}
-    ruleset = compile_plant(write_plant(folder, types, "A -> C, B -> C"))
+    ruleset = compile_plant(write_exact(write_plant(folder, types, "A -> C, B -> C")))
     return diagnose(read_recording(folder / "recording.csv", ruleset), ruleset)
 
 

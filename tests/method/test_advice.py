@@ -123,6 +123,11 @@ def test_advised_sensor_keeps_its_promise(
     plant = (PLANTS / "abc-centrifugal" / "plant.yaml").read_text(encoding="utf-8")
     plant = plant.replace(f"{sensor[0]}: {{type: {kind}", f"{sensor[0]}: {{type: more")
     (tmp_path / "plant.yaml").write_text(plant, encoding="utf-8")
+    exact = (PLANTS / "abc-centrifugal" / "calibration.yaml").read_text(encoding="utf-8")
+    own = f"  {sensor[0]}:\n    type: {kind}\n    misfit: {{"
+    assert own in exact
+    exact = exact.replace(own, own.replace(kind, "more") + "more: {value: 0, unit: l/h}, ")
+    (tmp_path / "calibration.yaml").write_text(exact, encoding="utf-8")
     made = run_passes(Compilation(path=tmp_path), "isolability")
     found = degrees(made, faults)
     promised = float(re.findall(r"above ([0-9.]+)$", advised.advice)[0])
@@ -141,7 +146,7 @@ parameters:
   V: {value: 10, unit: ml/rev, u: 0, source: test}
   C: {value: 2, unit: l/h/bar**2, u: 0, source: test}
 observers:
-  pump: {component: pump, Q: n*V - C*dp**2, source: test}
+  pump: {component: pump, Q: n*V - C*dp**2, accuracy: "0.1 %, test", source: test}
 faults: [leakage(pump)]
 """
 
@@ -156,7 +161,7 @@ def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
     assert ["A.leakage", "C.widening", "C.dp.low"] == three["faults"]
     assert ["C.clogging", "C.dp.high"] == two["faults"]
     second = {"module": "C", "signal": "dp", "cost": 1}
-    meter = {"module": "A", "signal": "volume flow", "cost": 4}
+    meter = {"module": "C", "signal": "volume flow", "cost": 4}
     assert [second, meter] == sorted(three["sensors"], key=lambda s: float(s["cost"]))
     assert [second] == two["sensors"]
     coinciding = [a for a in matrix["ambiguities"] if a["kind"] == "coincide"]
@@ -184,9 +189,9 @@ def test_errors_of_one_reading_count_as_one(tmp_path: Path) -> None:
 
 
 def test_no_sensor_is_advised_that_brings_nothing() -> None:
-    """Losses of head of two pumps are told apart at the degrees at which they show. A second
+    """Faults of two pumps are told apart at the degrees at which they show. A second
     speed adds nothing to that; a flow meter does."""
-    advised = group(ruleset("cooling-loop"), "P1.missing-head", "P2.missing-head")
+    advised = group(ruleset("cooling-loop"), "P1.leakage", "P2.missing-head")
     assert ["P1.volume flow"] == [f"{s.module}.{s.signal}" for s in advised.sensors]
     fouling = group(ruleset("cooling-loop"), "HX.exchanger-fouling", "HX.T_2.high")
     assert () == fouling.sensors

@@ -231,6 +231,7 @@ def test_a_fault_that_no_estimate_shows_has_no_course(monkeypatch: Patch) -> Non
 
     class Blind:
         test = SimpleNamespace(ruleset=ruleset("abc"), freedom=5)
+        shown = None
 
         def gain_at_first(self, fault: int) -> float:
             return -np.inf
@@ -244,4 +245,4 @@ def test_a_fault_that_no_estimate_shows_has_no_course(monkeypatch: Patch) -> Non
     assert [] == growing_faults._explaining(stack, [0], 1e-4)
     # Also if it is asked for: its reading is missing in most of the stretches.
     test: Any = SimpleNamespace(ruleset=ruleset("abc"), touched=lambda _: ())
-    assert Stack(test=test, time=np.arange(9.0), end=9.0).course(0) is None
+    assert Stack(test=test, time=np.arange(9.0), end=9.0, shown=None).course(0) is None

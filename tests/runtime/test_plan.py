@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -207,6 +208,7 @@ def test_order_of_yaml_keys_changes_only_order(abc: Ruleset, tmp_path: Path) -> 
     data["connections"].reverse()
     data["modules"] = dict(reversed(data["modules"].items()))
     shuffled = dict(reversed(data.items())) | {"kb": str(ROOT / "kb")}
+    shutil.copy(ROOT / "plants" / "abc" / "calibration.yaml", tmp_path)
     (tmp_path / "plant.yaml").write_text(yaml.safe_dump(shuffled, sort_keys=False))
     other = compile_plant(tmp_path)
     for table in ("signals", "observers", "faults", "parameters"):

@@ -37,6 +37,7 @@ from tests.dosing import (
 from tests.method.readings import built, recording, ruleset
 from tests.rig.follower.plants import Planted, recorded
 from tests.runtime.mismatch.made import changed
+from tests.written import write_exact
 
 DWELL = 30
 LEAK = 0.2
@@ -158,7 +159,7 @@ def rules_of(modules: int) -> Ruleset:
     with tempfile.TemporaryDirectory() as folder:
         text = chain(modules).replace("title: generated", f"title: generated\nkb: {ROOT / 'kb'}")
         Path(folder, "plant.yaml").write_text(text, encoding="utf-8")
-        return compile_plant(Path(folder))
+        return compile_plant(write_exact(Path(folder)))
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from uncertainties import correlated_values, ufloat
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.runtime.equations import LITRE_PER_HOUR, TYPES, UNITS, Abc, Dosing, degree_law
+from tests.written import write_exact
 
 KINDS = ["dosing-pcp", "dosing-membrane", "dosing-centrifugal"]
 LINE = "k0 0.05 bar 0.002; k2 5.2e-6 bar/(l/h)**2 2e-8"
@@ -90,12 +91,15 @@ def plant(kind: str, folder: Path) -> Ruleset:
             "type": "dosing-pcp",
             "parameters": parameters,
             "covariance": [{"of": list(BLOCK), "matrix": COVARIANCE}],
-            "misfit": {"pump": {"value": MISFIT, "unit": "l/h"}},
+            "misfit": {
+                name: {"value": value, "unit": "l/h"}
+                for name, value in (("pump", MISFIT), ("power", 0), ("plant", 0))
+            },
         }
         content = {"calibration": "abc", "modules": {"A": fitted}}
         (folder / "calibration.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     (folder / "plant.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
-    return compile_plant(folder)
+    return compile_plant(write_exact(folder))
 
 
 @pytest.fixture(scope="module")

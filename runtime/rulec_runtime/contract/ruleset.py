@@ -23,8 +23,12 @@ Size = TypeVar("Size", float, Array)
 
 FORMAT_VERSION = 4
 
+FORM = ".form"
+"""Suffix of a law's id: its error of form in gradients."""
+
 MISFIT = "~"
-"""Suffix of an observer's id: its own misfit as an input of gradients."""
+"""Suffix of errors in gradients that are new at every operating point: behind the id of an
+observer its own misfit, behind that of a form the part that is not everywhere alike."""
 
 UNCERTAINTIES = ("full scale", "reading", "value")
 """The systematic uncertainty of a sensor is a share of one of these, or a value."""
@@ -466,11 +470,6 @@ class Ruleset:
     def observed(self) -> frozenset[str]:
         """Signals that an estimate of a flow reads."""
         return frozenset(s for o in self.observers for s in o.signals)
-
-    @cached_property
-    def misfits(self) -> frozenset[str]:
-        """Inputs of gradients that are an observer's own misfit: new at every operating point."""
-        return frozenset(f"{o.id}{MISFIT}" for o in self.observers)
 
     @cached_property
     def observer_index(self) -> Mapping[str, int]:

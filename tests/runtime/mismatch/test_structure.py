@@ -1,6 +1,7 @@
 """Columns that are not what their header says or of another clock, and pipes that lie elsewhere."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -228,6 +229,7 @@ def without_a_pipe(folder: Path) -> Path:
     text = (ROOT / "plants/abc/plant.yaml").read_text(encoding="utf-8")
     assert "  - B -> C\n" in text
     (folder / "plant").mkdir()
+    shutil.copy(ROOT / "plants/abc/calibration.yaml", folder / "plant")
     file = folder / "plant" / "plant.yaml"
     file.write_text(text.replace("  - B -> C\n", ""), encoding="utf-8")
     return file.parent

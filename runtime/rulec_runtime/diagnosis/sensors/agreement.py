@@ -12,9 +12,10 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import limits
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, stacked_test
 from rulec_runtime.diagnosis.steady.isolate import (
     Isolation,
+    accepted,
     agreement,
     alarm_chance,
     isolate,
@@ -23,7 +24,12 @@ from rulec_runtime.diagnosis.steady.isolate import (
 )
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
-from rulec_runtime.diagnosis.steady.redundancy import at_once, chi_square_limit, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import (
+    at_once,
+    chi_square_limit,
+    residual_basis,
+    spread_evenly,
+)
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.standing_still import never_moves
@@ -118,6 +124,14 @@ class Check:
         chi, freedom = agreement(self.ruleset, observed)
         limit = [chi_square_limit(f, self.quantile) if f else 1.0 for f in freedom.tolist()]
         return Agreement(observed, chi / limit, np.array(limit), freedom)
+
+    def agrees_as_a_whole(self, found: Agreement, running: np.ndarray) -> bool:
+        """Whether stretches, by flags, agree with the same lasting errors in all of them."""
+        points, valid = spread_evenly(found.valid, np.flatnonzero(running))
+        present = np.ones((len(points), 1))
+        test = stacked_test(self.ruleset, found.observed, valid, points[:, None], present)
+        limit = accepted(test.freedom, 0, alarm_chance(len(self.stretches)))
+        return bool(test.metric.value[0] <= limit)
 
     def explained(self, found: Agreement) -> Isolation:
         """Which single faults fit where."""

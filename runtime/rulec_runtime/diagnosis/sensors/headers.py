@@ -134,7 +134,10 @@ class _Otherwise:
         each = quiet | ((after.probability > 0.0) & (after.freedom > 1))
         each = each[[not self._in_doubt(fault) for fault in check.ruleset.faults]]
         best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
+        best = best if best[running].sum() > quiet[running].sum() else quiet
         if best[running].mean() < common.NEARLY_ALL or self._rivalled(chi, running):
+            return None
+        if best is quiet and not check.agrees_as_a_whole(found, running):
             return None
         if self.misread.condition is SWAPPED and self.judged.mean() >= common.NEARLY_ALL:
             # Swapped columns are rare: the swap must remove what one fault would leave.

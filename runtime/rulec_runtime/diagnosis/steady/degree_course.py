@@ -229,12 +229,14 @@ def _weighed(
 class Stack:
     """Stretches of a part in order of time, all of which one course has to explain.
 
-    `test` is one problem of them; `time` shape (points,), s; `end` is when the last one ends.
+    `test` is one problem of them; `time` shape (points,), s; `end` is when the last one ends;
+    `shown` are the faults that its residuals were chosen for, None if they are all residuals.
     """
 
     test: HypothesisTest
     time: Array
     end: float
+    shown: tuple[int, ...] | None
 
     @property
     def points(self) -> np.ndarray:
@@ -301,7 +303,8 @@ class Stack:
         left = float(np.sum((white @ residuals) ** 2))
         without = white @ (residuals - slopes @ degree)
         _, lenient, _ = _weighed(shapes, white @ slopes, without)
-        evidence = _log_density(without, white) + _any_of(lenient.gain)
+        evidence = self._volume(fault, degree) - 0.5 * float(without @ without)
+        evidence += _any_of(lenient.gain)
         (now,), (u_now,) = weighed.moments(shapes.table(np.array([shapes.end])))
         (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
         lowest = np.append(mean + common.COVERAGE * u, now + common.COVERAGE * u_now).min()
@@ -329,9 +332,28 @@ class Stack:
             onset=onset,
             ended=ended,
             evidence=evidence,
-            gain=evidence - _log_density(*self.sound),
+            gain=evidence + 0.5 * float(np.sum(self.sound[0] ** 2)),
             left=left,
         )
+
+    def _search(self, fault: int, degree: Array) -> DegreeSearch:
+        """The fault with a degree at each point, in units of these."""
+        faults, here = (self.test.ruleset.faults[fault],), replace(self.test, computed=None)
+        here = replace(here, present=degree[:, None])
+        return DegreeSearch(test=here, faults=faults, touched=here.touched(faults))
+
+    def _volume(self, fault: int, degree: Array) -> float:
+        """Log-likelihood by the volume of the errors, over that of a sound plant.
+
+        Undoing scales the readings, and so their density. A fault of the plant scales its errors
+        alike, and nothing is left; systematic errors of a faulty sensor are those of a sound one.
+        """
+        scales = self._search(fault, degree).scales(np.ones((1, 1)))
+        if scales.lasting is scales.noise:
+            return 0.0
+        each = replace(scales, lasting=scales.noise), scales
+        alike, own = (np.linalg.slogdet(self.test.covariance(s)[0])[1] for s in each)
+        return 0.5 * float(alike - own)
 
     def _undone(
         self, fault: int, degree: Array, *, lenient: bool = False
@@ -342,8 +364,7 @@ class Stack:
         spec, test = self.test.ruleset.faults[fault], self.test
         if not test.touched((spec,)):
             return None
-        here = replace(test, present=degree[:, None], computed=None)
-        search = DegreeSearch(test=here, faults=(spec,), touched=test.touched((spec,)))
+        search = self._search(fault, degree)
         moved, slopes = search.moved_and_slopes(degree[None, :, None])
         own = test.basis[:, search.rows]
         residuals = test.residuals[0] + (own @ moved[:, :, 0]).T.ravel()
@@ -378,7 +399,8 @@ def stack_of(
     if len(members) < limits.POINTS_THAT_GROW or not np.all(np.diff(time) > 0.0):
         return None
     test = stacked_test(ruleset, observed, valid, members[:, None], present, limits.DRIFT_TIMES)
-    if len(test.basis) >= limits.MANY_RESIDUALS:
+    few = len(test.basis) >= limits.MANY_RESIDUALS
+    if few:
         one = test_of(ruleset, observed, valid, members[len(members) // 2 :][:1])
         some, shown = Contrasts(one, len(members)).basis(named)
         if not shown:
@@ -388,7 +410,8 @@ def stack_of(
     sound = len(test.basis) and _whitener(test.covariance()[0]) is not None
     if not sound or not np.isfinite(test.residuals).all():
         return None
-    return Stack(test=test, time=time, end=max(end, float(time[-1])))
+    faults = tuple(named) if few else None
+    return Stack(test=test, time=time, end=max(end, float(time[-1])), shown=faults)
 
 
 def _whitener(covariance: Array) -> Array | None:
@@ -400,8 +423,3 @@ def _whitener(covariance: Array) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     return white if np.isfinite(white).all() else None
-
-
-def _log_density(residuals: Array, white: Array) -> float:
-    """Logarithm of the density of white residuals, shape (m,), up to a constant."""
-    return float(np.sum(np.log(np.diag(white)))) - 0.5 * float(residuals @ residuals)

@@ -99,6 +99,7 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
         return []
     limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, chance)
     may = np.flatnonzero(may_fit(stack.test, limit).any(axis=1)).tolist()
+    may = [i for i in may if stack.shown is None or i in stack.shown]
     some = sorted((i for i in may if np.isfinite(gain_of(i))), key=lambda i: -gain_of(i))
     least = -np.log(limits.ALARM_PER_RECORDING / max(len(some), 1))
     if not named and (not some or gain_of(some[0]) < least):
@@ -106,14 +107,16 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
     # Faults that move the same readings gain the same to first order: rounding must not choose.
     last = gain_of(some[: limits.COURSES_TRIED][-1]) - limits.TIED if some else np.inf
     asked = dict.fromkeys((*(i for i in some if gain_of(i) > last), *named))
-    tried = [stack.course(i, ended=ended) for i in asked if i in some for ended in stack.ends()]
-    sound = [c for c in tried if c is not None and c.left <= limit]
-    sound.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
+    each = [stack.course(i, ended=ended) for i in asked if i in some for ended in stack.ends()]
+    tried = [c for c in each if c is not None]
+    tried.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
     best: dict[int, Course] = {}
-    for course in sound:
-        best.setdefault(course.fault, course)
+    for course in tried:
+        if course.left <= limit:
+            best.setdefault(course.fault, course)
     sound = list(best.values())
-    return sound if sound and sound[0].gain >= least else []
+    # Where even the likeliest course leaves too much, one that leaves less is no certain cause.
+    return sound if sound and tried[0] is sound[0] and sound[0].gain >= least else []
 
 
 def _of_course(

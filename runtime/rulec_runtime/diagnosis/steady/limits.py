@@ -216,6 +216,14 @@ SHEET_ERROR = 8.0
 """Standard uncertainties that a parameter of a sheet may be off. Origin: distribution (Student with
 three degrees of freedom, as sheets are believed; two-sided, 0.4 %)."""
 
+OFF_SHEET = (2.0, 0.139), (4.0, 0.028), (8.0, 0.004)
+"""Standard uncertainties that laws may be off their sheet, with the probability of as much. Origin:
+distribution (Student with three degrees of freedom, two-sided)."""
+
+SPAN_OF_A_FORM = 4.0
+"""Uncertainties of a reading that it must span before a law's form may follow it. Origin:
+distribution (normal, what noise spans)."""
+
 LARGEST_SCALE = 10.0
 """Factor on the errors of an estimate at most: near the pole of a law all is lost anyway. Origin:
 assumed."""

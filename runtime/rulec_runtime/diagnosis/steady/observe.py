@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import MISFIT, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, points_along
 from rulec_runtime.diagnosis.steady.independent_parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
@@ -200,7 +200,7 @@ def _errors_of(
     with np.errstate(invalid="ignore", over="ignore"):
         for name in slopes:
             _, observer, error = name.split(":", 2)
-            if error in ruleset.misfits:
+            if error.endswith(MISFIT):
                 misfits.setdefault(error, {})[row[observer]] = slopes[name]
                 lasting.setdefault(error, {})
                 continue

@@ -1,0 +1,43 @@
+"""Plants known from a data sheet alone: what `diagnose` says of them at first contact."""
+
+import pytest
+from rulec_runtime.contract.ruleset import FORM
+from rulec_runtime.diagnosis.steady.observe import slope_names
+
+from rulec.passes.pipeline import example
+from rulec.prove.truth.contacts import Planned, planned
+from tests.conftest import compiled
+from tests.rig.first_contacts import FIRST, blames_a_meter, causes, diagnosed, with_a_wrong_meter
+
+SOUND = [case for case in planned(FIRST, 10) if not case.other]
+OTHER = [case for case in planned(FIRST, 10) if case.other]
+
+
+@pytest.mark.parametrize("case", SOUND, ids=lambda case: case.kind)
+def test_a_healthy_plant_within_its_sheet_has_no_finding(case: Planned) -> None:
+    found = diagnosed(case)
+    assert found.judged
+    assert ((), (), ()) == (tuple(found.findings), tuple(found.unknown), tuple(found.sensors))
+
+
+@pytest.mark.parametrize("case", OTHER, ids=lambda case: case.kind)
+def test_no_meter_is_blamed_for_a_law_of_another_form(case: Planned) -> None:
+    assert not blames_a_meter(diagnosed(case))
+
+
+def test_a_meter_that_is_wrong_from_the_middle_on_is_among_the_causes() -> None:
+    """No flow meter at several times the flow where the power meter is off."""
+    found = list(with_a_wrong_meter(iter(SOUND)))
+    assert all(f"{meter}.high" in causes(told) for meter, told in found if causes(told))
+    assert len(SOUND) - 1 <= sum(bool(causes(told)) for _, told in found)
+
+
+def test_a_law_that_nobody_calibrated_is_as_accurate_as_its_author_says() -> None:
+    """4 % of the flow at 95 % for the line of a dosing module, in two parts; none once a
+    calibration states its misfit."""
+    line = example("types").types["dosing-pcp"].forms["plant"]
+    flow = example("types").types["dosing-pcp"].observers["plant"]
+    assert 0.02 == pytest.approx(float(line["plant"] / flow))
+    errors = {name.split(":", 2)[2] for name in slope_names(compiled("hsy-pumping"))}
+    assert {"P14.Q_H.form", "P14.Q_H.form~"} == {e for e in errors if e.startswith("P14.Q_H")}
+    assert not [name for name in slope_names(compiled("abc")) if FORM in name]
