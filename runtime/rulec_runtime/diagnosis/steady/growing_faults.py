@@ -112,7 +112,9 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
     tried.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
     best: dict[int, Course] = {}
     for course in tried:
-        if course.left <= limit:
+        degree, u = course.now
+        # One that has faded is told by runs of stretches.
+        if course.left <= limit and degree > common.COVERAGE * u:
             best.setdefault(course.fault, course)
     sound = list(best.values())
     # Where even the likeliest course leaves too much, one that leaves less is no certain cause.
