@@ -157,7 +157,8 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(tmp_path: Path, capsys
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(8, marks=pytest.mark.prove)])
 def test_the_noise_of_readings_is_no_misfit(seeds: int, tmp_path: Path) -> None:
-    """Laws that hold have no misfit, however the readings scatter; one that does not, its own."""
+    """Laws that hold have no more misfit than their stated accuracy leaves open with so many
+    points, however the readings scatter; one that does not, its own."""
     run = calibration_run(RIGS["abc"])
     own, bent = [], []
     for seed in range(21, 21 + seeds):
@@ -167,14 +168,14 @@ def test_the_noise_of_readings_is_no_misfit(seeds: int, tmp_path: Path) -> None:
         share = 1.0 + 0.02 * np.sin(readings["A.n [rpm]"] / 20.0)
         write_csv(tmp_path / "r.csv", {**readings, "A.Q [l/h]": readings["A.Q [l/h]"] * share})
         bent.append(_calibrate(tmp_path / "r.csv", tmp_path)["A"]["misfit"]["pump"]["value"])
-    assert np.median(own) < 0.15
+    assert np.median(own) < 0.3
     assert 1.0 < np.median(bent)
 
 
 def test_what_is_off_bends_no_fit(tmp_path: Path) -> None:
     """A tenth of the points with a wrong flow does not bend the fit. Of a power meter 10 W
     high, its bound, where a data sheet knows the power at rest to 0.5 W, all points lie beside
-    the law, none scatters about it."""
+    the law, none scatters about it: no tenth of what 10 W are."""
     wrong = np.where(np.arange(10_000) < 30, 0.6, 1.0)
     file = _noise_free(
         tmp_path, lambda r: {**r, "A.Q [l/h]": r["A.Q [l/h]"] * wrong[: len(r["A.Q [l/h]"])]}
@@ -183,7 +184,7 @@ def test_what_is_off_bends_no_fit(tmp_path: Path) -> None:
     assert 3 == found["misfit"]["pump"]["set_aside"]
     assert found["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-2)
     file = _noise_free(tmp_path, lambda r: {**r, "A.P_el [W]": r["A.P_el [W]"] + 10.0})
-    assert 0.5 > _calibrate(file, tmp_path)["A"]["misfit"]["power"]["value"]
+    assert 2.0 > _calibrate(file, tmp_path)["A"]["misfit"]["power"]["value"]
 
 
 def test_a_speed_at_which_no_point_fits_is_told(tmp_path: Path, capsys: Capsys) -> None:
@@ -240,6 +241,6 @@ def test_an_error_of_a_gauge_that_nobody_believes_explains_no_misfit(
     near: Any = SimpleNamespace(
         off=off + scatter, jacobian=np.zeros((100, 0)), errors=[np.full(100, 0.1)]
     )
-    misfit, found = own_misfit(near, np.zeros(0), SheetPriors.of([]), 0.0)
+    misfit, found = own_misfit(near, np.zeros(0), SheetPriors.of([]), 0.0, 0.0)
     assert misfit == pytest.approx(1.0 if far else 0.01, rel=0.2)
     assert found == pytest.approx(far, rel=0.1)

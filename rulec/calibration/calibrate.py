@@ -66,14 +66,16 @@ class Calibrated:
         """Parameters so far from their data sheets that they are not credible.
 
         The uncertainty of the fit includes the errors of the calibrating sensors, which the sheet
-        does not know.
+        does not know, and those of the forms of laws.
 
         Source: zeta score (ISO 13528), two values, each with its uncertainty.
         """
         uncertainty = {
             f"{fit.module}.{name}": u
             for fit in self.fits
-            for name, u in zip(fit.parameters, np.sqrt(np.diag(fit.covariance)), strict=True)
+            for name, u in zip(
+                fit.parameters, np.hypot(np.sqrt(np.diag(fit.covariance)), fit.by_form), strict=True
+            )
         }
         plant, far = self.models.plant, []
         for strain in self.strain:

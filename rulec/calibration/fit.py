@@ -29,6 +29,7 @@ from rulec.calibration.true_flow import observer_plan, readings_of
 from rulec.knowledge.plant import Module
 from rulec.limits import POINTS_PER_PARAMETER, UNTOLD
 from rulec.passes.differentiate import TypeModel
+from rulec.passes.limits import FORM_COMMON
 
 
 class CalibrationRefused(Refusal):
@@ -77,6 +78,7 @@ class StateSetAside:
 class ModuleFit:
     """Fitted parameters of a module (SI) with joint covariance, and the ranges of the readings.
 
+    They may lie `by_form` off, as a standard uncertainty, since no law obeys its formula exactly.
     The recording determines the `untold` ones hardly better than the data sheet. `unread` are the
     observers that were not fitted, each with its readings of which there is none.
     """
@@ -85,6 +87,7 @@ class ModuleFit:
     parameters: tuple[str, ...]
     values: Array
     covariance: Array
+    by_form: Array
     untold: tuple[str, ...]
     observers: tuple[ObserverFit, ...]
     valid: Mapping[str, CalibratedRange]
@@ -128,6 +131,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         parameters=tuple(names),
         values=np.array([current[n] for n in names]),
         covariance=_joint_covariance(parts),
+        by_form=np.concatenate([part.by_form for part in parts]) if parts else np.zeros(0),
         untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
         valid=_range(model, readings, flags),
@@ -139,12 +143,13 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
 @dataclass(frozen=True, kw_only=True)
 class _Part:
     """Fit of one observer: `sensitivity` is d(values)/d(flow error of each used row), `errors` are
-    those of the calibrating sensors in these rows."""
+    those of the calibrating sensors in these rows; `by_form` as in `ModuleFit`."""
 
     values: Array
     rows: np.ndarray
     statistical: Array
     sensitivity: Array
+    by_form: Array
     errors: Sequence[Array]
     untold: tuple[str, ...]
     summary: ObserverFit
@@ -193,7 +198,10 @@ def _fit_observer(
     sensitivity = -covariance @ found.weighing.T @ found.inward
     noisy = found.noise * covariance @ found.weighing.T @ found.inward
     statistical = noisy @ noisy.T + covariance @ precision @ covariance
-    misfit, far = own_misfit(found, best, priors, readings.noise(found.slopes, bulk))
+    noise, forms = readings.noise(found.slopes, bulk), law.forms(best, bulk)
+    # What all points have in common is fitted.
+    form = float(np.sqrt((1.0 - FORM_COMMON) * np.trace(forms) / len(bulk)))
+    misfit, far = own_misfit(found, best, priors, noise, form)
     true = readings.true.values[bulk]
     total = float(np.sum((true - true.mean()) ** 2))
     return _Part(
@@ -201,6 +209,7 @@ def _fit_observer(
         rows=bulk,
         statistical=statistical * np.outer(factor, factor),
         sensitivity=sensitivity * factor[:, None],
+        by_form=np.sqrt(np.diag(sensitivity @ forms @ sensitivity.T)) * factor,
         errors=found.errors,
         untold=tuple(n for n, u in zip(free, priors.left(covariance), strict=True) if u > UNTOLD),
         summary=ObserverFit(

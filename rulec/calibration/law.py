@@ -83,14 +83,30 @@ class Law:
 
     def points(self, at: Array, rows: np.ndarray) -> tuple[Array, dict[str, Array], float]:
         """Errors of points, their slopes by each reading, and their variance by noise."""
-        local = {n: v[rows] if isinstance(v, np.ndarray) else v for n, v in self.inputs.items()}
-        values = zip(self.free, self.priors.values(at).tolist(), strict=True)
-        out = self.plan.run({**local, **dict(values)})
+        out = self._run(at, rows)
         true = self.readings.true.values[rows]
         off = np.broadcast_to(out["Q"], (len(rows),)) - true
         slopes = {name: out[f"d:{name}"] for name in self.read}
         off = np.where(np.isfinite(off), off, NO_VALUE * float(np.max(np.abs(true))))
         return off, slopes, self.readings.noise(slopes, rows)
+
+    def forms(self, at: Array, rows: np.ndarray) -> Array:
+        """Covariance of the flow at points by the forms of laws, as their author states their
+        accuracy, (m3/s)^2: Gaussian processes whose length is a third of the largest readings."""
+        out = self._run(at, rows)
+        flows = [np.broadcast_to(v, (len(rows),)) for n, v in out.items() if n.startswith("form:")]
+        apart = np.zeros((len(rows), len(rows)))
+        for name in self.read:
+            x = np.asarray(self.inputs[name])[rows]
+            apart += (3.0 * (x[:, None] - x) / (np.max(np.abs(x)) or 1.0)) ** 2
+        changes = np.nan_to_num(np.array(flows)).reshape(-1, len(rows))
+        return np.asarray(changes.T @ changes * np.exp(-0.5 * apart))
+
+    def _run(self, at: Array, rows: np.ndarray) -> dict[str, Array]:
+        local = {n: v[rows] if isinstance(v, np.ndarray) else v for n, v in self.inputs.items()}
+        return self.plan.run(
+            {**local, **dict(zip(self.free, self.priors.values(at).tolist(), strict=True))}
+        )
 
     def even(self, at: Array, rows: np.ndarray, law: float, usual: float) -> Array:
         """Errors of points, scaled from their variance by noise to the `usual` one.
@@ -189,7 +205,7 @@ def joined(near: Callable[[Array], Near], at: Array, priors: SheetPriors) -> tup
 
 
 def own_misfit(
-    near: Near, at: Array, priors: SheetPriors, noise: float
+    near: Near, at: Array, priors: SheetPriors, noise: float, form: float
 ) -> tuple[float, Mapping[int, float]]:
     """Scatter, m3/s, that neither the parameters nor the errors of the calibrating sensors explain,
     nor the `noise` of the readings, (m3/s)^2, which a diagnosis knows from its own recording.
@@ -198,8 +214,11 @@ def own_misfit(
     that could follow, the points lie off the law by the meter's error, which does not say how well
     the law holds. Parameters and errors of the sensors are therefore fitted together, within their
     uncertainties. If a sensor would then have an error that is not believed, it explains nothing:
-    the scatter is that about the law as it is. Also returns such errors, in standard uncertainties,
-    by the place of the sensor in `near.errors`.
+    the scatter is that about the law as it is.
+
+    The scatter of few points may be small by chance: the `form`, m3/s, which the stated accuracy of
+    the laws lets expect within a factor of two, counts as one point more. Also returns errors that
+    are not believed, in standard uncertainties, by the place of the sensor in `near.errors`.
 
     Source: Bayesian linear regression with conjugate priors; degrees of freedom by a trace (Hastie,
     Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
@@ -209,6 +228,7 @@ def own_misfit(
     precision = np.concatenate([np.diag(precise), np.ones(len(near.errors))])
     centre = np.concatenate([mean - at, np.zeros(len(near.errors))])
     squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
+    freedom = float(max(len(near.off) - len(at), 0))
     whole, change = misfit, np.zeros(slopes.shape[1])
     for _ in range(JOINING_STEPS if misfit else 0):
         before, variance = misfit, misfit**2
@@ -219,7 +239,10 @@ def own_misfit(
         if np.isclose(before, misfit, rtol=MISFIT_SETTLED, atol=0.0):
             break
     far = {i: z for i, z in enumerate(change[len(at) :].tolist()) if abs(z) > UNBELIEVABLE}
-    return float(np.sqrt(max((whole if far else misfit) ** 2 - noise, 0.0))), far
+    own = max((whole if far else misfit) ** 2 - noise, 0.0)
+    # Conjugate priors of a variance; and what is expected of another point (Student).
+    expected = (form**2 + freedom * own) / (1.0 + freedom)
+    return float(np.sqrt(expected * (1.0 + freedom) / max(freedom - 1.0, 1.0))), far
 
 
 def _spread(off: Array, count: int) -> float:

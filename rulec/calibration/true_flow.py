@@ -54,12 +54,15 @@ def readings_of(model: TypeModel, observer: str) -> list[str]:
 
 
 def observer_plan(model: TypeModel, observer: str, by: Iterable[str]) -> Plan:
-    """An observer as ``Q`` with parameters as inputs, and its slopes ``d:<name>``."""
+    """An observer as ``Q`` with parameters as inputs, its slopes ``d:<name>``, and its changes by
+    the forms of its laws, ``form:<law>``."""
     graph = Graph(model.symbols)
     symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
     graph.outputs["Q"] = lower(graph, model.observers[observer], symbols)
     for name in by:
         graph.outputs[f"d:{name}"] = lower(graph, model.gradients[observer][name], symbols)
+    for law, change in model.forms[observer].items():
+        graph.outputs[f"form:{law}"] = lower(graph, change, symbols)
     return graph.plan()
 
 
