@@ -117,13 +117,12 @@ def assign(
             before[mapped] = Target(index, signal, factor, offset)
             header.targets.append(before[mapped])
     for signal, found in source.items():
-        kept = [found[""]] if "" in found else []  # a column of its own counts, not the difference
+        sole = found.get("")  # a column of its own counts, not the difference of others
         lacking = [one for one in wanted.get(signal, ()) if one not in found]
-        if lacking and not kept:
-            there, lost = (" and ".join(f"'{c}'" for c in columns) for columns in (found, lacking))
-            notes.append(f"{path.name}: {signal} has no reading: {lost} is missing beside {there}")
-        if lacking or kept:
-            header.targets = [t for t in header.targets if t.signal != signal or t in kept]
+        if sole or lacking:
+            header.targets = [t for t in header.targets if t.signal != signal or t is sole]
+        if lacking and not sole:
+            notes.append(_without_reading(path, signal, found, lacking))
     if bare:
         more = f" and {len(bare) - SHOWN} more" if len(bare) > SHOWN else ""
         assumed = ", ".join(f"{bare[t]} for '{t}'" for t in sorted(bare)[:SHOWN])
@@ -132,6 +131,12 @@ def assign(
     if header.time < 0:
         raise _without_time(path, header, ruleset.time_column)
     return header
+
+
+def _without_reading(path: Path, signal: str, found: Iterable[str], lacking: Iterable[str]) -> str:
+    """A note that a column of a sum or difference is missing, beside those that were found."""
+    there, lost = (" and ".join(f"'{c}'" for c in columns) for columns in (found, lacking))
+    return f"{path.name}: {signal} has no reading: {lost} is missing beside {there}"
 
 
 def _without_time(path: Path, header: Header, expected: str) -> RecordingRefused:
