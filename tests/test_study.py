@@ -17,7 +17,7 @@ from rulec.passes.perturb import perturbed, true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
-from rulec.study.campaign import Kind, Outcome
+from rulec.study.campaign import Group, Kind, Outcome, _laws_off
 from rulec.study.points import operating_points, range_of
 from rulec.study.summary import percent, reliable_from, rows_of, sentences
 from rulec.study.tally import Tally, tally, upper_bound
@@ -188,3 +188,15 @@ def test_interrupt_ends_cleanly() -> None:
     assert announced.startswith("abc: 8100 faulty and 3000 healthy recordings")
     assert said.rstrip().endswith("rulec: interrupted")
     assert "Traceback" not in said
+
+
+def test_laws_that_nobody_calibrated_are_off_within_their_accuracy() -> None:
+    """By some per cent of the flow; those of plant abc, calibrated without a misfit, hold."""
+    for plant, least, most in (("abc", 0.0, 0.0), ("irrigation-booster", 0.001, 0.3)):
+        equations = equations_of(compiled(plant))
+        points = operating_points(equations, 2)
+        group = Group("", 7, 0, equations.ruleset.undo)
+        off = dict(_laws_off(equations, points, group))
+        flows = {o.id: o.reference for o in equations.ruleset.observers}
+        shares = [np.max(np.abs(own / flows[name])) for name, own in off.items()]
+        assert least <= max(shares) <= most

@@ -2,7 +2,7 @@
 
 A *group* is one true plant with one fault, recorded at all operating points and degrees. Its
 parameters differ from those of the ruleset within their covariance. The errors of the laws, within
-their misfit, and of the sensors, within their uncertainty, are new in each recording.
+their misfit or accuracy, and of the sensors, within their uncertainty, are new in each recording.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 from rulec_runtime.contract.plan import Array, Plan
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FORM, MISFIT, Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.observe import slope_names
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.engines.call import LOCAL, Call, Engine
@@ -127,12 +128,31 @@ def _simulated(
     given = {name: np.tile(values, len(degrees)) for name, values in points.given.items()}
     fault = {group.fault: np.repeat(degrees, count)} if group.fault else {}
     # The error of a law depends on the operating point, not on the degree.
+    off = {name: np.tile(own, len(degrees)) for name, own in _laws_off(equations, points, group)}
+    return simulate_with(equations, given, fault, off)
+
+
+def _laws_off(equations: Equations, points: Points, group: Group) -> Iterator[tuple[str, Array]]:
+    """Errors of the laws per observer, m3/s, shape (points,): their misfit, or their form."""
+    ruleset, count = equations.ruleset, len(points)
     off = [group.random(LAWS, point) for point in range(count)]
-    offsets = {
-        o.id: np.tile([o.misfit * random.standard_normal() for random in off], len(degrees))
-        for o in equations.ruleset.observers
+    own = {
+        o.id: np.array([o.misfit * random.standard_normal() for random in off])
+        for o in ruleset.observers
     }
-    return simulate_with(equations, given, fault, offsets)
+    names = [n for n in slope_names(ruleset) if n.removesuffix(MISFIT).endswith(FORM)]
+    if names:
+        everywhere, sizes = group.random(LAWS), dict[str, Array]()
+        for form in sorted({n.split(":", 2)[2] for n in names}):
+            new = np.array([random.standard_normal() for random in off])
+            alike = np.full(count, everywhere.standard_normal())
+            sizes[form] = new if form.endswith(MISFIT) else alike
+        values = simulate_with(equations, points.given, {}).values
+        slopes = ruleset.plan.select(names).run({**values, "u:model": 1.0})
+        for name in names:
+            _, observer, form = name.split(":", 2)
+            own[observer] = own[observer] + np.nan_to_num(slopes[name]) * sizes[form]
+    yield from own.items()
 
 
 def size_of(ruleset: Ruleset, points: Points, settings: Settings) -> tuple[int, int]:
