@@ -22,7 +22,7 @@ import rulec
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth.contacts import Planned, planned
 
-FIRST, CASES = 3001, 160
+FIRST, CASES = 7001, 160
 METERS = "unit.dp", "unit.Q", "unit.P_el"
 SURE = 0.9
 PART = 40

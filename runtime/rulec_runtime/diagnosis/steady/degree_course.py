@@ -349,9 +349,9 @@ class Stack:
         alike, and nothing is left; systematic errors of a faulty sensor are those of a sound one.
         """
         scales = self._search(fault, degree).scales(np.ones((1, 1)))
-        if scales.lasting is scales.noise:
+        if not scales.sensors:
             return 0.0
-        each = replace(scales, lasting=scales.noise), scales
+        each = replace(scales, sensors=()), scales
         alike, own = (np.linalg.slogdet(self.test.covariance(s)[0])[1] for s in each)
         return 0.5 * float(alike - own)
 

@@ -241,7 +241,8 @@ class DegreeSearch:
         """
         outside = 1.0 - self._of_faults("in_sensor")
         noise = self._scale(degree)
-        return Scales(noise, noise if outside.all() else self._scale(degree * outside))
+        sensors = tuple(name for f in self.faults if f.in_sensor for name in f.scales)
+        return Scales(noise, noise if outside.all() else self._scale(degree * outside), sensors)
 
     def _scale(self, degree: Array) -> Array:
         """Undone over measured flow of each usable observer, shape (usable, points, n).

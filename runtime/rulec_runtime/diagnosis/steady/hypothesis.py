@@ -14,17 +14,19 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import remembered, times_of
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, metric_of
-from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.observe import Observed, slope_names
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
 
 
 @dataclass(frozen=True)
 class Scales:
     """Factors on the errors of each usable flow, shape (flows, points, n), where faults are undone:
-    on those new at every point, and on those that last."""
+    on those new at every point, and on those that last; `sensors` are those that are faulty, whose
+    own errors do not scale."""
 
     noise: Array
     lasting: Array
+    sensors: tuple[str, ...] = ()
 
 
 TimeConstants = tuple[tuple[float, float], ...]
@@ -90,7 +92,8 @@ class HypothesisTest:
             return self._alone(members[0], scales)
         shared, noise = self._errors(members)
         if scales is not None:
-            shared = shared * scales.lasting[:, None]
+            own = np.isin(self._lasting, scales.sensors)[:, None, None]
+            shared = shared * np.where(own, scales.lasting[:, None], scales.noise[:, None])
             noise = noise * scales.noise[:, None] * scales.noise
         gradients = (
             np.tensordot(basis, shared, axes=1).transpose(3, 2, 0, 1).reshape(n, -1, len(shared[0]))
@@ -107,6 +110,13 @@ class HypothesisTest:
         for point in range(points):
             whole[:, point, :, point] += own[:, point]
         return whole.reshape(n, points * rank, points * rank)
+
+    @cached_property
+    def _lasting(self) -> list[str]:
+        """Names of the lasting errors: signals for their systematic errors and their lags."""
+        lags = [f"lag:{name}" for name in self.observed.points.lag]
+        names = {name.split(":", 2)[2] for name in slope_names(self.ruleset)}
+        return [name.removeprefix("lag:") for name in sorted({*names, *lags})]
 
     def _alone(self, points: np.ndarray, scales: Scales | None) -> Array:
         if scales is None:

@@ -99,11 +99,12 @@ def _wide(ruleset: Ruleset, plain: Observed, points: np.ndarray, size: float) ->
     shared = plain.shared * factor[:, None]
     forms = shared[:, [name.endswith(FORM) for name in errors]]
     wide = [shared]
-    for name in sorted(ruleset.observed & plain.points.values.keys()):
+    for name in sorted(plain.points.values):
         reading = plain.points.values[name]
         span = np.ptp(reading[points])
         if span > limits.SPAN_OF_A_FORM * np.max(plain.points.u[name][points], initial=0.0):
-            reads = np.array([name in o.signals for o in ruleset.observers])
+            module = name.partition(".")[0]
+            reads = np.array([name in o.signals or o.module == module for o in ruleset.observers])
             own = np.where(reads[:, None, None], forms, 0.0)
             place = 2.0 * (reading - reading[points].mean()) / span
             wide += [own * place, own * place**2]
