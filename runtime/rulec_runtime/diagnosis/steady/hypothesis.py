@@ -92,8 +92,8 @@ class HypothesisTest:
             return self._alone(members[0], scales)
         shared, noise = self._errors(members)
         if scales is not None:
-            own = np.isin(self._lasting, scales.sensors)[:, None, None]
-            shared = shared * np.where(own, scales.lasting[:, None], scales.noise[:, None])
+            faulty = np.isin(self._lasting, scales.sensors)[:, None, None]
+            shared = shared * np.where(faulty, scales.lasting[:, None], scales.noise[:, None])
             noise = noise * scales.noise[:, None] * scales.noise
         gradients = (
             np.tensordot(basis, shared, axes=1).transpose(3, 2, 0, 1).reshape(n, -1, len(shared[0]))
