@@ -230,17 +230,19 @@ def _forms(
     kind: ModuleType, symbols: Mapping[str, sympy.Symbol], over: ByTarget
 ) -> dict[str, dict[str, sympy.Expr]]:
     """What `TypeModel.forms` holds: no law obeys its formula exactly."""
-    table = {**written_out(kind, symbols), **_observers(kind, symbols)}
+    whole = {"observers": _observers(kind, symbols), "definitions": written_out(kind, symbols)}
     found: dict[str, dict[str, sympy.Expr]] = {name: {} for name in kind.observers}
     for (group, law), accuracy in kind.laws().items():
-        size = 0.5 * (accuracy.share if accuracy else ASSUMED_ACCURACY) * table[law]
+        value = whole[group][law]
+        size = 0.5 * (accuracy.share if accuracy else ASSUMED_ACCURACY) * value
         if group == "observers":
             found[law][law] = size
         elif size:
             own, observers = over(law)
             for name, flow in observers.items():
                 if own in symbols_in(flow):
-                    found[name][law] = derivative(flow, own).xreplace({own: table[law]}) * size
+                    change = derivative(flow, own).xreplace({own: value}) * size
+                    found[name][law] = found[name].get(law, 0) + change
     return found
 
 

@@ -1,10 +1,13 @@
 """Plants known from a data sheet alone: what `diagnose` says of them at first contact."""
 
+from pathlib import Path
+
 import pytest
 from rulec_runtime.contract.ruleset import FORM
 from rulec_runtime.diagnosis.steady.observe import slope_names
 
-from rulec.passes.pipeline import example
+from rulec.passes.limits import FORM_COMMON
+from rulec.passes.pipeline import compile_plant, example
 from rulec.prove.truth.contacts import Planned, planned
 from tests.conftest import compiled
 from tests.rig.first_contacts import (
@@ -62,3 +65,21 @@ def test_a_law_that_nobody_calibrated_is_as_accurate_as_its_author_says() -> Non
     errors = {name.split(":", 2)[2] for name in slope_names(compiled("hsy-pumping"))}
     assert {"P14.Q_H.form", "P14.Q_H.form~"} == {e for e in errors if e.startswith("P14.Q_H")}
     assert not [name for name in slope_names(compiled("abc")) if FORM in name]
+
+
+def test_a_law_and_an_observer_may_have_one_name(tmp_path: Path) -> None:
+    """The accuracy of `head` is a share of the head, not of the flow that is observed by it."""
+    for case in (c for c in SOUND if c.kind == "pump-curve-exponent"):
+        case.make().write(tmp_path)
+    (file,) = (tmp_path / "plant" / "kb" / "modules").glob("*.yaml")
+    text = file.read_text(encoding="utf-8")
+    assert "{is: dp, title" in text
+    text = text.replace("head:   {is: dp, title", 'head:   {is: dp, accuracy: "10 %, test", title')
+    file.write_text(text, encoding="utf-8")
+    ruleset = compile_plant(tmp_path / "plant")
+    inputs = {s.id: s.reference for s in ruleset.signals}
+    out = ruleset.plan.run(
+        {**inputs, **{f"u:{n}": 0.0 for n in inputs}, "u:parameters": 1.0, "u:model": 1.0}
+    )
+    share = float(out["s:unit.head:unit.head.form"][0] / out["q:unit.head"][0])
+    assert 0.05 * FORM_COMMON**0.5 == pytest.approx(share)
