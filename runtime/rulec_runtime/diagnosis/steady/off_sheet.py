@@ -99,7 +99,7 @@ def _wide(ruleset: Ruleset, plain: Observed, points: np.ndarray, size: float) ->
     shared = plain.shared * factor[:, None]
     forms = shared[:, [name.endswith(FORM) for name in errors]]
     wide = [shared]
-    for name in sorted(plain.points.values):
+    for name in sorted(plain.points.values.keys() & plain.points.u.keys()):
         reading = plain.points.values[name]
         span = np.ptp(reading[points])
         if span > limits.SPAN_OF_A_FORM * np.max(plain.points.u[name][points], initial=0.0):
