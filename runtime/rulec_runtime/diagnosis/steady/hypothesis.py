@@ -14,7 +14,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import remembered, times_of
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, metric_of
-from rulec_runtime.diagnosis.steady.observe import Observed, slope_names
+from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
 
 
@@ -92,7 +92,8 @@ class HypothesisTest:
             return self._alone(members[0], scales)
         shared, noise = self._errors(members)
         if scales is not None:
-            faulty = np.isin(self._lasting, scales.sensors)[:, None, None]
+            names = [name.removeprefix("lag:") for name in self.observed.errors]
+            faulty = np.isin(names, scales.sensors)[:, None, None]
             shared = shared * np.where(faulty, scales.lasting[:, None], scales.noise[:, None])
             noise = noise * scales.noise[:, None] * scales.noise
         gradients = (
@@ -110,13 +111,6 @@ class HypothesisTest:
         for point in range(points):
             whole[:, point, :, point] += own[:, point]
         return whole.reshape(n, points * rank, points * rank)
-
-    @cached_property
-    def _lasting(self) -> list[str]:
-        """Names of the lasting errors: signals for their systematic errors and their lags."""
-        lags = [f"lag:{name}" for name in self.observed.points.lag]
-        names = {name.split(":", 2)[2] for name in slope_names(self.ruleset)}
-        return [name.removeprefix("lag:") for name in sorted({*names, *lags})]
 
     def _alone(self, points: np.ndarray, scales: Scales | None) -> Array:
         if scales is None:

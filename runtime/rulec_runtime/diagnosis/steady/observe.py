@@ -32,6 +32,7 @@ class Observed:
     shared : shape (observers, errors, n): derivative by each error that lasts over a recording
         (systematic errors of sensors, their lags, the calibration) times its standard uncertainty,
         m3/s.
+    errors : names of these errors; that of a lag is ``lag:<signal>``.
     offsets : shape (observers, n), the baseline's correction to subtract from each flow, m3/s.
     covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
     drift : as `noise`, the part of it from `drift_of`.
@@ -50,6 +51,7 @@ class Observed:
     noise: Array = field(metadata=FIRST)
     scatter: Array = field(metadata=FIRST)
     shared: Array = field(metadata=THIRD)
+    errors: tuple[str, ...]
     offsets: Array = field(metadata=SECOND)
     covariance: Array = field(metadata=FIRST)
     drift: Array = field(metadata=FIRST)
@@ -143,7 +145,9 @@ def with_errors(
     slopes : per name of `slope_names` an array, shape (n,): derivatives by readings, m3/s per SI,
         and by other errors times their standard uncertainty, m3/s.
     """
-    scatter, noise, lasting, shared, late, vague = _errors_of(ruleset, points, slopes, flows.shape)
+    scatter, noise, lasting, errors, shared, late, vague = _errors_of(
+        ruleset, points, slopes, flows.shape
+    )
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
@@ -154,6 +158,7 @@ def with_errors(
         noise=noise,
         scatter=scatter,
         shared=shared,
+        errors=errors,
         offsets=np.zeros_like(flows),
         covariance=covariance,
         drift=np.zeros_like(noise),
@@ -186,11 +191,11 @@ def too_vague(ruleset: Ruleset, observed: Observed, points: slice) -> np.ndarray
 
 def _errors_of(
     ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], shape: tuple[int, int]
-) -> tuple[Array, Array, Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, tuple[str, ...], Array, Array, Array]:
     """Covariances, shape (n, observers, observers), of the noise of readings, of everything new at
-    every point and of what lasts over a recording, gradients by the latter, shape (observers,
-    errors, n), and standard uncertainties by lags and by parameters alone, of the `shape`
-    (observers, n)."""
+    every point and of what lasts over a recording, names of the latter and gradients by them, shape
+    (observers, errors, n), and standard uncertainties by lags and by parameters alone, of the
+    `shape` (observers, n)."""
     row = ruleset.observer_index
     scatter: Gradients = {}
     misfits: Gradients = {}
@@ -219,7 +224,8 @@ def _errors_of(
         read = _covariance(scatter, shape)
         new = read + _covariance(misfits, shape)
         spread = np.sqrt(late), np.sqrt(vague)
-        return read, new, _covariance(lasting, shape), _stacked(lasting, shape), *spread
+        names, table = tuple(sorted(lasting)), _stacked(lasting, shape)
+        return read, new, _covariance(lasting, shape), names, table, *spread
 
 
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:

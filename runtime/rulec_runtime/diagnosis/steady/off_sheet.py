@@ -17,7 +17,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, stacked_test
 from rulec_runtime.diagnosis.steady.isolate import accepted
-from rulec_runtime.diagnosis.steady.observe import Observed, slope_names
+from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import spread_evenly
 from rulec_runtime.diagnosis.steady.verdict import disagreeing
 from rulec_runtime.recordings.stationary import Timeline
@@ -92,12 +92,11 @@ def _log_density(test: HypothesisTest) -> float:
 def _wide(ruleset: Ruleset, plain: Observed, points: np.ndarray, size: float) -> Observed:
     """Estimates whose parameters and forms of laws may be `size` standard uncertainties off. A form
     then follows the readings of an estimate smoothly: by a line and a parabola over their span."""
-    lags = [f"lag:{name}" for name in plain.points.lag]
-    errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
-    certain = {*plain.points.u, *lags, *(name for name in errors if name.endswith(MISFIT))}
-    factor = np.array([1.0 if name in certain else size for name in errors])
+    lags = (f"lag:{name}" for name in plain.points.lag)
+    certain = {*plain.points.u, *lags, *(name for name in plain.errors if name.endswith(MISFIT))}
+    factor = np.array([1.0 if name in certain else size for name in plain.errors])
     shared = plain.shared * factor[:, None]
-    forms = shared[:, [name.endswith(FORM) for name in errors]]
+    forms = shared[:, [name.endswith(FORM) for name in plain.errors]]
     wide = [shared]
     for name in sorted(plain.points.values.keys() & plain.points.u.keys()):
         reading = plain.points.values[name]
