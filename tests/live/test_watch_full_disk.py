@@ -1,5 +1,6 @@
 """A disk that is full or can be read alone: the watch goes on, and owes nothing afterwards."""
 
+import re
 import shutil
 import subprocess
 import time
@@ -58,7 +59,8 @@ def test_full_and_free_again(small_disk: Path, capsys: pytest.CaptureFixture[str
     assert [*before, *events_in(file)] == events
     assert state.read_bytes() == b"state 40"
     full, free = capsys.readouterr().err.splitlines()
-    assert "small/state: No space left on device; events are kept" in full
+    # Which file meets the full disk first is up to the file system.
+    assert re.search(r"small/(state|events\.jsonl): No space left on device; events are kept", full)
     assert "written again after" in free
     assert not list(small_disk.glob("*.waiting.json"))
 
