@@ -53,7 +53,9 @@ def test_a_calibration_with_few_points_raises_no_alarm() -> None:
 def test_a_course_that_has_faded_is_no_fault_that_is_there() -> None:
     """A flow meter was told as too high by -0.9 %, 0 to 1.4 %."""
     (case,) = planned(1048, 1)
-    assert all(f.degree > 0.0 and f.lower < f.degree < f.upper for f in diagnosed(case).findings)
+    told = diagnosed(case)
+    assert told.judged
+    assert all(f.degree > 0.0 and f.lower < f.degree < f.upper for f in told.findings)
 
 
 def test_a_law_that_nobody_calibrated_is_as_accurate_as_its_author_says() -> None:
