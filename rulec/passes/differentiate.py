@@ -367,15 +367,18 @@ def fault_names(
     """All variants of the faults of a module type, with their local ids."""
     uses = [(use, knowledge.fault_in(use)) for use in declared]
     shared = [fault.name for _, fault in uses if fault.acts_on != "signal"]
+    shown = [(u.target, v.name) for u, f in uses if f.acts_on == "signal" for v in f.variants]
     for use, fault in uses:
         stem = use.target if fault.acts_on == "signal" else fault.name
         if fault.acts_on != "signal" and shared.count(fault.name) > 1:
             stem = f"{fault.name}.{use.target}"
-        if fault.acts_on == "signal" and [u.target for u, _ in uses].count(use.target) > 1:
+        own = [name for target, name in shown if target == use.target]
+        several = len(own) > len(fault.variants) and len(own) > len(set(own) - {""})
+        if fault.acts_on == "signal" and several:
             stem = f"{use.target}.{fault.name}"
         for variant in fault.variants:
-            own = for_signal(variant, signals.get(use.target), knowledge.units)
-            yield use, own, f"{stem}.{variant.name}" if variant.name else stem
+            acting = for_signal(variant, signals.get(use.target), knowledge.units)
+            yield use, acting, f"{stem}.{variant.name}" if variant.name else stem
 
 
 def _affected(kind: ModuleType, fault: FaultType, target: str, over: ByTarget) -> tuple[str, ...]:

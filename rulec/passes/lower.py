@@ -120,7 +120,8 @@ def lower_states(what: Lowering) -> Plan:
     Inputs are ids of states (``A.h``), signals and parameters, and those of changes and shifts.
     Outputs are ``der:<state>``, ``start:<state>``, ``low:<state>`` and ``high:<state>`` if there
     are limits, ``after:<state>`` for a dead time, ``shown:<signal>`` for readings, and
-    ``inflow:<module>``, ``outflow:<module>``.
+    ``inflow:<module>``, ``outflow:<module>``, and ``law:<module>.<name>`` for places that `shifts`
+    shift as a form (``form.<module>.<name>``).
     """
     modules = what.network.plant.modules
     graph = Graph(dict.fromkeys(name for m in modules for name in _inputs(what, m)))
@@ -135,12 +136,23 @@ def lower_states(what: Lowering) -> Plan:
             graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
         ends = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]
         graph.outputs |= {f"{end}:{module}": scope.value(end) for end in ends}
+    reached = graph.plan().used_inputs
+    for (module, place, name), shift in what.shifts.items():
+        if shift in reached and shift == form_of(module, name):
+            scope = _Scope(graph, what, module)
+            law = scope.observer if place == "observer" else scope.value
+            graph.outputs[f"law:{module}.{name}"] = law(name)
     return graph.plan()
 
 
 def parameter_id(module: Module, name: str) -> str:
     """Plan input of a parameter; the same for all modules if its error is shared."""
     return name if module.parameters[name].shared else f"{module.name}.{name}"
+
+
+def form_of(module: str, law: str) -> str:
+    """Plan input of what a law adds to its formula."""
+    return f"form.{module}.{law}"
 
 
 def _inputs(what: Lowering, module: str) -> Iterator[str]:

@@ -18,10 +18,11 @@ from rulec.knowledge.plant import Module
 from rulec.language.diagnostics import Diagnostic, Origin, Refused
 from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.units import NONE, Unit
+from rulec.limits import ASSUMED_ACCURACY
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import fault_names, healthy, law_of
 from rulec.passes.link import Network
-from rulec.passes.lower import Lowering, lower_states, parameter_id
+from rulec.passes.lower import Lowering, form_of, lower_states, parameter_id
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,14 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
     modules = plant.modules.values()
     sensors = plant.knowledge.sensors
     amended = {m.name: _with_errors(m, with_faults(m, faults[m.name]), sensors) for m in modules}
+    laws = {
+        (m.name, group.removesuffix("s"), law): accuracy.share if accuracy else ASSUMED_ACCURACY
+        for m in modules
+        for (group, law), accuracy in m.type.laws().items()
+    }
+    shifts = {place: form_of(place[0], place[2]) for place in laws}
     try:
-        plan = lower_states(Lowering(network, amended, {}, network.ends))
+        plan = lower_states(Lowering(network, amended, shifts, network.ends))
     except Rejected as error:
         raise Refused([Diagnostic(plant.place, error.code, error.message, error.hint)]) from None
     parameters = {parameter_id(m, p.name): p for m in modules for p in m.parameters.values()}
@@ -83,6 +90,11 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
         faults=tuple(f.id for m in modules for f in faults[m.name] if f.degree in moved),
         values={name: p.value for name, p in used.items()},
         uncertainties={name: p.u for name, p in used.items()},
+        forms={
+            f"{module}.{law}": 0.5 * share
+            for (module, _, law), share in laws.items()
+            if share and form_of(module, law) in moved
+        },
         plan=plan,
     )
 

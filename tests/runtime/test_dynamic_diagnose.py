@@ -182,6 +182,8 @@ def test_a_degree_that_differs_from_window_to_window_explains_nothing(
     prior, name = ErrorEstimate(np.zeros(0), np.zeros((0, 0))), next(iter(faults))
     tests = [{name: judge_windows.Tested(degree, 0.01, 1.0, True)} for degree in degrees]
     (run,) = deviating_runs(
-        [judge_windows.Judged(window, prior, deviating=True, tests=t) for t in tests], faults
+        [judge_windows.Judged(window, prior, deviating=True, tests=t) for t in tests],
+        faults,
+        lambda _: None,
     )
     assert (run.cause is not None, run.brief) == (named, False)

@@ -65,7 +65,7 @@ def test_overflow_of_one_tank(tmp_path: Path) -> None:
     upper, lower = (models_of(new).plant.modules[name].type for name in ("upper", "lower"))
     assert ("open-tank-upper", 2) == (upper.name, upper.version)
     assert ("open-tank", 1) == (lower.name, lower.version)
-    assert "(inflow_true - outflow)/A" == upper.states["h"].rate.text
+    assert "(inflow_true - outflow*leaving)/A" == upper.states["h"].rate.text
     assert upper.definitions["inflow_true"].expression.text.startswith("inflow - ")
     assert upper.definitions["outflow"].expression.text.startswith("outflow_plain + f*")
     assert_same_course(tmp_path, new, data, builder, at_least=0.05)

@@ -300,10 +300,11 @@ class Dynamics:
 
     The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
     ``x.<fault>`` for each of `faults` (degrees; 0 without the fault), ``error.<reading>`` for each
-    of `inputs` (what the sensor adds to the true value; 0 if not given) and ``time``. It gives
+    of `inputs` (what the sensor adds to the true value; 0 if not given), ``form.<law>`` for each of
+    `forms` (what a law adds to its formula, SI; 0 if not given) and ``time``. It gives
     ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, dead times
-    ``after:<state>``, and ``shown:<signal>`` for each of `outputs`. `uncertainties` are those of
-    `values`, SI, without their correlations.
+    ``after:<state>``, ``shown:<signal>`` for each of `outputs`, and ``law:<law>``. `uncertainties`
+    are those of `values`, SI, without their correlations; those of `forms` are shares of the law.
     """
 
     states: tuple[StateSpec, ...]
@@ -312,6 +313,7 @@ class Dynamics:
     faults: tuple[str, ...]
     values: Mapping[str, float]
     uncertainties: Mapping[str, float]
+    forms: Mapping[str, float]
     plan: Plan
 
 

@@ -6,6 +6,7 @@ settles, so reports, plots and files are the same.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Run, deviating_runs
 from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed, weighed
+from rulec_runtime.diagnosis.stores.onset import cause_of
 from rulec_runtime.diagnosis.stores.windows import NO_READING, windows_of
 from rulec_runtime.recordings.plant_calendar import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 from rulec_runtime.recordings.recording import Recording
@@ -35,7 +37,7 @@ class StoresJudged:
 def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     """Judge a recording of a plant that stores."""
     found = weighed(ruleset, windows_of(recording, ruleset))
-    runs = deviating_runs(found.judged, ruleset.fault_by_id)
+    runs = deviating_runs(found.judged, ruleset.fault_by_id, partial(cause_of, found))
     result = Found([], [], _not_judged(found), latest_of(found))
     for run in runs:
         (since, until), cause = _times(found, run), run.cause
@@ -103,6 +105,7 @@ def _finding(found: Weighed, runs: Sequence[Run], run: Run, cause: Cause) -> Fin
     ]
     times = zip(edges, _times(found, run), strict=True)
     since, until = (time if edge is None else edge for edge, time in times)
+    since = since if run.since is None else run.since
     strongest = judged[max(run.inside, key=lambda i: judged[i].chi)]
     return Finding(
         fault,
@@ -135,6 +138,7 @@ def _edge(found: Weighed, sound: Judged | None, faulty: Judged, cause: Cause) ->
     balances = with_free_states(found.model.dynamics, (f"x.{cause.fault}",))
     moved, time = replace(found.model, balances=balances), window.time
     assert one.plain is not None
+    window = found.model.with_forms(window, one.plain.unknowns)
     if sound.window.jumps is not None:
         window = found.model.with_jumps(window, one.plain.unknowns)
     guess, best, when = one.plain.unknowns, np.inf, float(time[0])

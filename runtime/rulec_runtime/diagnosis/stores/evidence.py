@@ -24,6 +24,7 @@ def evidence_of(found: Weighed, run: Run, cause: Cause | None) -> tuple[Evidence
     reference = before if calm and before.window.piece == target.window.piece else target
     assert reference.plain is not None
     window = found.windows.joined(reference.window, target.window)
+    window = model.with_forms(window, reference.plain.unknowns)
     faults, degree = ((cause.fault,), cause.degree) if cause else ((), 0.0)
     known = len(reference.plain.unknowns)
     try:
@@ -78,9 +79,11 @@ def latest_of(found: Weighed) -> Latest | None:
 
 def _left(found: Weighed, one: Judged, output: int) -> tuple[float, float] | None:
     """Root mean square that a window leaves of an output, and the uncertainty at which it alone
-    would make the window deviate; None without a reading."""
+    would make the window deviate; None without a reading. Errors that had to move beyond what is
+    known of them count as if they were left."""
     assert one.plain is not None
-    error = one.plain.error[:, output]
+    left = float(np.nansum((one.plain.error / found.model.spread) ** 2))
+    error = one.plain.error[:, output] * np.sqrt(one.chi / (left or np.inf))
     error = error[np.isfinite(error)]
     if not len(error):
         return None

@@ -31,20 +31,34 @@ def nominal_starts(dynamics: Dynamics) -> Array:
     return np.array([found[name].item() for name in names])
 
 
-def with_free_states(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balances:
+def with_free_states(
+    dynamics: Dynamics, moving: tuple[str, ...] = (), switched: str = ""
+) -> Balances:
     """The balances with every initial state as a plan input.
 
-    Degrees named in `moving` are given sample by sample, after the readings.
+    Plan inputs named in `moving` are given sample by sample, after the readings; so is last whether
+    the fault `switched` is present, 0 or 1.
     """
-    old = dynamics.plan
-    inputs = (*old.inputs, *(start_of(s.id) for s in dynamics.states))
+    old, on = dynamics.plan, f"on.{switched}"
+    starts = [start_of(s.id) for s in dynamics.states]
+    added = (*starts, *((on,) if switched else ()))
+    inputs = (*old.inputs, *added)
     index = {name: i for i, name in enumerate(inputs)}
+    degree = index[f"x.{switched}"] if switched else -1
+    first = len(inputs) + len(old.constants)
 
     def moved(i: int) -> int:
-        return i if i < len(old.inputs) else i + len(dynamics.states)
+        if i == degree:
+            return first
+        return (
+            i
+            if i < len(old.inputs)
+            else i + len(added) + bool(switched) * (i >= old.first_operation)
+        )
 
-    operations = tuple(
-        (name, moved(a), 0 if name in UNARY else moved(b)) for name, a, b in old.operations
+    operations = (
+        *((("mul", degree, index[on]),) if switched else ()),
+        *((name, moved(a), 0 if name in UNARY else moved(b)) for name, a, b in old.operations),
     )
     outputs = {name: moved(i) for name, i in old.outputs.items()}
     outputs |= {f"start:{s.id}": index[start_of(s.id)] for s in dynamics.states}
@@ -52,6 +66,6 @@ def with_free_states(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balanc
     return Balances(
         plan,
         tuple(s.id for s in dynamics.states),
-        (*dynamics.inputs, *moving),
+        (*dynamics.inputs, *moving, *((on,) if switched else ())),
         tuple(f"{SHOWN}{name}" for name in dynamics.outputs),
     )

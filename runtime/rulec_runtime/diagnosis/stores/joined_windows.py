@@ -5,7 +5,7 @@ and the last of them share none. In a recording of fewer windows it must fit in 
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -35,11 +35,12 @@ class Cause:
 @dataclass(frozen=True)
 class Run:
     """Deviating windows in a row, by their numbers; `cause` is None if nothing known fits, `brief`
-    if it does not persist."""
+    if it does not persist, `since` when it begins, if that is known."""
 
     members: range
     cause: Cause | None
     brief: bool
+    since: float | None = None
 
     @property
     def inside(self) -> range:
@@ -47,7 +48,13 @@ class Run:
         return _inside(self.members)
 
 
-def deviating_runs(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list[Run]:
+Begun = Callable[[range], tuple[Cause, float] | None]
+"""The cause that begins before a run of windows, and when."""
+
+
+def deviating_runs(
+    judged: Sequence[Judged], faults: Mapping[str, FaultSpec], begun: Begun
+) -> list[Run]:
     """All runs of a recording; `faults` by id, in the order of the ruleset."""
     found: list[Run] = []
     for (_, deviating), run in groupby(
@@ -55,7 +62,12 @@ def deviating_runs(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) ->
     ):
         if deviating:
             first, *others = run
-            found += _explained(judged, range(first, first + 1 + len(others)), faults)
+            members = range(first, first + 1 + len(others))
+            cause = begun(members) if len(members) >= windows_needed(judged, first) else None
+            if cause is None:
+                found += _explained(judged, members, faults)
+            else:
+                found.append(Run(members, cause[0], False, cause[1]))
     return found
 
 

@@ -9,8 +9,10 @@ itself shows how far: the error that a window without a fault usually leaves, an
 time, set the weight of each reading, so that only an unusual misfit counts.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from statistics import NormalDist
 
 import numpy as np
 
@@ -89,13 +91,11 @@ class Judge:
         """Judge all windows in order of time; without `learning` each with the prior only."""
         errors, states = self.model.errors, self.model.states
         estimate = ErrorEstimate(np.zeros(len(errors)), np.eye(len(errors)))
-        # Constants, which have a value, do not drift.
-        drifts = np.array([e.value == 0.0 for e in errors], dtype=bool)
         chance = alarm_chance(len(windows))
         result: list[Judged] = []
         learned = -np.inf
         for window in windows:
-            prior = estimate.later(window.middle, drifts)
+            prior = estimate.later(window.middle, errors)
             before = result[-1] if result and result[-1].window.piece == window.piece else None
             judged = self._judged(Judged(window, prior), before, chance)
             result.append(judged)
@@ -117,10 +117,18 @@ class Judge:
         starts = [*starts, nominal_starts(self.model.dynamics)]
         counts = np.isfinite(one.window.measured).sum(axis=0)
         freedom = max(int(float(counts @ self.share) - self.model.states), 1)
-        guesses = [np.append(start, one.prior.mean) for start in starts]
-        plain = self._best(one, guesses, chi_square_limit(freedom, quantile(chance)))
+        errors = [one.prior.mean]
+        if before is not None and before.plain is not None:
+            errors.append(before.plain.unknowns[self.model.states :])
+        guesses = [np.append(start, own) for own in errors for start in starts]
+        enough = chi_square_limit(freedom, quantile(chance))
+        plain = self._best(one, guesses, enough)
         if plain is None:
             return one
+        if one.window.forms is not None:
+            one = replace(one, window=self.model.with_forms(one.window, plain.unknowns))
+            plain = self._best(one, [plain.unknowns], enough)
+            assert plain is not None, "the same course as before"
         pull, information, _ = self._directions(one, plain)
         visible = np.flatnonzero(information > 0.0).tolist()
         floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in visible}
@@ -255,6 +263,14 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     known = Judge(model, np.ones(len(windows.noise)), model.dynamics.faults)
     single = replace(known, faults=())
     alone, members = single.judge(windows.members, learning=False), windows.members
+    if model.dynamics.forms:
+        model = with_spans(model, alone)
+        known, single = replace(known, model=model), replace(single, model=model)
+        members = tuple(
+            j.window if j.plain is None else model.with_forms(j.window, j.plain.unknowns)
+            for j in alone
+        )
+        alone = single.judge(members, learning=False)
     misfit, correlation = _left([j.plain.error for j in alone if j.plain], windows.noise)
     # Where the plant was at a jump tells what its moment does.
     jumping = [
@@ -290,7 +306,39 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
             break
         left /= more
         misfit = misfit * np.sqrt(more)
+    wider = _unevenness(judged, lasting)
+    if wider > limits.MISFIT_TOO_SMALL:
+        judge = replace(judge, model=replace(weights, spread=weights.spread * np.sqrt(wider)))
+        judged = judge.judge(members)
     return Weighed(windows, judge, judged, misfit)
+
+
+def _unevenness(judged: Sequence[Judged], lasting: str) -> float:
+    """Factor on the variance of the usual misfit that one window in twenty exceeds.
+
+    Balances that are off are off by much in some states and by little in others. How uneven that is
+    is told by the windows up to the usual one, as a fault may be in the others.
+    """
+    there = [j for j in judged if j.plain is not None and j.chi_beside(lasting) > 0.0]
+    if not there:
+        return 1.0
+    ratios = [np.log(j.chi_beside(lasting) / j.freedom) for j in there]
+    low, usual = np.quantile(ratios, [limits.LOW_MISFIT, limits.USUAL_MISFIT])
+    normal = NormalDist()
+    apart = normal.inv_cdf(limits.USUAL_MISFIT) - normal.inv_cdf(limits.LOW_MISFIT)
+    by_chance = float(np.mean([2.0 / j.freedom for j in there]))
+    variance = max(float((usual - low) / apart) ** 2 - by_chance, 0.0)
+    return math.exp(normal.inv_cdf(limits.ONE_IN_TWENTY) * math.sqrt(variance))
+
+
+def with_spans(model: Model, judged: Sequence[Judged]) -> Model:
+    """A model that knows the least and largest value of each law in all windows."""
+    found = [model.laws_of(j.window, j.plain.unknowns) for j in judged if j.plain is not None]
+    spans = {
+        law: (min(own[law].min() for own in found), max(own[law].max() for own in found))
+        for law in (model.spans if found else ())
+    }
+    return replace(model, spans=spans)
 
 
 def _left(errors: Sequence[Array], noise: Array) -> tuple[Array, Array]:

@@ -33,6 +33,13 @@ USUAL_MISFIT = 0.4
 """Share of windows whose misfit counts as usual: less than half, as a fault may begin in the
 middle. Origin: assumed."""
 
+LOW_MISFIT = 0.1
+"""Share of windows whose misfit is low; how far it is from the usual one tells how uneven misfits
+are. Origin: assumed."""
+
+ONE_IN_TWENTY = 0.95
+"""Share of windows without a fault whose misfit is expected. Origin: standard (95 %)."""
+
 MISFIT_PASSES = 4
 """Times at most that the usual misfit is raised. Origin: numerical."""
 
@@ -52,6 +59,16 @@ SLOW_ERROR = 1.5
 
 REMARKABLE_MISFIT = 1.5
 """Usual misfit over noise from which on it is worth a remark. Origin: assumed."""
+
+LEAST_GAIN = 0.1
+"""Share of the largest gain, to first order, from which on a fault may be what began. Origin:
+assumed."""
+
+SAMPLES_OF_A_LAW = 16
+"""Samples between which a fault may depart from its law differently. Origin: assumed."""
+
+ROUNDS_OF_LAW = 2
+"""Refits of the beginning of a fault with its departures from its law. Origin: numerical."""
 
 EDGE_TIMES = 32
 """Times that are tried for the beginning or the end of a fault. Origin: assumed."""
@@ -79,12 +96,22 @@ LEAST_U_STORES = 1e-9
 """Standard uncertainty of a degree in a window at least, where it weights a mean. Origin:
 numerical."""
 
-WINDOW_STEPS = 40
-"""Levenberg-Marquardt steps of a fit at most. Origin: numerical."""
+WINDOW_STEPS = 40, 1e-5
+"""Levenberg-Marquardt steps of a fit at most, and the share of chi-square by which a step must
+lower it to be worth another: what is far off is not worth the last one. Origin: numerical."""
 
-WINDOW_SETTLED, WINDOW_SLIGHT = 1e-3, 1e-5
-"""A fit ends when chi-square falls by less than this, or by less than this share: what is far off
-is not worth the last step. Origin: numerical."""
+WINDOW_SETTLED = 1e-2
+"""A fit ends when chi-square falls by less than this. Origin: numerical."""
+
+FAR_OFF, STEPS_FAR_OFF = 3.0, (8, 0.03)
+"""Misfit, in standard deviations of the readings, beyond which these count less, which is also the
+factor by which it falls from round to round; steps of a round, as above. Origin: numerical."""
+
+NO_CLOSER = 0.9
+"""Share of the misfit that a round leaves from which on no fit is near. Origin: numerical."""
+
+LARGEST_EXPONENT = 50.0
+"""Logarithm of a factor on a parameter at most. Origin: numerical."""
 
 FIRST_DAMPING, LESS_DAMPING, MORE_DAMPING, LARGEST_DAMPING = 1e-3, 0.2, 8.0, 1e6
 """Damping of the first step of a fit, the factors on it after a step that led on and after one that
@@ -104,6 +131,14 @@ assumed."""
 SIGNATURE_SWING, SIGNATURE_PACE, SIGNATURE_PACES_APART = 0.2, 40.0, 17.0
 """Share of its reference by which each given reading swings in that course, seconds per radian of
 the first of them, and by how many each further one is slower. Origin: assumed."""
+
+KNOTS = 4
+"""Values over the range of a law between which its form may be off. Origin: assumed, a correlation
+length of 0.3 of the range."""
+
+NEW_FORM = 0.03
+"""Share of the variance of a law's form that lines between these values leave. Origin: distribution
+(a Gaussian process whose length is 0.3 of the range)."""
 
 UNIFORM = 12.0**-0.5
 """Standard deviation of a moment between two samples, as a share of the time between them; it is

@@ -10,7 +10,9 @@ Source: Gauss-Newton with damping (Levenberg 1944, Marquardt 1963); maximum a po
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,25 +30,31 @@ from rulec_runtime.diagnosis.stores.free_balances import (
 )
 from rulec_runtime.diagnosis.stores.windows import Window, jumps_of
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.simulation.balances import Balances, RanAway
+from rulec_runtime.simulation.balances import Balances, Course, RanAway
 
 
 @dataclass(frozen=True)
 class LastingError:
     """A lasting error: `input` is its plan input, or `output` the number of the reading it shifts.
 
-    An error of 1 multiplies `value` by exp(`size`), or adds `size` (SI) if `value` is 0.
+    An error of 1 multiplies `value` by exp(`size`), or adds `size` (SI) if `value` is 0. That of a
+    `law` adds the share `size` to its formula at knot number `knot` of its range. What `drifts`
+    returns to 0 in the long run, what is `new` differs from window to window.
     """
 
     input: str
     output: int
     value: float
     size: float
+    drifts: bool = False
+    law: str = ""
+    knot: int = 0
+    new: bool = False
 
     def at(self, error: float) -> float:
         """Value at an error."""
         if self.value:
-            return float(self.value * np.exp(self.size * error))
+            return float(self.value * np.exp(min(self.size * error, limits.LARGEST_EXPONENT)))
         return self.size * error
 
     def slope(self, error: float) -> float:
@@ -63,9 +71,10 @@ class ErrorEstimate:
     time: float = 0.0
     windows: int = 0
 
-    def later(self, time: float, drifts: Array) -> ErrorEstimate:
-        """What is still known at a later time; `drifts` flags those that return to their prior."""
-        share = np.where(drifts, remembered(time - self.time), 1.0)
+    def later(self, time: float, errors: Sequence[LastingError]) -> ErrorEstimate:
+        """What is still known of all errors at a later time."""
+        kept = float(remembered(time - self.time))
+        share = np.array([0.0 if e.new else kept if e.drifts else 1.0 for e in errors])
         covariance = self.covariance * np.outer(share, share) + np.diag(1.0 - share**2)
         return replace(self, mean=share * self.mean, covariance=covariance, time=time)
 
@@ -97,13 +106,15 @@ class Fitted:
 class Model:
     """The balances of a plant with all unknowns of a window.
 
-    `spread` is the standard deviation that weights each output, shape (outputs,), SI.
+    `spread` is the standard deviation that weights each output, shape (outputs,), SI; `spans` the
+    least and largest value of each law whose form may be off, SI.
     """
 
     ruleset: Ruleset
     errors: tuple[LastingError, ...]
     spread: Array
     balances: Balances = field(repr=False)
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def dynamics(self) -> Dynamics:
@@ -116,11 +127,6 @@ class Model:
         """Number of initial states, which come first among the unknowns; errors follow."""
         return len(self.balances.states)
 
-    @property
-    def _seeds(self) -> list[str]:
-        starts = [start_of(state) for state in self.balances.states]
-        return [*starts, *(error.input for error in self.errors)]
-
     def simulate(
         self, window: Window, unknowns: Array, faults: Sequence[str] = ()
     ) -> tuple[Array, Array, Array]:
@@ -128,21 +134,82 @@ class Model:
 
         `faults` are those whose degrees end the unknowns.
         """
-        seeds = [*self._seeds, *(f"x.{fault}" for fault in faults)]
-        values = {**self.dynamics.values, **dict(zip(seeds, unknowns.tolist(), strict=True))}
-        own = [(i, e, float(unknowns[i])) for i, e in enumerate(self.errors, self.states)]
-        values |= {e.input: e.at(x) for _, e, x in own}
-        held = np.ones(window.inputs.shape[1], dtype=np.bool_)
-        time = window.time - window.time[0]
-        course = self.balances.run(time, window.inputs, held, values, seeds)
-        shown, slopes = course.shown.copy(), course.slopes.copy()
-        for column, error, x in own:
+        starts = [start_of(state) for state in self.balances.states]
+        names = [*starts, *(e.input for e in self.errors), *(f"x.{fault}" for fault in faults)]
+        seeded = [i for i, name in enumerate(names) if name]
+        seeds = [names[i] for i in seeded]
+        course = self.run(self.balances, window, unknowns, faults, seeds)
+        shown, slopes = course.shown, np.zeros((*course.shown.shape, len(names)))
+        slopes[:, :, seeded] = course.slopes
+        for column, error in enumerate(self.errors, self.states):
+            x = float(unknowns[column])
             if error.input:
                 slopes[:, :, column] *= error.slope(x)
-            else:
+            elif not error.law:
                 shown[:, error.output] += error.at(x)
                 slopes[:, error.output, column] = error.slope(x)
+        if window.forms is not None:
+            own = [i for i, error in enumerate(self.errors, self.states) if error.law]
+            shown += window.forms @ unknowns[own]
+            slopes[:, :, own] = window.forms
         return shown, slopes, course.states
+
+    def run(
+        self,
+        balances: Balances,
+        window: Window,
+        unknowns: Array,
+        faults: Sequence[str] = (),
+        seeds: Sequence[str] = (),
+    ) -> Course:
+        """The course of some balances, without errors of sensors and forms; raises `RanAway`."""
+        held = np.ones(window.inputs.shape[1], dtype=np.bool_)
+        time = window.time - window.time[0]
+        return balances.run(time, window.inputs, held, self._values(unknowns, faults), seeds)
+
+    def _values(self, unknowns: Array, faults: Sequence[str] = ()) -> dict[str, float]:
+        """Numbers that the balances read, at some unknowns."""
+        ends = [start_of(state) for state in self.balances.states], [f"x.{f}" for f in faults]
+        values = dict(self.dynamics.values)
+        values |= zip(ends[0], unknowns[: self.states].tolist(), strict=True)
+        values |= zip(ends[1], unknowns[self.states + len(self.errors) :].tolist(), strict=True)
+        own = zip(self.errors, unknowns[self.states :].tolist(), strict=False)
+        return values | {e.input: e.at(x) for e, x in own if e.input}
+
+    def laws_of(self, window: Window, unknowns: Array) -> dict[str, Array]:
+        """Values of all laws whose form may be off, at some unknowns, SI, shape (n,) each; raises
+        `RanAway`."""
+        dynamics = self.dynamics
+        course = self.run(self.balances, window, unknowns).states
+        plan = dynamics.plan.select(f"law:{law}" for law in dynamics.forms)
+        states = zip((s.id for s in dynamics.states), course.T, strict=True)
+        inputs = zip(dynamics.inputs, window.inputs.T, strict=True)
+        nothing = dict.fromkeys(plan.inputs, 0.0)
+        values = {**nothing, **self._values(unknowns), **dict(states), **dict(inputs)}
+        found = plan.run(values)
+        return {law: np.broadcast_to(found[f"law:{law}"], window.time.shape) for law in self.spans}
+
+    def with_forms(self, window: Window, unknowns: Array) -> Window:
+        """A window with what the form of each law does to its outputs, each knot by its standard
+        deviation, at some unknowns."""
+        balances = with_free_states(self.dynamics, tuple(f"form.{law}" for law in self.spans))
+        course, columns = np.zeros((len(window.time), len(self.spans))), list[Array]()
+        try:
+            laws = self.laws_of(window, unknowns)
+            own = replace(window, inputs=np.column_stack([window.inputs, course]))
+            plain = self.run(balances, own, unknowns).shown
+            for i, (law, value) in enumerate(laws.items(), window.inputs.shape[1]):
+                knots, hats = np.linspace(*self.spans[law], limits.KNOTS), np.eye(limits.KNOTS)
+                size = self.dynamics.forms[law]
+                for hat in hats:
+                    moved = replace(own, inputs=own.inputs.copy())
+                    moved.inputs[:, i] = size * value * np.interp(value, knots, hat)
+                    columns.append((self.run(balances, moved, unknowns).shown - plain) / size)
+        except RanAway:
+            return window
+        order = {law: i * limits.KNOTS for i, law in enumerate(laws)}
+        forms = [e.size * columns[order[e.law] + e.knot] for e in self.errors if e.law]
+        return replace(window, forms=np.stack(forms, axis=2)) if forms else window
 
     def at(
         self, window: Window, prior: ErrorEstimate, unknowns: Array, faults: Sequence[str] = ()
@@ -202,13 +269,44 @@ class Model:
         self, window: Window, prior: ErrorEstimate, guess: Array, faults: Sequence[str] = ()
     ) -> Fitted | None:
         """The most probable unknowns, from a guess; degrees stay in their range. None if nothing
-        can be simulated."""
+        can be simulated.
+
+        Far from the readings, these count less: else what is known of the plant counts nothing, and
+        the fit ends where no plant is.
+        """
+        found = self.at(window, prior, guess, faults)
+        if found is None:
+            return None
+        count = max(int(np.isfinite(window.measured).sum()), 1)
+        far, left = math.sqrt(found.chi / count), 0.0
+        while far > limits.FAR_OFF and left < limits.NO_CLOSER:
+            model = replace(self, spread=far * self.spread)
+            found = (
+                model._led(window, prior, found.unknowns, faults, *limits.STEPS_FAR_OFF) or found
+            )
+            left = math.sqrt(found.chi / count)
+            far *= min(1.0 / limits.FAR_OFF, left)
+        steps = limits.WINDOW_STEPS if far <= limits.FAR_OFF else limits.STEPS_FAR_OFF
+        return self._led(window, prior, found.unknowns, faults, *steps)
+
+    def _led(
+        self,
+        window: Window,
+        prior: ErrorEstimate,
+        guess: Array,
+        faults: Sequence[str],
+        steps: int,
+        slight: float,
+    ) -> Fitted | None:
+        """Where so many steps at most lead from a guess; one that lowers chi-square by a `slight`
+        share is the last."""
         specs = [self.ruleset.fault_by_id[fault] for fault in faults]
-        free, damping = np.full(len(guess) - len(specs), np.inf), limits.FIRST_DAMPING
+        free = np.full(len(guess) - len(specs), np.inf)
+        damping, more = limits.FIRST_DAMPING, limits.MORE_DAMPING
         low = np.append(-free, [spec.lowest for spec in specs])
         high = np.append(free, [s.highest * (1.0 - common.BELOW_HIGHEST) for s in specs])
         best = self.at(window, prior, guess, faults)
-        for _ in range(limits.WINDOW_STEPS):
+        for _ in range(steps):
             if best is None or damping > limits.LARGEST_DAMPING:
                 break
             ended = (best.unknowns <= low) & (best.pull < 0) | (best.unknowns >= high) & (
@@ -218,11 +316,15 @@ class Model:
             step[~ended] = inverse(own + damping * np.diag(np.diag(own))) @ best.pull[~ended]
             trial = self.at(window, prior, np.clip(best.unknowns + step, low, high), faults)
             if trial is None or not trial.chi < best.chi:
-                damping *= limits.MORE_DAMPING
+                damping *= more
+                more *= limits.MORE_DAMPING
                 continue
-            fall, best = best.chi - trial.chi, trial
-            damping *= limits.LESS_DAMPING
-            if fall < max(limits.WINDOW_SETTLED, limits.WINDOW_SLIGHT * best.chi):
+            moved = trial.unknowns - best.unknowns
+            expected = float(2.0 * best.pull @ moved - moved @ best.information @ moved)
+            fall, best, more = best.chi - trial.chi, trial, limits.MORE_DAMPING
+            as_expected = fall / max(expected, fall)
+            damping *= max(limits.LESS_DAMPING, 1.0 - (2.0 * as_expected - 1.0) ** 3)
+            if fall < max(limits.WINDOW_SETTLED, slight * best.chi):
                 break
         return best
 
@@ -243,10 +345,16 @@ def model_of(ruleset: Ruleset, spread: Array, level: Array) -> Model:
         u = float(systematic_u(signals[name], signals[name].reference))
         for error, size in ((error_of(name), u), (share_of(name), signals[name].standard)):
             if error in reached:
-                errors.append(LastingError(error, -1, 0.0, size))
+                errors.append(LastingError(error, -1, 0.0, size, drifts=True))
     for i, name in enumerate(dynamics.outputs):
-        errors.append(LastingError("", i, 0.0, float(systematic_u(signals[name], level[i]))))
-    return Model(ruleset, tuple(e for e in errors if e.size > 0.0), spread, balances)
+        size = float(systematic_u(signals[name], level[i]))
+        errors.append(LastingError("", i, 0.0, size, drifts=True))
+    for law, share in dynamics.forms.items():
+        for i, new in itertools.product(range(limits.KNOTS), (False, True)):
+            size = share * (limits.NEW_FORM if new else 1.0 - limits.NEW_FORM) ** 0.5
+            errors.append(LastingError("", -1, 0.0, size, law=law, knot=i, new=new))
+    kept = tuple(e for e in errors if e.size > 0.0)
+    return Model(ruleset, kept, spread, balances, dict.fromkeys(dynamics.forms, (0.0, 0.0)))
 
 
 def inverse(information: Array) -> Array:

@@ -27,7 +27,8 @@ class Window:
     first sample in it. If `because` is not empty, the window cannot be judged. `slips` is how far
     each input may be off until the next sample, as it may jump at any moment in between: standard
     deviation, with the sign of the jump, of the shape of `inputs`; `jumps` is what that does to the
-    outputs, shape (n, outputs, jumps), where they are considered. See `bent_by`.
+    outputs, shape (n, outputs, jumps), where they are considered; `forms` is what the form of laws
+    does, shape (n, outputs, errors). See `bent_by`.
     """
 
     time: Array
@@ -35,6 +36,7 @@ class Window:
     measured: Array
     slips: Array | None = None
     jumps: Array | None = None
+    forms: Array | None = None
     bent: np.ndarray | None = None
     piece: int = 0
     first: int = 0
@@ -79,6 +81,7 @@ class Windows:
             measured=piece.measured[part],
             slips=piece.slips[part],
             jumps=None,
+            forms=None,
             bent=None,
         )
 
