@@ -101,7 +101,7 @@ def test_a_fault_that_goes_is_found_with_its_end() -> None:
 def test_evidence_and_frequencies() -> None:
     """Of what fits alike the more usual is named first."""
     rules, lost = plant("wastewater-lab"), {"tank1.lost-inflow", "supply.Q.high"}
-    recording = made("wastewater-lab", 0, ("tank1.lost-inflow", 0.2, 0.5))
+    recording = made("wastewater-lab", 2, ("tank1.lost-inflow", 0.2, 0.5))
     for usual in lost:
         faults = (replace(f, frequency="common") if f.id == usual else f for f in rules.faults)
         said = diagnose(recording, replace(rules, faults=tuple(faults)))

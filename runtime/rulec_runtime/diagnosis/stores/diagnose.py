@@ -138,9 +138,7 @@ def _edge(found: Weighed, sound: Judged | None, faulty: Judged, cause: Cause) ->
     balances = with_free_states(found.model.dynamics, (f"x.{cause.fault}",))
     moved, time = replace(found.model, balances=balances), window.time
     assert one.plain is not None
-    window = found.model.with_forms(window, one.plain.unknowns)
-    if sound.window.jumps is not None:
-        window = found.model.with_jumps(window, one.plain.unknowns)
+    window = found.model.with_errors(window, one.plain.unknowns)
     guess, best, when = one.plain.unknowns, np.inf, float(time[0])
     firsts = np.unique(np.linspace(0, len(time) - 1, limits.EDGE_TIMES).astype(int))
     for first in firsts.tolist():

@@ -47,9 +47,10 @@ class Tested:
 class Judged:
     """A window, the estimate of the errors before it, and the result.
 
-    `freedom` is the number of independent values in its readings; `floor` the standard uncertainty
-    of the degree of each fault near 0 (absent: the window cannot show it); `tests` exist if it is
-    `deviating`. Without `plain` nothing could be simulated; `window.because` may say why.
+    `freedom` is the number of independent values in its readings; `leaning`, squared, how far it
+    leans towards any fault over how far windows without one usually do; `floor` the standard
+    uncertainty of the degree of each fault near 0 (absent: the window cannot show it); `tests`
+    exist if it is `deviating`. Without `plain` nothing could be simulated; `window.because` may say why.
     """
 
     window: Window
@@ -57,6 +58,7 @@ class Judged:
     plain: Fitted | None = None
     freedom: int = 0
     deviating: bool = False
+    leaning: float = 0.0
     floor: Mapping[str, float] = field(default_factory=dict)
     tests: Mapping[str, Tested] = field(default_factory=dict)
 
@@ -134,9 +136,13 @@ class Judge:
         floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in visible}
         # Half of the chance of a false alarm goes to "anything is wrong", half to the faults.
         strongest = quantile(chance / (2 * max(len(visible), 1)))
+        scores = pull[visible] / np.sqrt(information[visible])
         deviating = plain.chi > chi_square_limit(freedom, quantile(chance / 2))
-        deviating |= any(pull[i] / np.sqrt(information[i]) > strongest for i in visible)
-        one = replace(one, plain=plain, freedom=freedom, deviating=deviating, floor=floor)
+        deviating |= bool((scores > strongest).any())
+        by_chance = (1.0 + limits.USUAL_MISFIT ** (1.0 / max(len(visible), 1))) / 2.0
+        most = float(np.abs(scores).max(initial=0.0)) / NormalDist().inv_cdf(by_chance)
+        one = replace(one, plain=plain, freedom=freedom, leaning=most**2, floor=floor)
+        one = replace(one, deviating=deviating)
         towards = [i for i in visible if deviating and pull[i] > 0.0]
         limit = chi_square_limit(max(freedom - 1, 1), quantile(chance))
         tests = {
@@ -256,39 +262,20 @@ class Weighed:
 def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     """Find the usual misfit, and judge all windows with it.
 
-    What the moments of jumps explain, or one fault with one degree in all windows, is no misfit of
-    the balances.
+    What one fault with one degree in all windows explains is no misfit of the balances.
     """
     model = model_of(ruleset, windows.noise, windows.level)
     known = Judge(model, np.ones(len(windows.noise)), model.dynamics.faults)
     single = replace(known, faults=())
-    alone, members = single.judge(windows.members, learning=False), windows.members
-    if model.dynamics.forms:
-        model = with_spans(model, alone)
-        known, single = replace(known, model=model), replace(single, model=model)
-        members = tuple(
-            j.window if j.plain is None else model.with_forms(j.window, j.plain.unknowns)
-            for j in alone
-        )
-        alone = single.judge(members, learning=False)
+    alone = single.judge(windows.members, learning=False)
+    model = with_spans(model, alone)
+    known, single = replace(known, model=model), replace(single, model=model)
+    members = tuple(
+        j.window if j.plain is None else model.with_errors(j.window, j.plain.unknowns)
+        for j in alone
+    )
+    alone = single.judge(members, learning=False)
     misfit, correlation = _left([j.plain.error for j in alone if j.plain], windows.noise)
-    # Where the plant was at a jump tells what its moment does.
-    jumping = [
-        j.window if j.plain is None else model.with_jumps(j.window, j.plain.unknowns) for j in alone
-    ]
-    moved = single.judge(jumping, learning=False)
-    beside = _left([j.plain.error for j in moved if j.plain], windows.noise)
-    if (beside[0] * limits.BEHIND_A_MISFIT < misfit).any():
-        (misfit, correlation), alone, members = beside, moved, tuple(jumping)
-    else:
-        # In windows that only their jumps explain, as few of many have one.
-        weights = replace(model, spread=misfit * np.sqrt(correlation))
-        usual = replace(single, model=weights, share=1.0 / correlation)
-        each = (usual.judge(of, learning=False) for of in (members, jumping))
-        members = tuple(
-            other.window if one.deviating and not other.deviating else one.window
-            for one, other in zip(*each, strict=True)
-        )
     lasting, errors = known.lasting(alone)
     beside = _left(errors, windows.noise)
     if lasting and (beside[0] * limits.BEHIND_A_MISFIT < misfit).any():
@@ -306,7 +293,10 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
             break
         left /= more
         misfit = misfit * np.sqrt(more)
-    wider = _unevenness(judged, lasting)
+    there = [j for j in judged if j.plain is not None]
+    wider = _unevenness(there, lasting)
+    if there and not lasting:
+        wider *= max(float(np.quantile([j.leaning for j in there], limits.USUAL_MISFIT)), 1.0)
     if wider > limits.MISFIT_TOO_SMALL:
         judge = replace(judge, model=replace(weights, spread=weights.spread * np.sqrt(wider)))
         judged = judge.judge(members)
@@ -314,16 +304,16 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
 
 
 def _unevenness(judged: Sequence[Judged], lasting: str) -> float:
-    """Factor on the variance of the usual misfit that one window in twenty exceeds.
+    """Factor on the usual misfit, as a variance, that one window in twenty exceeds.
 
     Balances that are off are off by much in some states and by little in others. How uneven that is
     is told by the windows up to the usual one, as a fault may be in the others.
     """
-    there = [j for j in judged if j.plain is not None and j.chi_beside(lasting) > 0.0]
+    there = [j for j in judged if j.chi_beside(lasting) > 0.0]
     if not there:
         return 1.0
-    ratios = [np.log(j.chi_beside(lasting) / j.freedom) for j in there]
-    low, usual = np.quantile(ratios, [limits.LOW_MISFIT, limits.USUAL_MISFIT])
+    logs = [np.log(j.chi_beside(lasting) / j.freedom) for j in there]
+    low, usual = np.quantile(logs, [limits.LOW_MISFIT, limits.USUAL_MISFIT])
     normal = NormalDist()
     apart = normal.inv_cdf(limits.USUAL_MISFIT) - normal.inv_cdf(limits.LOW_MISFIT)
     by_chance = float(np.mean([2.0 / j.freedom for j in there]))

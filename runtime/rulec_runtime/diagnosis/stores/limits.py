@@ -70,6 +70,9 @@ SAMPLES_OF_A_LAW = 16
 ROUNDS_OF_LAW = 2
 """Refits of the beginning of a fault with its departures from its law. Origin: numerical."""
 
+NEAR = 8
+"""Samples by which the beginning of a fault may move when it is fitted. Origin: numerical."""
+
 EDGE_TIMES = 32
 """Times that are tried for the beginning or the end of a fault. Origin: assumed."""
 
@@ -140,6 +143,13 @@ NEW_FORM = 0.03
 """Share of the variance of a law's form that lines between these values leave. Origin: distribution
 (a Gaussian process whose length is 0.3 of the range)."""
 
-UNIFORM = 12.0**-0.5
-"""Standard deviation of a moment between two samples, as a share of the time between them; it is
-half of that time on average. Origin: distribution, uniform."""
+UNIFORM = 3.0**-0.5
+"""Root mean square of the time from a sample to a moment before the next one, as a share of the
+time between them. Origin: distribution, uniform."""
+
+SAMPLES_OF_NOISE = 8
+"""Samples of an input whose noise is one error: balances sum it up. Origin: numerical."""
+
+SLIGHT_ERROR = 0.1
+"""Standard deviations of a reading below which an error of an input does not count. Origin:
+numerical."""

@@ -23,7 +23,7 @@ from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause
 from rulec_runtime.diagnosis.stores.judge_windows import Judged, Weighed
-from rulec_runtime.diagnosis.stores.window_fit import ErrorEstimate, Fitted, Model, inverse
+from rulec_runtime.diagnosis.stores.window_fit import ErrorEstimate, Model, inverse
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import RanAway
 
@@ -87,10 +87,7 @@ def cause_of(found: Weighed, run: range) -> tuple[Cause, float] | None:
 def _joined(found: Weighed, sound: Judged, upto: Judged) -> Window:
     assert sound.plain is not None
     window = found.windows.joined(sound.window, upto.window)
-    window = found.model.with_forms(window, sound.plain.unknowns)
-    if sound.window.jumps is not None:
-        window = found.model.with_jumps(window, sound.plain.unknowns)
-    return window
+    return found.model.with_errors(window, sound.plain.unknowns)
 
 
 def _onsets(found: Weighed, run: range, sound: Judged, window: Window) -> list[Onset]:
@@ -98,16 +95,15 @@ def _onsets(found: Weighed, run: range, sound: Judged, window: Window) -> list[O
     faults, dynamics = found.model.ruleset.fault_by_id, found.model.dynamics
     assert sound.plain is not None
     times = range(len(sound.window.time) // 2, len(window.time))
-    step = max(len(times) // limits.EDGE_TIMES, 1)
     unknowns = np.append(sound.plain.unknowns, limits.SMALLEST_START)
     tried = []
     for name in dict.fromkeys(name for i in run for name in found.judged[i].tests):
         model = replace(found.model, balances=with_free_states(dynamics, switched=name))
         beginning = _Beginning(faults[name], model, sound.prior, window)
-        tried.append((beginning, *beginning.most(unknowns, times[::step])))
+        tried.append((beginning, *beginning.most(unknowns, times)))
     most = max((gain for _, _, gain in tried), default=0.0)
     begun = (
-        beginning.onset(unknowns, first, times, step)
+        beginning.onset(unknowns, first, times)
         for beginning, first, gain in tried
         if gain > 0.0 and gain >= limits.LEAST_GAIN * most
     )
@@ -123,22 +119,21 @@ class _Beginning:
     prior: ErrorEstimate
     window: Window
 
-    def onset(self, unknowns: Array, first: int, times: range, step: int) -> Onset | None:
-        """The fault at its most probable time, searched from a first sample on in finer steps; then
-        with the freedom of its law. None if nothing can be simulated."""
-        own, fitted = self, self._fitted(unknowns, first)
+    def onset(self, unknowns: Array, first: int, times: range) -> Onset | None:
+        """The fault at its most probable time, near a first sample; then with the freedom of its
+        law. None if nothing can be simulated."""
+        own, fitted = self, None
         try:
-            while fitted is not None and step > 1:
-                near = range(max(first - step, times[0]), min(first + step, times[-1]) + 1)
-                step = max(step // 4, 1)
-                first, _ = own.most(fitted.unknowns, near[::step])
-                fitted = own._fitted(fitted.unknowns, first)
-            for _ in range(limits.ROUNDS_OF_LAW):
-                if fitted is not None:
-                    own = replace(self, window=self._loose(fitted.unknowns, first))
-                    near = range(max(first - 8, times[0]), min(first + 8, times[-1]) + 1)
-                    first, _ = own.most(fitted.unknowns, near)
-                    fitted = own._fitted(fitted.unknowns, first)
+            for loosened in (False, False, *(limits.ROUNDS_OF_LAW * [True])):
+                if loosened:
+                    own = replace(self, window=self._loose(unknowns, first))
+                near = range(
+                    max(first - limits.NEAR, times[0]), min(first + limits.NEAR, times[-1]) + 1
+                )
+                at, _ = own.most(unknowns, near)
+                found = own.model.fit(own._on(at), self.prior, unknowns, (self.fault.id,))
+                if found is not None and (loosened or fitted is None or found.chi < fitted.chi):
+                    first, fitted, unknowns = at, found, found.unknowns
         except RanAway:
             return None
         if fitted is None:
@@ -171,9 +166,6 @@ class _Beginning:
             if square > 0.0 and pull > 0.0 and pull**2 / square > gain:
                 best, gain = first, float(pull**2 / square)
         return best, gain
-
-    def _fitted(self, unknowns: Array, first: int) -> Fitted | None:
-        return self.model.fit(self._on(first), self.prior, unknowns, (self.fault.id,))
 
     def _on(self, first: int, share: Array | float = 1.0) -> Window:
         """A window in which a share of the fault is present from a sample on."""

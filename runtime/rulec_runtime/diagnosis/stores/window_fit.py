@@ -28,7 +28,7 @@ from rulec_runtime.diagnosis.stores.free_balances import (
     start_of,
     with_free_states,
 )
-from rulec_runtime.diagnosis.stores.windows import Window, jumps_of
+from rulec_runtime.diagnosis.stores.windows import Window, input_errors
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import Balances, Course, RanAway
 
@@ -189,9 +189,15 @@ class Model:
         found = plan.run(values)
         return {law: np.broadcast_to(found[f"law:{law}"], window.time.shape) for law in self.spans}
 
+    def with_errors(self, window: Window, unknowns: Array) -> Window:
+        """A window with what errors of inputs and the form of laws do to its outputs."""
+        return self.with_forms(self.with_input_errors(window, unknowns), unknowns)
+
     def with_forms(self, window: Window, unknowns: Array) -> Window:
         """A window with what the form of each law does to its outputs, each knot by its standard
         deviation, at some unknowns."""
+        if not self.spans:
+            return window
         balances = with_free_states(self.dynamics, tuple(f"form.{law}" for law in self.spans))
         course, columns = np.zeros((len(window.time), len(self.spans))), list[Array]()
         try:
@@ -231,7 +237,7 @@ class Model:
             return None
         information, pull = table.T @ table, table.T @ rows
         if window.jumps is not None:
-            # The moments of the jumps are unknowns as well, but nobody asks for them.
+            # Errors of inputs are unknowns as well, but nobody asks for them.
             by_jump = (window.jumps / self.spread[:, None])[there]
             shared = by_jump.T @ np.column_stack([rows, table])
             told = np.linalg.solve(np.eye(len(shared)) + by_jump.T @ by_jump, shared)
@@ -243,27 +249,19 @@ class Model:
         pull[own] -= certain @ off
         return Fitted(unknowns, chi, error, states, information, pull)
 
-    def with_jumps(self, window: Window, unknowns: Array) -> Window:
-        """A window whose jumps happen in the middle between two samples, with what other moments do
-        to the outputs, each by its standard deviation, at some unknowns."""
-        slips = window.slips
-        jumps = [] if slips is None else jumps_of(slips)
-        if slips is None or not jumps:
-            return window
-        inputs = window.inputs.copy()
-        for jump in jumps:
-            inputs[jump] += 0.5 / limits.UNIFORM * slips[jump]
-        window = replace(window, inputs=inputs)
+    def with_input_errors(self, window: Window, unknowns: Array) -> Window:
+        """A window with what the moments of its jumps and the noise of its inputs do to its
+        outputs, each by its standard deviation, at some unknowns."""
         try:
-            plain, _, _ = self.simulate(window, unknowns)
+            plain = self.run(self.balances, window, unknowns).shown
             moved = []
-            for jump in jumps:
-                changed = inputs.copy()
-                changed[jump] += slips[jump]
-                moved.append(self.simulate(replace(window, inputs=changed), unknowns)[0] - plain)
+            for more in input_errors(window):
+                changed = replace(window, inputs=window.inputs + more)
+                moved.append(self.run(self.balances, changed, unknowns).shown - plain)
         except RanAway:
             return window
-        return replace(window, jumps=np.stack(moved, axis=2))
+        told = [m for m in moved if (np.abs(m) > limits.SLIGHT_ERROR * self.spread).any()]
+        return replace(window, jumps=np.stack(told, axis=2) if told else None)
 
     def fit(
         self, window: Window, prior: ErrorEstimate, guess: Array, faults: Sequence[str] = ()

@@ -27,14 +27,15 @@ class Window:
     first sample in it. If `because` is not empty, the window cannot be judged. `slips` is how far
     each input may be off until the next sample, as it may jump at any moment in between: standard
     deviation, with the sign of the jump, of the shape of `inputs`; `jumps` is what that does to the
-    outputs, shape (n, outputs, jumps), where they are considered; `forms` is what the form of laws
-    does, shape (n, outputs, errors). See `bent_by`.
+    outputs, and `noise`, the standard deviation of white noise of each input, shape (n, outputs,
+    errors); `forms` is what the form of laws does, of the same kind. See `bent_by`.
     """
 
     time: Array
     inputs: Array
     measured: Array
     slips: Array | None = None
+    noise: Array | None = None
     jumps: Array | None = None
     forms: Array | None = None
     bent: np.ndarray | None = None
@@ -162,7 +163,31 @@ def _piece(
     columns = (inputs, measured, squares, steps)
     tables = [_table(each.values(), len(time)) for each in columns]
     slips = limits.UNIFORM * np.sign(tables[3]) * np.sqrt(tables[2] / factor)
-    return Window(time=time, inputs=tables[0], measured=tables[1], slips=np.nan_to_num(slips))
+    noise = [white_noise(d[np.isfinite(d)], 3) for d in np.diff(tables[0], 3, axis=0).T]
+    return Window(
+        time=time,
+        inputs=tables[0],
+        measured=tables[1],
+        slips=np.nan_to_num(slips),
+        noise=np.array(noise),
+    )
+
+
+def input_errors(window: Window) -> Iterator[Array]:
+    """Errors of the inputs that recur in no other window, each by its standard deviation, of the
+    shape of `inputs`: the moment of each jump, and the noise of some samples together."""
+    assert window.slips is not None
+    assert window.noise is not None
+    for jump in jumps_of(window.slips):
+        error = np.zeros_like(window.inputs)
+        error[jump] = window.slips[jump]
+        yield error
+    length = limits.SAMPLES_OF_NOISE
+    for column in np.flatnonzero(window.noise).tolist():
+        for first in range(0, len(window.time), length):
+            error = np.zeros_like(window.inputs)
+            error[first : first + length, column] = window.noise[column] / np.sqrt(length)
+            yield error
 
 
 def jumps_of(slips: Array) -> list[tuple[int, int]]:
@@ -207,7 +232,8 @@ def _window(dynamics: Dynamics, piece: Window, number: int, rows: slice, average
     inputs, measured = piece.inputs[rows], piece.measured[rows]
     assert piece.slips is not None
     slips = piece.slips[rows]
-    window = Window(
+    window = replace(
+        piece,
         time=piece.time[rows],
         inputs=inputs,
         measured=measured,
