@@ -50,7 +50,8 @@ class Judged:
     `freedom` is the number of independent values in its readings; `leaning`, squared, how far it
     leans towards any fault over how far windows without one usually do; `floor` the standard
     uncertainty of the degree of each fault near 0 (absent: the window cannot show it); `tests`
-    exist if it is `deviating`. Without `plain` nothing could be simulated; `window.because` may say why.
+    exist if it is `deviating`. Without `plain` nothing could be simulated; `window.because` may say
+    why.
     """
 
     window: Window
