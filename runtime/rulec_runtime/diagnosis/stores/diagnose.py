@@ -96,16 +96,13 @@ def _unknown(found: Weighed, run: Run) -> str:
 def _finding(found: Weighed, runs: Sequence[Run], run: Run, cause: Cause) -> Finding:
     fault, judged = found.model.ruleset.fault_by_id[cause.fault], found.judged
     first, last = run.members[0], run.members[-1]
-    edges = [
-        _edge(found, _sound(judged, order, beside, fault.id), judged[faulty], cause)
-        for order, beside, faulty in (
-            (range(first - 1, -1, -1), first, run.inside[0]),
-            (range(last + 1, len(judged)), last, run.inside[-1]),
-        )
-    ]
-    times = zip(edges, _times(found, run), strict=True)
-    since, until = (time if edge is None else edge for edge, time in times)
-    since = since if run.since is None else run.since
+    since, until = _times(found, run)
+    if run.since is not None:
+        since = run.since
+    elif sound := _sound(judged, range(first - 1, -1, -1), first, fault.id):
+        since = _edge(found, sound, judged[run.inside[0]], cause)
+    if sound := _sound(judged, range(last + 1, len(judged)), last, fault.id):
+        until = max(_edge(found, sound, judged[run.inside[-1]], cause), since)
     strongest = judged[max(run.inside, key=lambda i: judged[i].chi)]
     return Finding(
         fault,
@@ -127,11 +124,9 @@ def _finding(found: Weighed, runs: Sequence[Run], run: Run, cause: Cause) -> Fin
     )
 
 
-def _edge(found: Weighed, sound: Judged | None, faulty: Judged, cause: Cause) -> float | None:
+def _edge(found: Weighed, sound: Judged, faulty: Judged, cause: Cause) -> float:
     """The time between a sound window and a faulty one at which the fault begins, or ends, if the
-    faulty one comes first; None without a sound one."""
-    if sound is None:
-        return None
+    faulty one comes first."""
     begins = sound.window.first < faulty.window.first
     one, other = (sound, faulty) if begins else (faulty, sound)
     window = found.windows.joined(one.window, other.window)
