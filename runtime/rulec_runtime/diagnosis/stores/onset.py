@@ -9,6 +9,7 @@ pump only behind the tanks between.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,16 +92,18 @@ def _joined(found: Weighed, sound: Judged, upto: Judged) -> Window:
 
 
 def _onsets(found: Weighed, run: range, sound: Judged, window: Window) -> list[Onset]:
-    """All faults that may have begun, each at its most probable time."""
+    """All faults that fit some window of a run, each at its most probable beginning."""
     faults, dynamics = found.model.ruleset.fault_by_id, found.model.dynamics
     assert sound.plain is not None
     times = range(len(sound.window.time) // 2, len(window.time))
     unknowns = np.append(sound.plain.unknowns, limits.SMALLEST_START)
     tried = []
-    for name in dict.fromkeys(name for i in run for name in found.judged[i].tests):
+    fitting = set[str]().union(*(found.judged[i].fitting for i in run))
+    for name in (name for name in faults if name in fitting):
         model = replace(found.model, balances=with_free_states(dynamics, switched=name))
         beginning = _Beginning(faults[name], model, sound.prior, window)
-        tried.append((beginning, *beginning.most(unknowns, times)))
+        with suppress(RanAway):
+            tried.append((beginning, *beginning.most(unknowns, times)))
     most = max((gain for _, _, gain in tried), default=0.0)
     begun = (
         beginning.onset(unknowns, first, times)
