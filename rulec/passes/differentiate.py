@@ -372,6 +372,7 @@ def fault_names(
         stem = use.target if fault.acts_on == "signal" else fault.name
         if fault.acts_on != "signal" and shared.count(fault.name) > 1:
             stem = f"{fault.name}.{use.target}"
+        # Variants with names of their own are told apart without the name of the fault.
         own = [name for target, name in shown if target == use.target]
         several = len(own) > len(fault.variants) and len(own) > len(set(own) - {""})
         if fault.acts_on == "signal" and several:

@@ -51,8 +51,8 @@ LARGEST_MISFIT = 5.0
 own: beyond it, something is wrong in most of them. Origin: assumed."""
 
 BEHIND_A_MISFIT = 2.0
-"""Factor by which the moments of jumps, or one degree of a fault in all windows, must lower the
-usual misfit to be what is behind it. Origin: assumed, three quarters of chi-square."""
+"""Factor by which one degree of a fault in all windows must lower the usual misfit to be what is
+behind it. Origin: assumed, three quarters of chi-square."""
 
 SLOW_ERROR = 1.5
 """Correlation length, in samples, from which on an error counts as slow. Origin: assumed."""

@@ -25,10 +25,10 @@ class Window:
     `inputs`, shape (n, given), are finite; `measured`, shape (n, outputs), is NaN where a sensor
     shows nothing, or the end of its range; SI. `piece` numbers runs without a pause, `first` is the
     first sample in it. If `because` is not empty, the window cannot be judged. `slips` is how far
-    each input may be off until the next sample, as it may jump at any moment in between: standard
-    deviation, with the sign of the jump, of the shape of `inputs`; `jumps` is what that does to the
-    outputs, and `noise`, the standard deviation of white noise of each input, shape (n, outputs,
-    errors); `forms` is what the form of laws does, of the same kind. See `bent_by`.
+    each input may be off until the next sample, as it may jump at any moment in between: root mean
+    square, with the sign of the jump, of the shape of `inputs`; `noise` is the standard deviation
+    of the white noise of each input, shape (given,). What both do to the outputs is in `jumps`, and
+    what the form of laws does in `forms`, each shape (n, outputs, errors). See `bent_by`.
     """
 
     time: Array
